@@ -1,0 +1,90 @@
+"""Behaviours: what people decide at the tick. The base class of behaviour plugins."""
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.parameters import Configurable
+
+if TYPE_CHECKING:
+    from evac.building.model import Building
+    from evac.directions.fields import Fields
+    from evac.directions.routes import Route
+    from evac.physics.bundles import Crowd
+
+
+class Behaviour(Configurable):
+    """Acts on whole arrays at every tick; owns its private state.
+
+    Attributes
+    ----------
+    reads, writes : tuple of str
+        Names of `Crowd` arrays. The crowd handed over is read-only except for ``writes``, which may hold
+        start_time, route, speed_factor and extra_direction.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    writes: ClassVar[tuple[str, ...]] = ()
+
+    #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
+    group_keys: ClassVar[tuple[str, ...]] = ()
+
+    def routes(self) -> tuple["Route", ...]:
+        """Return the routes it may give people beyond those their groups name; each costs a field."""
+        return ()
+
+    def prepare(self, scene: "BehaviourScene") -> None:
+        """Set up once, before the first step; may write the declared arrays."""
+
+    def act(self, crowd: "Crowd", time: float) -> None:
+        """Act at one tick, at `time` [s]."""
+
+    def is_needed(self, scene: "BehaviourScene") -> bool:
+        """Return False if it would change nothing in this scene, so that it can be left out."""
+        return True
+
+    def acts_at_ticks(self) -> bool:
+        """Return False if all its work is done by `prepare`."""
+        return True
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the private arrays needed to go on from here."""
+        return {}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Take up the arrays that `state` returned."""
+
+
+class BehaviourScene:
+    """What a behaviour sees of the simulation when it prepares.
+
+    Attributes
+    ----------
+    crowd : Crowd
+        Read-only except for the behaviour's ``writes``.
+    building : Building
+    fields : Fields
+    groups : tuple of Group
+        ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
+        group's keys for this behaviour).
+    generator : numpy.random.Generator
+        The behaviour's own, spawned from (seed, name).
+    tick : float [s]
+    """
+
+    def __init__(
+        self,
+        crowd: "Crowd",
+        building: "Building",
+        fields: "Fields",
+        groups: tuple[Any, ...],
+        generator: np.random.Generator,
+        tick: float,
+    ) -> None:
+        self.crowd = crowd
+        self.building = building
+        self.fields = fields
+        self.groups = groups
+        self.generator = generator
+        self.tick = tick

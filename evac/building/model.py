@@ -1,0 +1,123 @@
+"""The building as every other part sees it: levels, portals, exits, areas, walls. Frozen data only."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Level:
+    """A maximal edge-connected set of cells of one slope class: a floor, a flight or a landing.
+
+    Attributes
+    ----------
+    index : int
+        Its row in every per-level array.
+    name : str
+        Tag of the mesh, or made from what it is and where (``"flight 1 (z 0.00 to 1.50)"``).
+    kind : str
+        ``"floor"``, ``"flight"`` (sloped) or ``"landing"`` (flat, between flights of one stair).
+    stair : str or None
+        Name of the stair it belongs to.
+    triangles : (t, 3) int32
+        Rows of ``Building.vertices``.
+    polygon : shapely polygon or multipolygon
+        The plan, holes included.
+    uphill : (2,) float64
+        Unit plan vector of steepest ascent, zero on a flat level.
+    slope : float
+        Angle with the horizontal [rad].
+    z_min, z_max : float
+        Heights of its lowest and highest vertex [m].
+    """
+
+    index: int
+    name: str
+    kind: str
+    stair: str | None
+    triangles: IntArray
+    polygon: BaseGeometry
+    uphill: FloatArray
+    slope: float
+    z_min: float
+    z_max: float
+
+
+@dataclass(frozen=True)
+class Portal:
+    """An edge chain shared by two levels; open for walking both ways.
+
+    ``segments`` (s, 4) float64 [m]: x1, y1, x2, y2, each with the first level's inside on its left.
+    """
+
+    index: int
+    name: str
+    levels: tuple[int, int]
+    segments: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Exit:
+    """An edge chain on the boundary of one level; whoever's centre crosses it is out.
+
+    ``segments`` (s, 4) float64 [m], each with the level's inside on its left.
+    """
+
+    index: int
+    name: str
+    level: int
+    segments: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Area:
+    """A named part of a level in which people can start."""
+
+    name: str
+    level: int
+    polygon: BaseGeometry
+
+
+@dataclass(frozen=True)
+class Building:
+    """Everything that stands still: the first station of the main path.
+
+    Attributes
+    ----------
+    source : Path
+        The mesh file.
+    vertices : (v, 3) float64
+        Welded vertices [m].
+    walls : (w, 4) float64
+        Segments x1, y1, x2, y2 [m]: free edges of the mesh that are no exit, and outlines of obstacles;
+        collinear neighbours of one level are merged.
+    wall_level : (w,) int32
+        Level that each wall stands on.
+    stairs : dict of str to tuple of int
+        Levels of each stair, from top to bottom.
+    warnings : tuple of str
+        What a user should know and that stops nothing.
+    """
+
+    source: Path
+    vertices: FloatArray
+    levels: tuple[Level, ...]
+    portals: tuple[Portal, ...]
+    exits: tuple[Exit, ...]
+    areas: tuple[Area, ...]
+    walls: FloatArray
+    wall_level: IntArray
+    stairs: dict[str, tuple[int, ...]]
+    warnings: tuple[str, ...] = field(default=())
+
+    def level_named(self, name: str) -> Level | None:
+        """Return the level of that name, or None."""
+        return next((level for level in self.levels if level.name == name), None)

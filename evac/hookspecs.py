@@ -1,0 +1,70 @@
+"""The whole plugin contract: every hook that a plugin may implement, and nothing else."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+
+if TYPE_CHECKING:
+    from evac.behaviour import Behaviour
+    from evac.building.model import Building
+    from evac.output.results import Results
+    from evac.physics.contact_model import ContactModel
+    from evac.physics.force import Force
+    from evac.registry import Registry
+    from evac.scenario.schema import Case
+    from evac.simulation import Recorder, Simulation
+
+hookspec = pluggy.HookspecMarker("evac")
+hookimpl = pluggy.HookimplMarker("evac")
+
+
+@hookspec
+def evac_contact_models() -> "Sequence[type[ContactModel]]":  # type: ignore[empty-body]
+    """Return contact model classes."""
+
+
+@hookspec
+def evac_forces() -> "Sequence[type[Force]]":  # type: ignore[empty-body]
+    """Return force classes."""
+
+
+@hookspec
+def evac_behaviours() -> "Sequence[type[Behaviour]]":  # type: ignore[empty-body]
+    """Return behaviour classes."""
+
+
+@hookspec
+def evac_recorders() -> "Sequence[type[Recorder]]":  # type: ignore[empty-body]
+    """Return recorder classes."""
+
+
+@hookspec
+def evac_building_cases() -> Sequence[Path]:  # type: ignore[empty-body]
+    """Return folders that hold a case.toml; the folder's name is the case's name."""
+
+
+@hookspec(firstresult=True)
+def evac_read_building(path: Path, options: Mapping[str, Any]) -> "Building | None":
+    """Read a building file of a format of your own, or return None to leave it to the next."""
+
+
+@hookspec
+def evac_configure(scenario: "Case", registry: "Registry") -> None:
+    """Look at, or refuse, a checked case before anything is built from it."""
+
+
+@hookspec
+def evac_prepare(simulation: "Simulation") -> None:
+    """Act once on a simulation that is ready to run."""
+
+
+@hookspec
+def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
+    """Act once after a run, however it ended."""
+
+
+@hookspec
+def evac_metrics(results: "Results") -> Mapping[str, Any]:  # type: ignore[empty-body]
+    """Return numbers to add to summary.json under the plugin's name."""

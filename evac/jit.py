@@ -1,0 +1,75 @@
+"""Compilation of kernels: one decorator, cached on disk, keyed by the sources.
+
+numba's own cache looks only at the file of the function that is called, so a plugin's cached loop
+does not notice an edit in a core kernel it calls. The cache folder is therefore named by a digest
+of every source that can be part of a kernel and of the flags that change its machine code.
+"""
+
+import hashlib
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import types
+from numba.core.errors import NumbaExperimentalFeatureWarning
+
+# Forces are passed to kernels as first-class functions, which numba calls experimental at each start.
+warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
+
+#: Signature of a pair force: (gap, nx, ny, ex, ey, parameters) -> (fx, fy); see ``evac.physics.force``.
+PAIR_FORCE_SIGNATURE = types.UniTuple(types.float64, 2)(
+    types.float64, types.float64, types.float64, types.float64, types.float64, types.float64[::1]
+)
+
+_CORE = Path(__file__).parent
+_digests: dict[Path, str] = {}
+
+
+def cache_root() -> Path:
+    """Folder that holds the compiled kernels: ``EVAC_CACHE_DIR``, or the user's cache folder."""
+    chosen = os.environ.get("EVAC_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(base) if base else Path.home() / ".cache") / "evac"
+
+
+def _digest(folder: Path) -> str:
+    """Digest of the core's sources, the sources in `folder`, numba's version and its flags."""
+    if folder not in _digests:
+        digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
+        for source in [*sorted(_CORE.rglob("*.py")), *sorted(folder.glob("*.py"))]:
+            digest.update(source.read_bytes())
+        _digests[folder] = digest.hexdigest()[:16]
+    return _digests[folder]
+
+
+def _cached(compile_function: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """Apply a numba decorator while the cache folder of `function`'s sources is set."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_root() / _digest(Path(function.__code__.co_filename).parent))
+    try:
+        return compile_function(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a module-level function for the step loop (cached, without the interpreter lock)."""
+    return _cached(numba.njit(cache=True, nogil=True, error_model="numpy"), function)
+
+
+def pair_force(function: Callable[..., Any]) -> Any:
+    """Compile a force between two people to the one signature that the step loop can call.
+
+    Parameters
+    ----------
+    function : callable
+        ``force(gap, nx, ny, ex, ey, parameters) -> (fx, fy)``: the force [N] on person i from person
+        j, with the gap D_ij [m], the unit vector (nx, ny) from j to i, the desired direction
+        (ex, ey) of i and the force's own parameters, a float64 array.
+    """
+    return _cached(numba.cfunc(PAIR_FORCE_SIGNATURE, cache=True), function)

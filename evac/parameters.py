@@ -1,0 +1,114 @@
+"""Declared parameters: what a plugin can be set to, with unit, range and default, checked once."""
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from evac.errors import PluginError
+
+
+def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
+    """Return the way out of an unknown name: the closest known ones, or all of them."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known: " + (", ".join(sorted(known)) or "none")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One keyword of a plugin, declared as a class attribute.
+
+    Parameters
+    ----------
+    default : object
+        Its value where the case says nothing. Its type is the type asked for; an int is taken for a float.
+    unit : str
+        SI unit, empty for a pure number or a word.
+    doc : str
+        One sentence, shown by ``evac plugins`` and in the reference.
+    minimum, maximum : float
+        Closed bounds of a number; ``above`` is an open lower bound.
+    choices : tuple of str
+        The words allowed.
+    infinite : bool
+        Whether infinity is a legal value.
+    """
+
+    default: Any
+    doc: str
+    unit: str = ""
+    minimum: float | None = None
+    above: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    infinite: bool = False
+
+    def check(self, key: str, value: Any) -> Any:
+        """Return `value` in the declared type, or raise PluginError naming `key` and the range."""
+        if isinstance(self.default, bool) or self.default is None:
+            if isinstance(self.default, bool) and not isinstance(value, bool):
+                raise PluginError(f"{key}: expected true or false, got {value!r}")
+            return value
+        if isinstance(self.default, str):
+            if not isinstance(value, str):
+                raise PluginError(f"{key}: expected a word, got {value!r}")
+            if self.choices and value not in self.choices:
+                raise PluginError(f"{key}: unknown value {value!r}; {did_you_mean(value, self.choices)}")
+            return value
+        if isinstance(self.default, (int, float)):
+            return self._check_number(key, value)
+        return value
+
+    def _check_number(self, key: str, value: Any) -> float | int:
+        whole = isinstance(self.default, int)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or (whole and value != int(value)):
+            raise PluginError(f"{key}: expected {'a whole number' if whole else 'a number'}, got {value!r}")
+        if math.isnan(value) or (math.isinf(value) and not self.infinite):
+            raise PluginError(f"{key}: must be finite, got {value!r}")
+        unit = f" {self.unit}" if self.unit else ""
+        if self.minimum is not None and value < self.minimum:
+            raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {value!r}")
+        if self.above is not None and value <= self.above:
+            raise PluginError(f"{key}: must be greater than {self.above}{unit}, got {value!r}")
+        if self.maximum is not None and value > self.maximum:
+            raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {value!r}")
+        return int(value) if whole else float(value)
+
+
+class Configurable:
+    """Base of every plugin class: a name, and keyword-only parameters declared as `Parameter`.
+
+    >>> class Spring(Configurable):
+    ...     name = "spring"
+    ...     stiffness = Parameter(1.2e5, "contact stiffness k (eq. 3)", unit="kg/s2", above=0)
+    >>> Spring(stiffness=2e5).stiffness
+    200000.0
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, **values: Any) -> None:
+        declared = self.declared()
+        for key in values:
+            if key not in declared:
+                raise PluginError(
+                    f"{self.name}.{key}: {self.name!r} has no such parameter; {did_you_mean(key, list(declared))}"
+                )
+        for key, parameter in declared.items():
+            value = values.get(key, parameter.default)
+            setattr(self, key, parameter.check(f"{self.name}.{key}", value))
+
+    @classmethod
+    def declared(cls) -> Mapping[str, Parameter]:
+        """Return the parameters of the class and its bases, by name, in order of declaration."""
+        found: dict[str, Parameter] = {}
+        for base in reversed(cls.__mro__):
+            found.update({key: value for key, value in vars(base).items() if isinstance(value, Parameter)})
+        return found
+
+    def values(self) -> dict[str, Any]:
+        """Return the parameters as they are set."""
+        return {key: getattr(self, key) for key in self.declared()}
