@@ -1,0 +1,1 @@
+"""The built-in plugins of evac, registered exactly as a third party's."""
