@@ -1,0 +1,125 @@
+"""Who was where: people on each level and stair over the run, from the log of crossings."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.building.model import Building
+from evac.errors import ResultError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """One place over the whole run.
+
+    Attributes
+    ----------
+    people : int
+        Number of different people who were there at any time.
+    greatest_number : int
+        Greatest number of people there at once.
+    last_left : float or None
+        Time at which the last of them left [s]; None while somebody is there, or if nobody ever was.
+    """
+
+    people: int
+    greatest_number: int
+    last_left: float | None
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Every change of level of a run, in order of time; rows of equal length.
+
+    Attributes
+    ----------
+    start : (n,) int32
+        Level on which each person starts.
+    row : (m,) int32
+        Person.
+    source, target : (m,) int32
+        Level left and level entered, -1 outside.
+    time : (m,) float64 [s]
+    """
+
+    start: IntArray
+    row: IntArray
+    source: IntArray
+    target: IntArray
+    time: FloatArray
+
+    def occupancy(self, levels: Sequence[int]) -> Occupancy:
+        """Return how the place made of `levels` was used; moves within it do not count."""
+        inside = np.isin(self.start, levels)
+        entered = np.isin(self.target, levels)
+        left = np.isin(self.source, levels)
+        change = entered.astype(np.int64) - left.astype(np.int64)
+        number = inside.sum() + np.concatenate([[0], np.cumsum(change)])
+        leaving = self.time[change < 0]
+        gone = number[-1] == 0 and leaving.size > 0
+        return Occupancy(
+            people=int(np.union1d(np.flatnonzero(inside), self.row[entered]).size),
+            greatest_number=int(number.max()),
+            last_left=float(leaving[-1]) if gone else None,
+        )
+
+
+def moves_of(
+    building: Building,
+    start_level: IntArray,
+    crossings: tuple[IntArray, IntArray, FloatArray],
+    exit_time: FloatArray,
+) -> Moves:
+    """Follow everybody from level to level.
+
+    Parameters
+    ----------
+    building : Building
+    start_level : (n,) int32
+        Level of each person at time zero.
+    crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
+        Person, link and time in the order of the log. Links are portals, then exits (as in
+        ``evac.physics.bundles.World``); exits may be absent from the log.
+    exit_time : (n,) float64 [s]
+        NaN for people who are not out.
+
+    Raises
+    ------
+    ResultError
+        A person crosses a portal of a level where the log does not have them.
+    """
+    level = np.array(start_level, dtype=np.int32)
+    row, link, time = (np.asarray(column) for column in crossings)
+    portal = link < len(building.portals)
+    row, link, time = row[portal].astype(np.int32), link[portal], time[portal].astype(np.float64)
+    source, target = np.empty(row.size, np.int32), np.empty(row.size, np.int32)
+    for k, (person, crossed) in enumerate(zip(row.tolist(), link.tolist(), strict=True)):
+        first, second = building.portals[crossed].levels
+        source[k] = level[person]
+        if source[k] not in (first, second):
+            raise ResultError(
+                f"the crossings contradict each other: at {time[k]:.3f} s person {person} crosses portal "
+                f"{building.portals[crossed].name!r} but is on {building.levels[source[k]].name!r}"
+            )
+        target[k] = level[person] = second if source[k] == first else first
+    out = np.flatnonzero(np.isfinite(exit_time)).astype(np.int32)
+    row, time = np.concatenate([row, out]), np.concatenate([time, exit_time[out]])
+    source = np.concatenate([source, level[out]])
+    target = np.concatenate([target, np.full(out.size, -1, np.int32)])
+    order = np.argsort(time, kind="stable")
+    return Moves(np.asarray(start_level, np.int32), row[order], source[order], target[order], time[order])
+
+
+def level_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
+    """Return the use of each level, by name."""
+    return {level.name: moves.occupancy([level.index]) for level in building.levels}
+
+
+def stair_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
+    """Return the use of each stair, its flights and landings taken together, by name."""
+    return {name: moves.occupancy(levels) for name, levels in building.stairs.items()}

@@ -1,0 +1,270 @@
+"""Results of a run: the egress curve, a row per person, a summary, and the folder they are written to."""
+
+import csv
+import importlib.metadata
+import json
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.building.model import Building
+from evac.directions.routes import Route
+from evac.errors import ResultError
+from evac.output.occupancy import Moves, level_table, moves_of, stair_table
+from evac.physics.bundles import Crowd
+
+if TYPE_CHECKING:
+    from evac.people.population import Group
+    from evac.scenario.schema import Case
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+#: Packages whose version can change a number of the results.
+NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
+
+EGRESS_COLUMNS = ("time", "number_out")
+PEOPLE_COLUMNS = (
+    "person",
+    "group",
+    "start_x",
+    "start_y",
+    "start_level",
+    "response_time",
+    "route",
+    "exit",
+    "exit_time",
+    "distance",
+)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that can change a number of the results."""
+    found = {"python": platform.python_version()}
+    for package in NUMERICAL_PACKAGES:
+        found[package] = importlib.metadata.version(package)
+    return found
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything a run leaves behind.
+
+    Attributes
+    ----------
+    case : Case
+    building : Building
+    crowd : Crowd
+        The arrays of everybody at the end.
+    groups : sequence of Group
+        Each with ``name`` and ``rows``.
+    routes : sequence of Route
+        What ``crowd.route`` indexes.
+    start_position : (n, 2) float64 [m]
+    start_level : (n,) int32
+    crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
+        Person, link and time of every crossing, in the order of the log; see `evac.output.occupancy.moves_of`.
+    ended : str
+        ``"everybody out"``, ``"duration over"`` or ``"no progress"``.
+    time : float
+        Simulated time [s].
+    steps : int
+        Output of the clock: ``time / step``.
+    seed : int
+    stuck : sequence of int
+        People who made no progress when the run ended.
+    report : mapping
+        Numbers of the contact model: greatest_overlap [m], mean_overlap [m], residual, iterations,
+        unconverged_steps, sub_steps, energy.
+    phases : mapping of str to float
+        Wall time of each phase [s].
+    plan : sequence of (part, in or out, why)
+    plugins : sequence of str
+        Names of the plugins used.
+    metrics : mapping
+        What the ``evac_metrics`` hooks return, by plugin.
+    folder : Path or None
+        Result folder of the run.
+    """
+
+    case: "Case"
+    building: Building
+    crowd: Crowd
+    groups: "Sequence[Group]"
+    routes: Sequence[Route]
+    start_position: FloatArray
+    start_level: IntArray
+    crossings: tuple[IntArray, IntArray, FloatArray]
+    ended: str
+    time: float
+    steps: int
+    seed: int
+    stuck: Sequence[int] = ()
+    report: Mapping[str, Any] = field(default_factory=dict)
+    phases: Mapping[str, float] = field(default_factory=dict)
+    plan: Sequence[tuple[str, str, str]] = ()
+    plugins: Sequence[str] = ()
+    metrics: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    @property
+    def people(self) -> int:
+        """Number of people."""
+        return len(self.crowd.level)
+
+    @property
+    def evacuated(self) -> int:
+        """Number of people who are out."""
+        return int(np.isfinite(self.crowd.exit_time).sum())
+
+    @property
+    def last_out(self) -> float | None:
+        """Time at which the last person of those who are out left [s]; None if nobody did."""
+        return float(np.nanmax(self.crowd.exit_time)) if self.evacuated else None
+
+    @property
+    def exit_status(self) -> int:
+        """0 if everybody is out, 3 if people are left."""
+        return 0 if self.evacuated == self.people else 3
+
+    @cached_property
+    def moves(self) -> Moves:
+        """Every change of level, in order of time."""
+        return moves_of(self.building, self.start_level, self.crossings, self.crowd.exit_time)
+
+    def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Return the egress curve, of everybody or of the people `rows`.
+
+        Returns
+        -------
+        time : (m + 1,) float64 [s]
+            Zero, then the exit times in ascending order.
+        number : (m + 1,) int64
+            People out at that time: 0, 1, ..., m.
+        """
+        times = self.crowd.exit_time if rows is None else self.crowd.exit_time[rows]
+        time = np.concatenate([[0.0], np.sort(times[np.isfinite(times)])])
+        return time, np.arange(time.size)
+
+    def people_table(self) -> list[dict[str, Any]]:
+        """Return one row per person with the columns `PEOPLE_COLUMNS`; None where somebody is not out."""
+        crowd, names = self.crowd, self.group_names()
+        table = []
+        for p in range(self.people):
+            out = bool(np.isfinite(crowd.exit_time[p]))
+            values = (
+                p,
+                names[p],
+                float(self.start_position[p, 0]),
+                float(self.start_position[p, 1]),
+                self.building.levels[self.start_level[p]].name,
+                float(crowd.start_time[p]),
+                route_text(self.routes[crowd.route[p]]),
+                self.building.exits[crowd.exit_used[p]].name if out else None,
+                float(crowd.exit_time[p]) if out else None,
+                float(crowd.distance[p]),
+            )
+            table.append(dict(zip(PEOPLE_COLUMNS, values, strict=True)))
+        return table
+
+    def group_names(self) -> list[str]:
+        """Return the name of each person's group, empty for people of none."""
+        names = [""] * self.people
+        for group in self.groups:
+            for row in group.rows.tolist():
+                names[row] = group.name
+        return names
+
+    def summary(self) -> dict[str, Any]:
+        """Return what ``summary.json`` holds: plain numbers, words, lists and tables."""
+        summary = {
+            "title": self.case.title,
+            "people": self.people,
+            "evacuated": self.evacuated,
+            "last_out": self.last_out,
+            "ended": self.ended,
+            "exit_status": self.exit_status,
+            "stuck": self._stuck_places(),
+            "simulated_time": self.time,
+            "steps": self.steps,
+            "exits": self._exit_table(),
+            "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
+            "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},
+            "contact": self.report,
+            "wall_time": self.phases,
+            "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
+            "metrics": self.metrics,
+            "seed": self.seed,
+            "plugins": self.plugins,
+            "versions": versions(),
+        }
+        return {key: plain(value) for key, value in summary.items()}
+
+    def write(self, folder: Path) -> None:
+        """Write summary.json, egress.csv and people.csv to `folder`, which is made if it is not there.
+
+        Raises
+        ------
+        ResultError
+            The folder or a file cannot be written.
+        """
+        summary = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
+        time, number = self.egress()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+            _write_csv(folder / "egress.csv", EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
+            _write_csv(folder / "people.csv", PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
+        except OSError as error:
+            raise ResultError(f"{folder}: cannot write the results: {error}") from error
+
+    def _stuck_places(self) -> list[dict[str, Any]]:
+        return [
+            {
+                "person": int(p),
+                "level": self.building.levels[self.crowd.level[p]].name,
+                "x": self.crowd.position[p, 0],
+                "y": self.crowd.position[p, 1],
+            }
+            for p in self.stuck
+        ]
+
+    def _exit_table(self) -> dict[str, dict[str, Any]]:
+        table = {}
+        for exit_ in self.building.exits:
+            times = self.crowd.exit_time[self.crowd.exit_used == exit_.index]
+            table[exit_.name] = {"people": times.size, "last_out": times.max() if times.size else None}
+        return table
+
+
+def route_text(route: Route) -> str:
+    """Return a route in words, such as ``"fastest to north|south"``."""
+    return f"{route.strategy} to {'|'.join(route.exits) or 'any exit'}"
+
+
+def plain(value: Any) -> Any:
+    """Return `value` as JSON knows it: numpy scalars and arrays as numbers and lists, NaN and infinity as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
