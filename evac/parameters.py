@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from evac.errors import PluginError
+from evac.errors import PluginError, ScenarioError
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
@@ -35,6 +35,9 @@ class Parameter:
         The words allowed.
     infinite : bool
         Whether infinity is a legal value.
+    distribution : bool
+        Whether it is a distribution, given as a number or a table, which the bounds hold for; `check`
+        then returns an ``evac.people.distributions.Distribution``.
     """
 
     default: Any
@@ -45,9 +48,12 @@ class Parameter:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     infinite: bool = False
+    distribution: bool = False
 
     def check(self, key: str, value: Any) -> Any:
         """Return `value` in the declared type, or raise PluginError naming `key` and the range."""
+        if self.distribution:
+            return self._check_distribution(key, value)
         if isinstance(self.default, bool) or self.default is None:
             if isinstance(self.default, bool) and not isinstance(value, bool):
                 raise PluginError(f"{key}: expected true or false, got {value!r}")
@@ -64,10 +70,12 @@ class Parameter:
 
     def _check_number(self, key: str, value: Any) -> float | int:
         whole = isinstance(self.default, int)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or (whole and value != int(value)):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise PluginError(f"{key}: expected {'a whole number' if whole else 'a number'}, got {value!r}")
-        if math.isnan(value) or (math.isinf(value) and not self.infinite):
+        if math.isnan(value) or (math.isinf(value) and (whole or not self.infinite)):
             raise PluginError(f"{key}: must be finite, got {value!r}")
+        if whole and value != int(value):
+            raise PluginError(f"{key}: expected a whole number, got {value!r}")
         unit = f" {self.unit}" if self.unit else ""
         if self.minimum is not None and value < self.minimum:
             raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {value!r}")
@@ -76,6 +84,14 @@ class Parameter:
         if self.maximum is not None and value > self.maximum:
             raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {value!r}")
         return int(value) if whole else float(value)
+
+    def _check_distribution(self, key: str, value: Any) -> Any:
+        from evac.people.distributions import parse
+
+        try:
+            return parse(value, key, minimum=self.minimum, above=self.above)
+        except ScenarioError as error:
+            raise PluginError(str(error)) from error
 
 
 class Configurable:

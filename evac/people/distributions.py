@@ -1,0 +1,303 @@
+"""Named distributions of what people differ in, and the generators that draw from them."""
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.errors import ScenarioError
+from evac.parameters import did_you_mean
+
+FloatArray = NDArray[np.float64]
+
+#: Numbers that each distribution takes, by name; see `Distribution`.
+KINDS = {
+    "constant": ("value",),
+    "uniform": ("low", "high"),
+    "normal": ("mean", "standard deviation"),
+    "lognormal": ("mu", "sigma"),
+    "weibull": ("shape", "scale"),
+    "gamma": ("shape", "scale"),
+    "list": ("values",),
+}
+
+#: Least probability that may lie between the bounds of a truncated distribution.
+LEAST_SHARE = 1e-6
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A distribution as case.toml names it, truncated to [minimum, maximum].
+
+    Parameters
+    ----------
+    kind : str
+        ``constant`` (value), ``uniform`` (low, high), ``normal`` (mean, standard deviation), ``lognormal``
+        (mu and sigma of the logarithm), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
+        (values, taken in order; there must be one for each person).
+    numbers : tuple of float
+    minimum, maximum : float
+        What lies outside is drawn again.
+    """
+
+    kind: str
+    numbers: tuple[float, ...]
+    minimum: float = -math.inf
+    maximum: float = math.inf
+
+    def draw(self, generator: np.random.Generator, n: int) -> FloatArray:
+        """Return `n` values, (n,) float64.
+
+        A truncated distribution is drawn by inversion, which has the same law as drawing again what
+        lies outside, and takes one random number a person whatever the bounds.
+
+        Raises
+        ------
+        ScenarioError
+            A list holds fewer than `n` values.
+        """
+        if self.kind == "list":
+            if len(self.numbers) < n:
+                raise ScenarioError(f"a list of {len(self.numbers)} values for {n} people; give one for each person")
+            return np.array(self.numbers[:n], dtype=np.float64)
+        if self.kind == "constant":
+            return np.full(n, self.numbers[0])
+        low, high = self._shares()
+        shares = generator.uniform(np.nextafter(low, 1.0), high, n)
+        return np.asarray(self._law().quantile(shares), dtype=np.float64).clip(*self.support())
+
+    def mean(self) -> float:
+        """Return the mean, of the truncated distribution where it is truncated."""
+        if self.kind in ("constant", "list"):
+            return math.fsum(self.numbers) / len(self.numbers)
+        low, high = self._shares()
+        return self._law().partial_mean(*self.support()) / (high - low)
+
+    def support(self) -> tuple[float, float]:
+        """Return the least and the greatest value it can take."""
+        low, high = -math.inf, math.inf
+        if self.kind in ("constant", "uniform", "list"):
+            low, high = min(self.numbers), max(self.numbers)
+        elif self.kind != "normal":
+            low = 0.0
+        return max(low, self.minimum), min(high, self.maximum)
+
+    def is_positive(self) -> bool:
+        """Return whether every value is greater than zero."""
+        low, high = self.support()
+        return low > 0 or (low == 0 and high > 0 and self.kind in ("lognormal", "weibull", "gamma"))
+
+    def to_value(self) -> float | dict[str, Any]:
+        """Return it as case.toml writes it."""
+        if self.kind == "constant" and math.isinf(self.minimum) and math.isinf(self.maximum):
+            return self.numbers[0]
+        value: dict[str, Any] = {self.kind: self.numbers[0] if self.kind == "constant" else list(self.numbers)}
+        if self.minimum > -math.inf:
+            value["minimum"] = self.minimum
+        if self.maximum < math.inf:
+            value["maximum"] = self.maximum
+        return value
+
+    def _law(self) -> "_Law":
+        return _LAWS[self.kind](*self.numbers)
+
+    def _shares(self) -> tuple[float, float]:
+        """Return the probabilities of lying below the support's two ends."""
+        low, high = self.support()
+        law = self._law()
+        return law.share(low), law.share(high)
+
+
+@dataclass(frozen=True)
+class _Law:
+    """Of one distribution: P(X <= x), its inverse, and the integral of x over its density from a to b."""
+
+    share: Callable[[float], float]
+    quantile: Callable[[FloatArray], FloatArray]
+    partial_mean: Callable[[float, float], float]
+
+
+def _uniform(low: float, high: float) -> _Law:
+    width = high - low
+    return _Law(
+        share=lambda x: (x - low) / width,
+        quantile=lambda u: low + width * u,
+        partial_mean=lambda a, b: (b - a) * (a + b) / 2 / width,
+    )
+
+
+def _normal(mean: float, deviation: float) -> _Law:
+    from scipy.special import ndtr, ndtri
+
+    def density(x: float) -> float:
+        return math.exp(-(((x - mean) / deviation) ** 2) / 2) / math.sqrt(2 * math.pi)
+
+    def share(x: float) -> float:
+        return float(ndtr((x - mean) / deviation))
+
+    return _Law(
+        share=share,
+        quantile=lambda u: mean + deviation * ndtri(u),
+        partial_mean=lambda a, b: mean * (share(b) - share(a)) + deviation * (density(a) - density(b)),
+    )
+
+
+def _lognormal(mu: float, sigma: float) -> _Law:
+    normal = _normal(mu, sigma)
+    tilted = _normal(mu + sigma**2, sigma)
+
+    def log(x: float) -> float:
+        return math.log(x) if x > 0 else -math.inf
+
+    return _Law(
+        share=lambda x: normal.share(log(x)),
+        quantile=lambda u: np.exp(normal.quantile(u)),
+        partial_mean=lambda a, b: math.exp(mu + sigma**2 / 2) * (tilted.share(log(b)) - tilted.share(log(a))),
+    )
+
+
+def _weibull(shape: float, scale: float) -> _Law:
+    from scipy.special import gammainc
+
+    def power(x: float) -> float:
+        return (x / scale) ** shape
+
+    return _Law(
+        share=lambda x: -math.expm1(-power(x)),
+        quantile=lambda u: scale * (-np.log1p(-u)) ** (1 / shape),
+        partial_mean=lambda a, b: scale
+        * math.gamma(1 + 1 / shape)
+        * float(gammainc(1 + 1 / shape, power(b)) - gammainc(1 + 1 / shape, power(a))),
+    )
+
+
+def _gamma(shape: float, scale: float) -> _Law:
+    from scipy.special import gammainc, gammaincinv
+
+    return _Law(
+        share=lambda x: float(gammainc(shape, x / scale)),
+        quantile=lambda u: scale * gammaincinv(shape, u),
+        partial_mean=lambda a, b: shape * scale * float(gammainc(shape + 1, b / scale) - gammainc(shape + 1, a / scale)),
+    )
+
+
+_LAWS: dict[str, Callable[[float, float], _Law]] = {
+    "uniform": _uniform,
+    "normal": _normal,
+    "lognormal": _lognormal,
+    "weibull": _weibull,
+    "gamma": _gamma,
+}
+
+
+def parse(value: object, key: str, *, minimum: float | None = None, above: float | None = None) -> Distribution:
+    """Read a distribution as case.toml writes it.
+
+    Parameters
+    ----------
+    value : number or mapping
+        A number, or a table with exactly one of the names in `KINDS`, and ``minimum``, ``maximum`` if wanted.
+    key : str
+        Dotted key, for the message.
+    minimum, above : float
+        Closed or open lower bound that every value drawn must respect.
+
+    Raises
+    ------
+    ScenarioError
+        It is no distribution, is empty, holds a number that is not finite, or reaches below the bound.
+    """
+    try:
+        found = _read(value)
+        _check_bound(found, minimum, above)
+    except ValueError as error:
+        raise ScenarioError(f"{key}: {error}") from error
+    return found
+
+
+def generator_for(seed: int, *names: str) -> np.random.Generator:
+    """Return the generator of (seed, names): the same on every machine, independent of all others."""
+    digest = hashlib.blake2b("\0".join(names).encode(), digest_size=16).digest()
+    return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(digest, "little")]))
+
+
+def _read(value: object) -> Distribution:
+    if isinstance(value, Distribution):
+        return value
+    if not isinstance(value, dict):
+        return Distribution("constant", (_number("the value", value),))
+    for name in value:
+        if name not in (*KINDS, "minimum", "maximum"):
+            raise ValueError(f"unknown distribution {name!r}; {did_you_mean(name, (*KINDS, 'minimum', 'maximum'))}")
+    kinds = [name for name in value if name in KINDS]
+    if len(kinds) != 1:
+        raise ValueError(f"needs exactly one of {', '.join(KINDS)}; got {', '.join(kinds) or 'none'}")
+    found = Distribution(
+        kinds[0],
+        _numbers(kinds[0], value[kinds[0]]),
+        _number("minimum", value["minimum"]) if "minimum" in value else -math.inf,
+        _number("maximum", value["maximum"]) if "maximum" in value else math.inf,
+    )
+    _check_shape(found)
+    return found
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    return float(value)
+
+
+def _numbers(kind: str, given: object) -> tuple[float, ...]:
+    names = KINDS[kind]
+    if kind == "constant":
+        return (_number(kind, given),)
+    if not isinstance(given, (list, tuple)):
+        raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {given!r}")
+    if kind == "list":
+        if not given:
+            raise ValueError("list must hold at least one value")
+        return tuple(_number(f"value {index} of list", item) for index, item in enumerate(given))
+    if len(given) != len(names):
+        raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {len(given)} numbers")
+    return tuple(_number(f"{name} of {kind}", item) for name, item in zip(names, given, strict=True))
+
+
+def _check_shape(found: Distribution) -> None:
+    """Refuse numbers that make no distribution, and bounds that leave nothing of it."""
+    names = KINDS[found.kind]
+    positive = {"normal": (1,), "lognormal": (1,), "weibull": (0, 1), "gamma": (0, 1)}.get(found.kind, ())
+    for index in positive:
+        if found.numbers[index] <= 0:
+            raise ValueError(f"{names[index]} of {found.kind} must be greater than 0, got {found.numbers[index]:g}")
+    if found.kind == "uniform" and found.numbers[0] >= found.numbers[1]:
+        raise ValueError(f"uniform = [low, high] needs low < high, got [{found.numbers[0]:g}, {found.numbers[1]:g}]")
+    if found.minimum > found.maximum:
+        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}")
+    if found.kind in ("constant", "list"):
+        outside = [x for x in found.numbers if not found.minimum <= x <= found.maximum]
+        if outside:
+            raise ValueError(f"{outside[0]:g} lies outside [{found.minimum:g}, {found.maximum:g}]; correct it")
+        return
+    low, high = found.support()
+    if low >= high or found._shares()[1] - found._shares()[0] < LEAST_SHARE:
+        raise ValueError(
+            f"hardly anything of {found.kind} lies in [{found.minimum:g}, {found.maximum:g}]; widen the bounds"
+        )
+
+
+def _check_bound(found: Distribution, minimum: float | None, above: float | None) -> None:
+    low, _ = found.support()
+    if above is not None and not (low > above or (above == 0 and found.is_positive())):
+        bound = f"greater than {above:g}"
+    elif minimum is not None and low < minimum:
+        bound = f"at least {minimum:g}"
+    else:
+        return
+    if math.isinf(low):
+        raise ValueError(f"must be {bound}, but {found.kind} reaches below; add a minimum")
+    raise ValueError(f"must be {bound}, got {low:g}")

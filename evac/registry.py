@@ -1,0 +1,272 @@
+"""The table of everything registered: plugins found, checked against the contract, and sorted by name."""
+
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import inspect
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pluggy
+
+from evac import hookspecs
+from evac.errors import PluginError
+from evac.parameters import Configurable, did_you_mean
+
+#: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
+BUILTIN_PLUGINS = (
+    "evac_plugins.contact_dem",
+    "evac_plugins.contact_nsm1",
+    "evac_plugins.contact_nsm2",
+    "evac_plugins.force_social",
+    "evac_plugins.behaviour_response_time",
+    "evac_plugins.behaviour_teacher_following",
+    "evac_plugins.behaviour_route_choice",
+    "evac_plugins.recorder_trajectory",
+    "evac_plugins.cases",
+)
+
+#: What can be registered, and the hook that returns it.
+KINDS = {
+    "contact_model": "evac_contact_models",
+    "force": "evac_forces",
+    "behaviour": "evac_behaviours",
+    "recorder": "evac_recorders",
+    "case": "evac_building_cases",
+}
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a plugin came from.
+
+    Attributes
+    ----------
+    plugin : str
+        Its module name, or the path of its file.
+    source : str
+        ``"built-in"``, ``"distribution"`` or ``"file"``.
+    origin : str
+        The distribution's name, or the file's path.
+    version : str
+        Of the distribution; of a file the digest of its text.
+    """
+
+    plugin: str
+    source: str
+    origin: str
+    version: str
+
+
+class Registry:
+    """Everything a case can name: contact models, forces, behaviours, recorders and shipped cases.
+
+    Parameters
+    ----------
+    plugin_files : iterable of path
+        Python files to register after the built-in plugins and the installed ones.
+    builtins : sequence of str
+        Modules to register first.
+
+    Attributes
+    ----------
+    hook
+        pluggy's caller of the hooks in `evac.hookspecs`.
+    contact_models, forces, behaviours, recorders : dict of str to class
+    cases : dict of str to Path
+        Folder of each shipped case.
+    provenance : list of Provenance
+        One for each plugin, in the order they were registered.
+
+    Raises
+    ------
+    PluginError
+        A plugin cannot be loaded, breaks the contract, or claims a name that is taken.
+    """
+
+    def __init__(self, plugin_files: Iterable[str | Path] = (), *, builtins: Sequence[str] = BUILTIN_PLUGINS) -> None:
+        self._manager = pluggy.PluginManager("evac")
+        self._manager.add_hookspecs(hookspecs)
+        self.hook = self._manager.hook
+        self.provenance: list[Provenance] = []
+        self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
+        self._owners: dict[tuple[str, str], str] = {}
+        version = importlib.metadata.version("evac")
+        for name in builtins:
+            module = _loaded(f"built-in plugin {name}", lambda name=name: importlib.import_module(name))
+            self._register(module, Provenance(name, "built-in", "evac", version))
+        for entry in sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name):
+            origin = entry.dist.name if entry.dist else "unknown"
+            module = _loaded(f"plugin {entry.value} of distribution {origin}", entry.load)
+            self._register(
+                module, Provenance(entry.value, "distribution", origin, entry.dist.version if entry.dist else "")
+            )
+        for path in plugin_files:
+            self.add_file(path)
+
+    @property
+    def contact_models(self) -> dict[str, type[Any]]:
+        """Contact model classes by name."""
+        return self._tables["contact_model"]
+
+    @property
+    def forces(self) -> dict[str, type[Any]]:
+        """Force classes by name."""
+        return self._tables["force"]
+
+    @property
+    def behaviours(self) -> dict[str, type[Any]]:
+        """Behaviour classes by name."""
+        return self._tables["behaviour"]
+
+    @property
+    def recorders(self) -> dict[str, type[Any]]:
+        """Recorder classes by name."""
+        return self._tables["recorder"]
+
+    @property
+    def cases(self) -> dict[str, Path]:
+        """Folders of the shipped cases by name."""
+        return self._tables["case"]
+
+    def get(self, kind: str, name: str) -> Any:
+        """Return what is registered as `name`.
+
+        Parameters
+        ----------
+        kind : str
+            ``"contact_model"``, ``"force"``, ``"behaviour"``, ``"recorder"`` or ``"case"``.
+
+        Raises
+        ------
+        PluginError
+            Nothing of that name is registered; the message names the closest one.
+        """
+        table = self._tables[kind]
+        if name not in table:
+            raise PluginError(f"unknown {kind.replace('_', ' ')} {name!r}; {did_you_mean(name, list(table))}")
+        return table[name]
+
+    def add_file(self, path: str | Path) -> None:
+        """Register the plugin in a Python file; a file registered before is left alone."""
+        path = Path(path).resolve()
+        if not path.is_file():
+            raise PluginError(f"plugin file {path}: no such file; check the path")
+        text = path.read_bytes()
+        provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
+        if provenance not in self.provenance:
+            self._register(_loaded(f"plugin file {path}", lambda: _module_of(path, text)), provenance)
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""
+        return [
+            {
+                "plugin": provenance.plugin,
+                "source": provenance.source,
+                "origin": provenance.origin,
+                "version": provenance.version,
+                "provides": [
+                    _description(kind, name, self._tables[kind][name])
+                    for (kind, name), owner in self._owners.items()
+                    if owner == provenance.plugin
+                ],
+            }
+            for provenance in self.provenance
+        ]
+
+    def _register(self, module: ModuleType, provenance: Provenance) -> None:
+        """Check `module` against the contract, register it and enter what it provides in the tables."""
+        plugin = provenance.plugin
+        self._check_hooks(module, plugin)
+        try:
+            self._manager.register(module, name=plugin)
+            self._manager.check_pending()
+        except (pluggy.PluginValidationError, ValueError) as error:
+            raise PluginError(f"plugin {plugin}: {error}; see evac.hookspecs for the hooks and their arguments") from error
+        self.provenance.append(provenance)
+        for kind, hook in KINDS.items():
+            if not hasattr(module, hook):
+                continue
+            answer = _loaded(f"plugin {plugin}: {hook}()", getattr(module, hook))
+            if isinstance(answer, (str, bytes)) or not isinstance(answer, Sequence):
+                raise PluginError(f"plugin {plugin}: {hook}() must return a list, not {answer!r}")
+            for item in answer:
+                self._enter(kind, item, plugin)
+
+    def _check_hooks(self, module: ModuleType, plugin: str) -> None:
+        """Refuse hooks that the contract does not have, and functions that forgot to say they are one."""
+        known = [name for name in vars(hookspecs) if name.startswith("evac_")]
+        for name, item in vars(module).items():
+            marked = self._manager.parse_hookimpl_opts(module, name) is not None
+            if marked and name not in known:
+                raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
+            if name in known and not marked and inspect.isfunction(item):
+                raise PluginError(f"plugin {plugin}: {name} is not marked; put @hookimpl of evac.hookspecs above it")
+
+    def _enter(self, kind: str, item: Any, plugin: str) -> None:
+        """Enter one class or folder in its table, checked."""
+        word = kind.replace("_", " ")
+        if kind == "case":
+            item = Path(item)
+            if not (item / "case.toml").is_file():
+                raise PluginError(f"plugin {plugin}: folder {item} of a case has no case.toml")
+            name = item.name
+        else:
+            if not isinstance(item, type) or not issubclass(item, Configurable):
+                raise PluginError(f"plugin {plugin}: {item!r} is no {word} class; derive it from the base class")
+            name = getattr(item, "name", "")
+            if not isinstance(name, str) or not name.isidentifier():
+                raise PluginError(f"plugin {plugin}: {item.__name__}.name must be a plain word, not {name!r}")
+        if (kind, name) in self._owners:
+            raise PluginError(
+                f"{word} {name!r} is registered twice, by {self._owners[kind, name]} and by {plugin}; "
+                "rename one, or remove one of the plugins"
+            )
+        self._owners[kind, name] = plugin
+        self._tables[kind][name] = item
+
+
+def _loaded(what: str, load: Any) -> Any:
+    """Run code of a plugin; whatever it raises becomes a PluginError that names it."""
+    try:
+        return load()
+    except PluginError:
+        raise
+    except Exception as error:
+        raise PluginError(
+            f"{what} cannot be loaded: {type(error).__name__}: {error}; repair it or do not name it"
+        ) from error
+
+
+def _module_of(path: Path, text: bytes) -> ModuleType:
+    """Import a file under a name of its own, kept in `sys.modules` as numba's cache asks for."""
+    digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
+    name = f"evac_plugin_{path.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"plugin file {path}: not a Python file; its name must end in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _description(kind: str, name: str, item: Any) -> dict[str, Any]:
+    """Return kind, name, first line of the docstring and parameters of one registered thing."""
+    if kind == "case":
+        return {"kind": kind, "name": name, "doc": str(item), "parameters": {}}
+    parameters = {
+        key: {"default": value.default, "unit": value.unit, "doc": value.doc} for key, value in item.declared().items()
+    }
+    return {"kind": kind, "name": name, "doc": (inspect.getdoc(item) or "").partition("\n")[0], "parameters": parameters}
