@@ -1,0 +1,44 @@
+"""Draw the classroom: ``python draw_classroom.py`` writes classroom.msh beside this file."""
+
+from pathlib import Path
+
+from evac_buildings.drawing import Drawing
+from shapely import MultiPolygon, box
+
+WIDTH, LENGTH = 5.85, 6.75
+COLUMNS, ROWS = 5, 6
+ACROSS, ALONG = 1.35, 0.9
+DESK_WIDTH, DESK_DEPTH = 0.45, 0.35
+#: Centre of the desk nearest to the corner (0, 0): half a desk from the side wall, behind it 0.9 m of passage.
+FIRST_DESK = (0.225, 1.575)
+DOOR = (5.1, 5.6)
+
+
+def desks() -> MultiPolygon:
+    """Return the plan of the desks, the outer columns standing against the side walls."""
+    x, y = FIRST_DESK
+    return MultiPolygon(
+        [
+            box(
+                x + ACROSS * column - DESK_WIDTH / 2,
+                y + ALONG * row - DESK_DEPTH / 2,
+                x + ACROSS * column + DESK_WIDTH / 2,
+                y + ALONG * row + DESK_DEPTH / 2,
+            )
+            for column in range(COLUMNS)
+            for row in range(ROWS)
+        ]
+    )
+
+
+def draw() -> Drawing:
+    """Return the room, its desks and the door in its back wall y = 0."""
+    drawing = Drawing()
+    drawing.surface("floor:classroom", box(0.0, 0.0, WIDTH, LENGTH).difference(desks(), grid_size=1e-6))
+    drawing.surface("obstacle:desks", desks())
+    drawing.edge("exit:door", (DOOR[0], 0.0), (DOOR[1], 0.0))
+    return drawing
+
+
+if __name__ == "__main__":
+    draw().write(Path(__file__).with_name("classroom.msh"))
