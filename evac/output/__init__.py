@@ -1,0 +1,1 @@
+"""Output: recorders, the trajectory file, results, VTK files and pictures."""

@@ -94,9 +94,8 @@ def moves_of(
         A person crosses a portal of a level where the log does not have them.
     """
     level = np.array(start_level, dtype=np.int32)
-    row, link, time = (np.asarray(column) for column in crossings)
-    portal = link < len(building.portals)
-    row, link, time = row[portal].astype(np.int32), link[portal], time[portal].astype(np.float64)
+    portal = crossings[1] < len(building.portals)
+    row, link, time = crossings[0][portal], crossings[1][portal], crossings[2][portal]
     source, target = np.empty(row.size, np.int32), np.empty(row.size, np.int32)
     for k, (person, crossed) in enumerate(zip(row.tolist(), link.tolist(), strict=True)):
         first, second = building.portals[crossed].levels

@@ -75,7 +75,7 @@ class Results:
     time : float
         Simulated time [s].
     steps : int
-        Output of the clock: ``time / step``.
+        Steps of the clock.
     seed : int
     stuck : sequence of int
         People who made no progress when the run ended.

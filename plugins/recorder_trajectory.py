@@ -1,0 +1,68 @@
+"""Recorder "trajectory": where everybody is, frame by frame, in a file that survives a killed run."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.hookspecs import hookimpl
+from evac.output.header import building_to_json
+from evac.output.recorder import Recorder
+from evac.output.results import versions
+from evac.output.trajectory import FILE_NAME, TrajectoryWriter
+
+if TYPE_CHECKING:
+    from evac.simulation import Simulation
+
+    from evac.output.results import Results
+
+
+class TrajectoryRecorder(Recorder):
+    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); without a folder it keeps nothing."""
+
+    name = "trajectory"
+
+    def start(self, simulation: "Simulation") -> None:
+        """Write the header: the building, the groups and what the run was made with."""
+        self._writer: TrajectoryWriter | None = None
+        self._recorded = -1.0
+        if simulation.folder is not None:
+            simulation.folder.mkdir(parents=True, exist_ok=True)
+            corners = simulation.building.vertices[:, :2]
+            origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+            self._writer = TrajectoryWriter(simulation.folder / FILE_NAME, _header(simulation), origin)
+
+    def record(self, simulation: "Simulation") -> None:
+        """Append one frame."""
+        if self._writer is not None:
+            self._writer.append(simulation.time, simulation.population.crowd)
+            self._recorded = simulation.time
+
+    def finish(self, simulation: "Simulation", results: "Results | None") -> None:
+        """Append the state at the end, unless it is there already, and close the file."""
+        if self._writer is not None:
+            if simulation.time > self._recorded:
+                self.record(simulation)
+            self._writer.close()
+
+
+def _header(simulation: "Simulation") -> dict[str, Any]:
+    population = simulation.population
+    group = np.full(len(population.crowd.radius), -1)
+    for index, members in enumerate(population.groups):
+        group[members.rows] = index
+    return {
+        "title": simulation.case.title,
+        "seed": simulation.seed,
+        "versions": versions(),
+        "groups": [members.name for members in population.groups],
+        "group": group.tolist(),
+        "radius": population.crowd.radius.tolist(),
+        "building": building_to_json(simulation.building),
+    }
+
+
+@hookimpl
+def evac_recorders() -> Sequence[type[Recorder]]:
+    """Return the recorder of trajectories."""
+    return [TrajectoryRecorder]

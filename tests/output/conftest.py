@@ -1,0 +1,135 @@
+"""A hand-made building of three storeys, and crowds in it."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from evac.building.model import Area, Building, Exit, Level, Portal
+from evac.output.header import building_to_json
+from evac.output.trajectory import FILE_NAME, TrajectoryWriter
+from evac.physics.bundles import Crowd
+
+FLOORS = 3
+
+
+def rectangle(x1, x2, y1, y2, z_at_x1, z_at_x2):
+    return [[x1, y1, z_at_x1], [x2, y1, z_at_x2], [x2, y2, z_at_x2], [x1, y2, z_at_x1]]
+
+
+def outline(x1, x2, y1, y2):
+    return [[x1, y1, x2, y1], [x2, y1, x2, y2], [x2, y2, x1, y2], [x1, y2, x1, y1]]
+
+
+def three_storeys(shift=(0.0, 0.0)):
+    """Floors at 0, 3 and 6 m: floor 0 -flight-> floor 1 (beside it) -flight-> floor 2 (above floor 0)."""
+    plates = [
+        ("floor 0", "floor", 0.0, 10.0, 0.0, 6.0, 0.0, 0.0),
+        ("flight 1", "flight", 10.0, 14.0, 0.0, 2.0, 0.0, 3.0),
+        ("floor 1", "floor", 14.0, 24.0, 0.0, 6.0, 3.0, 3.0),
+        ("flight 2", "flight", 10.0, 14.0, 2.0, 4.0, 6.0, 3.0),
+        ("floor 2", "floor", 0.0, 10.0, 0.0, 6.0, 6.0, 6.0),
+    ]
+    move = np.array([shift[0], shift[1], 0.0])
+    vertices, levels, walls, wall_level = [], [], [], []
+    for index, (name, kind, x1, x2, y1, y2, za, zb) in enumerate(plates):
+        first = 4 * index
+        vertices += rectangle(x1, x2, y1, y2, za, zb)
+        walls += [wall for wall in outline(x1, x2, y1, y2) if kind == "floor" or wall[0] != wall[2]]
+        wall_level += [index] * (4 if kind == "floor" else 2)
+        levels.append(
+            Level(
+                index=index,
+                name=name,
+                kind=kind,
+                stair="lower" if index == 1 else "upper" if index == 3 else None,
+                triangles=np.array([[first, first + 1, first + 2], [first, first + 2, first + 3]], np.int32),
+                polygon=box(x1 + shift[0], y1 + shift[1], x2 + shift[0], y2 + shift[1]),
+                uphill=np.array([np.sign(zb - za), 0.0]),
+                slope=float(np.arctan2(abs(zb - za), x2 - x1)),
+                z_min=min(za, zb),
+                z_max=max(za, zb),
+            )
+        )
+    ends = np.array([shift[0], shift[1], shift[0], shift[1]])
+
+    def portal(index, first, second, segment):
+        return Portal(index, f"portal {index}", (first, second), np.array([segment]) + ends, 2.0)
+
+    return Building(
+        source=Path("three_storeys.msh"),
+        vertices=np.array(vertices) + move,
+        levels=tuple(levels),
+        portals=(
+            portal(0, 0, 1, [10.0, 0.0, 10.0, 2.0]),
+            portal(1, 1, 2, [14.0, 0.0, 14.0, 2.0]),
+            portal(2, 2, 3, [14.0, 4.0, 14.0, 2.0]),
+            portal(3, 3, 4, [10.0, 4.0, 10.0, 2.0]),
+        ),
+        exits=(Exit(0, "door", 0, np.array([[0.0, 2.0, 0.0, 1.0]]) + ends, 1.0),),
+        areas=(Area("room", 4, box(shift[0], shift[1], shift[0] + 5.0, shift[1] + 6.0)),),
+        walls=np.array(walls) + ends,
+        wall_level=np.array(wall_level, np.int32),
+        stairs={"lower": (1,), "upper": (3,)},
+    )
+
+
+def crowd_at(position, level, velocity=None, exit_time=None):
+    """Everybody of radius 0.2 m; who has an exit time used exit 0."""
+    n = len(level)
+    exit_time = np.full(n, np.nan) if exit_time is None else np.array(exit_time)
+    return Crowd(
+        position=np.array(position, float),
+        velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, float),
+        level=np.array(level, np.int32),
+        radius=np.full(n, 0.2),
+        mass=np.full(n, 80.0),
+        tau=np.full(n, 0.5),
+        speed=np.ones((n, 3)),
+        group=np.zeros(n, np.int32),
+        start_time=np.arange(n) * 1.5,
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=exit_time,
+        exit_used=np.where(np.isfinite(exit_time), 0, -1).astype(np.int32),
+        distance=np.arange(n) * 10.0,
+        contact_force=np.arange(n) * 100.0,
+    )
+
+
+@pytest.fixture
+def building():
+    return three_storeys()
+
+
+@pytest.fixture
+def descent(tmp_path):
+    """A written trajectory: person k starts on storey 2 - k % 3; person 0 walks down; frames 0.5 s apart."""
+
+    def write(people=4, frames=5, shift=(0.0, 0.0)):
+        building = three_storeys(shift)
+        header = {
+            "title": "Three storeys",
+            "groups": ["even", "odd"],
+            "group": [p % 2 for p in range(people)],
+            "radius": [0.2] * people,
+            "building": building_to_json(building),
+        }
+        path = tmp_path / FILE_NAME
+        writer = TrajectoryWriter(path, header, np.array(shift))
+        crowds = []
+        for k in range(frames):
+            level = [4 - 2 * (p % 3) for p in range(people)]
+            position = [[(15.0 if at == 2 else 1.0) + 0.01 * k, 0.5 + 0.25 * (p % 20)] for p, at in enumerate(level)]
+            level[0], position[0] = 3, [10.5 + 0.5 * k, 3.0]
+            if k == frames - 1:
+                level[-1] = -1
+            crowds.append(crowd_at(np.array(position) + shift, level, velocity=[[1.0, 0.0]] * people))
+            writer.append(0.5 * k, crowds[-1])
+        writer.close()
+        return SimpleNamespace(path=path, building=building, crowds=crowds)
+
+    return write

@@ -1,0 +1,182 @@
+import json
+import struct
+import time
+import zlib
+
+import numpy as np
+import pytest
+
+from evac.errors import ResultError
+from evac.output.header import building_from_json, building_to_json
+from evac.output.trajectory import FIELDS, FILE_NAME, FRAME_HEAD_BYTES, RECORD_BYTES, TrajectoryWriter, read_trajectory
+
+
+def frame_bytes(people):
+    return FRAME_HEAD_BYTES + RECORD_BYTES * people
+
+
+def test_round_trip_gives_back_what_was_recorded(descent):
+    run = descent(people=5, frames=4)
+    trajectory = read_trajectory(run.path)
+    assert len(trajectory) == 4
+    assert trajectory.dropped_bytes == 0
+    assert trajectory.time.tolist() == [0.0, 0.5, 1.0, 1.5]
+    for k, crowd in enumerate(run.crowds):
+        inside = crowd.level >= 0
+        np.testing.assert_array_equal(trajectory.level[k], crowd.level)
+        np.testing.assert_allclose(trajectory.position[k][inside], crowd.position[inside], atol=1e-6)
+        np.testing.assert_array_equal(trajectory.contact_force[k][inside], crowd.contact_force[inside])
+        assert np.isnan(trajectory.position[k][~inside]).all()
+        assert np.isnan(trajectory.z[k][~inside]).all()
+
+
+def test_result_folder_stands_for_its_trajectory(descent):
+    run = descent()
+    assert run.path.name == FILE_NAME
+    np.testing.assert_array_equal(read_trajectory(run.path.parent).time, read_trajectory(run.path).time)
+
+
+def test_heights_are_those_of_three_storeys_and_of_the_flight(descent):
+    trajectory = read_trajectory(descent(people=4, frames=5).path)
+    np.testing.assert_allclose(trajectory.z[0, 1:], [3.0, 0.0, 6.0], atol=1e-6)
+    along_flight = np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    np.testing.assert_allclose(trajectory.z[:, 0], 6.0 - 0.75 * along_flight, atol=1e-5)
+
+
+def test_velocity_follows_the_slope_and_speed_is_its_length(descent):
+    trajectory = read_trajectory(descent(people=4, frames=2).path)
+    np.testing.assert_allclose(trajectory.velocity[0, 0], [1.0, 0.0, -0.75], atol=1e-6)
+    np.testing.assert_allclose(trajectory.speed[0], [1.25, 1.0, 1.0, 1.0], atol=1e-6)
+
+
+def test_positions_far_from_the_origin_keep_a_tenth_of_a_millimetre(descent):
+    run = descent(shift=(5.0e6, 5.0e6))
+    trajectory = read_trajectory(run.path)
+    inside = run.crowds[0].level >= 0
+    np.testing.assert_allclose(trajectory.position[0][inside], run.crowds[0].position[inside], rtol=0.0, atol=1e-5)
+
+
+def test_building_comes_back_whole(building):
+    back = building_from_json(json.loads(json.dumps(building_to_json(building))))
+    np.testing.assert_array_equal(back.vertices, building.vertices)
+    np.testing.assert_array_equal(back.walls, building.walls)
+    np.testing.assert_array_equal(back.wall_level, building.wall_level)
+    assert back.stairs == building.stairs
+    for level, before in zip(back.levels, building.levels, strict=True):
+        np.testing.assert_array_equal(level.triangles, before.triangles)
+        np.testing.assert_array_equal(level.uphill, before.uphill)
+        assert level.polygon.equals(before.polygon)
+        assert (level.index, level.name, level.kind, level.stair) == (
+            before.index,
+            before.name,
+            before.kind,
+            before.stair,
+        )
+        assert (level.slope, level.z_min, level.z_max) == (before.slope, before.z_min, before.z_max)
+    for portal, before in zip(back.portals, building.portals, strict=True):
+        np.testing.assert_array_equal(portal.segments, before.segments)
+        assert (portal.index, portal.name, portal.levels) == (before.index, before.name, before.levels)
+    assert [(e.index, e.name, e.level) for e in back.exits] == [(0, "door", 0)]
+    np.testing.assert_array_equal(back.exits[0].segments, building.exits[0].segments)
+    assert back.areas[0].polygon.equals(building.areas[0].polygon)
+
+
+def test_torn_last_frame_is_dropped_at_every_byte(descent, tmp_path):
+    run = descent(people=3, frames=3)
+    whole = run.path.read_bytes()
+    last = frame_bytes(2)  # one of three is out in the last frame
+    torn = tmp_path / "torn.evac"
+    for left in range(last):
+        torn.write_bytes(whole[: len(whole) - last + left])
+        trajectory = read_trajectory(torn)
+        assert len(trajectory) == 2
+        assert trajectory.dropped_bytes == left
+
+
+def test_damage_before_the_last_frame_is_an_error_that_names_the_frame(descent, tmp_path):
+    run = descent(people=3, frames=3)
+    data = bytearray(run.path.read_bytes())
+    second = len(data) - frame_bytes(2) - frame_bytes(3)
+    damaged = tmp_path / "damaged.evac"
+    for byte in (0, 8, 12, FRAME_HEAD_BYTES + 5):
+        wrong = bytearray(data)
+        wrong[second + byte] ^= 0x40
+        damaged.write_bytes(wrong)
+        with pytest.raises(ResultError, match=f"frame 1 at byte {second} is damaged"):
+            read_trajectory(damaged)
+
+
+def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
+    run = descent(people=3, frames=3)
+    data = bytearray(run.path.read_bytes())
+    data[-1] ^= 0x01
+    damaged = tmp_path / "damaged.evac"
+    damaged.write_bytes(data)
+    trajectory = read_trajectory(damaged)
+    assert (len(trajectory), trajectory.dropped_bytes) == (2, frame_bytes(2))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"solid mesh", "not a trajectory"),
+        (b"EVACTRJ1\x05", "header is cut off"),
+        (b"EVACTRJ1" + struct.pack("<I", 99) + b"{}", "header is cut off"),
+        (b"EVACTRJ1" + struct.pack("<I", 2) + b"{]", "header is no JSON"),
+        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":2}', "format 2 is unknown"),
+    ],
+)
+def test_what_is_no_trajectory_is_refused(tmp_path, content, words):
+    path = tmp_path / "x.evac"
+    path.write_bytes(content)
+    with pytest.raises(ResultError, match=words):
+        read_trajectory(path)
+
+
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(ResultError, match="nowhere"):
+        read_trajectory(tmp_path / "nowhere.evac")
+
+
+def test_file_is_what_the_document_says(descent):
+    """Read with struct and json alone, as a reader in another language would."""
+    run = descent(people=3, frames=1)
+    data = run.path.read_bytes()
+    assert data[:8] == b"EVACTRJ1"
+    (length,) = struct.unpack("<I", data[8:12])
+    header = json.loads(data[12 : 12 + length])
+    assert tuple(header["fields"]) == FIELDS
+    start = 12 + length
+    seconds, count, check = struct.unpack("<dII", data[start : start + 16])
+    assert (seconds, count) == (0.0, 2)
+    assert check == zlib.crc32(data[start : start + 12] + data[start + 16 :])
+    person, level, x, y, velocity_x, velocity_y, force = struct.unpack("<7f", data[start + 44 :])
+    assert (person, level, x + header["origin"][0], y, velocity_x, velocity_y) == (1.0, 2.0, 15.0, 0.75, 1.0, 0.0)
+    assert force == 100.0
+
+
+def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
+    run = descent(people=3, frames=1)
+    header = read_trajectory(run.path).header
+    path = tmp_path / "open.evac"
+    writer = TrajectoryWriter(path, header, np.zeros(2))
+    writer.append(0.0, run.crowds[0])
+    assert len(read_trajectory(path)) == 1
+    writer.close()
+
+
+def test_unwritable_place_is_named(tmp_path):
+    with pytest.raises(ResultError, match="cannot write the trajectory"):
+        TrajectoryWriter(tmp_path / "absent" / "x.evac", {"radius": [0.2]}, np.zeros(2))
+
+
+def test_a_frame_of_140_people_costs_little(descent):
+    run = descent(people=140, frames=2)
+    header = read_trajectory(run.path).header
+    writer = TrajectoryWriter(run.path, header, np.zeros(2))
+    started = time.perf_counter()
+    for k in range(500):
+        writer.append(0.5 * k, run.crowds[0])
+    spent = (time.perf_counter() - started) / 500
+    writer.close()
+    assert spent < 1e-3  # a bound that a busy machine keeps too; 30 us were measured on an idle one
