@@ -1,0 +1,165 @@
+"""VTK animation of a trajectory: one .vtp file per frame, the building as one more, a .pvd that lists them."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+from evac.building.elevation import elevation
+from evac.building.model import Building
+from evac.errors import ResultError
+from evac.output.trajectory import Frame, Trajectory
+
+#: Values of the building's cell array ``kind``.
+KINDS = ("floor", "flight", "landing", "wall", "exit")
+
+PVD_NAME = "animation.pvd"
+BUILDING_NAME = "building.vtp"
+FRAMES_FOLDER = "frames"
+
+
+def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
+    """Write ``animation.pvd``, ``building.vtp`` and ``frames/frame_00000.vtp``, ... to `folder`.
+
+    Each frame holds one point per person inside, at true height, with the point arrays person, group
+    (row of the field array ``group_names``, -1 for none), level (row of ``level_names``), speed and velocity
+    [m/s] (along the slope on stairs), contact_force [N] and radius [m]. In the .pvd, people are part 0
+    and the building part 1 of every time [s].
+
+    Returns
+    -------
+    path : Path
+        The .pvd file.
+
+    Raises
+    ------
+    ResultError
+        The trajectory has no frame, or a file cannot be written.
+    """
+    if not len(trajectory):
+        raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
+    frames = folder / FRAMES_FOLDER
+    try:
+        frames.mkdir(parents=True, exist_ok=True)
+        for stale in frames.glob("frame_*.vtp"):
+            stale.unlink()
+        _write(building_polydata(trajectory.building), folder / BUILDING_NAME)
+        names = vtkStringArray()
+        names.SetName("group_names")
+        for group in trajectory.groups:
+            names.InsertNextValue(group)
+        for k in range(len(trajectory)):
+            people = people_polydata(trajectory, trajectory.frame(k))
+            people.GetFieldData().AddArray(names)
+            _write(people, frames / f"frame_{k:05d}.vtp")
+        path = folder / PVD_NAME
+        path.write_text(_pvd(trajectory.time), encoding="utf-8")
+    except OSError as error:
+        raise ResultError(f"{folder}: cannot write the VTK animation: {error}") from error
+    return path
+
+
+def people_polydata(trajectory: Trajectory, frame: Frame) -> vtkPolyData:
+    """Return the people of one frame as points with arrays; heights are true."""
+    data = vtkPolyData()
+    data.SetPoints(_points(np.column_stack([frame["position"], frame["z"]])))
+    data.SetVerts(_cells(np.arange(len(frame["person"]))[:, None]))
+    person = frame["person"]
+    arrays = {
+        "person": person,
+        "group": trajectory.group[person],
+        "level": frame["level"],
+        "speed": frame["speed"].astype(np.float32),
+        "velocity": frame["velocity"].astype(np.float32),
+        "contact_force": frame["contact_force"].astype(np.float32),
+        "radius": trajectory.radius[person].astype(np.float32),
+    }
+    for name, values in arrays.items():
+        data.GetPointData().AddArray(_array(name, values))
+    data.GetPointData().SetActiveScalars("speed")
+    return data
+
+
+def building_polydata(building: Building) -> vtkPolyData:
+    """Return floors, flights and landings as triangles, walls and exits as lines at the height of their level.
+
+    Cell arrays: ``level`` and ``kind`` (row of `KINDS`); field arrays ``level_names`` and ``kind_names``.
+    """
+    walls = segments_in_space(building, building.walls, building.wall_level)
+    exits = [segments_in_space(building, e.segments, np.full(len(e.segments), e.level)) for e in building.exits]
+    lines = np.concatenate([walls, *exits]).reshape(-1, 3)
+    triangles = np.concatenate([level.triangles for level in building.levels])
+    count = len(building.vertices)
+    data = vtkPolyData()
+    data.SetPoints(_points(np.concatenate([building.vertices, lines])))
+    data.SetLines(_cells(count + np.arange(len(lines)).reshape(-1, 2)))
+    data.SetPolys(_cells(triangles))
+    level = [building.wall_level, *(np.full(len(e.segments), e.level) for e in building.exits)]
+    level += [np.full(len(item.triangles), item.index) for item in building.levels]
+    kind = [np.full(len(walls), KINDS.index("wall")), *(np.full(len(e), KINDS.index("exit")) for e in exits)]
+    kind += [np.full(len(item.triangles), KINDS.index(item.kind)) for item in building.levels]
+    data.GetCellData().AddArray(_array("level", np.concatenate(level).astype(np.int32)))
+    data.GetCellData().AddArray(_array("kind", np.concatenate(kind).astype(np.int32)))
+    for name, words in (("level_names", [item.name for item in building.levels]), ("kind_names", KINDS)):
+        column = vtkStringArray()
+        column.SetName(name)
+        for word in words:
+            column.InsertNextValue(word)
+        data.GetFieldData().AddArray(column)
+    return data
+
+
+def segments_in_space(
+    building: Building, segments: NDArray[np.float64], level: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """Return the two ends of plan `segments` (s, 4) on their `level` (s,) as points (s, 2, 3) [m]."""
+    ends = segments.reshape(-1, 2)
+    z = elevation(building, np.repeat(level, 2).astype(np.int32), ends)
+    return np.column_stack([ends, z]).reshape(-1, 2, 3)
+
+
+def _points(positions: NDArray[np.float64]) -> vtkPoints:
+    """Return points in float64: float32 is too coarse far from the origin."""
+    points = vtkPoints()
+    points.SetData(numpy_to_vtk(np.ascontiguousarray(positions), deep=True))
+    return points
+
+
+def _cells(corners: NDArray[np.integer]) -> vtkCellArray:
+    count, size = corners.shape
+    offsets = np.arange(0, count * size + 1, size)
+    cells = vtkCellArray()
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(offsets, deep=True),
+        numpy_to_vtkIdTypeArray(corners.ravel().astype(np.int64), deep=True),
+    )
+    return cells
+
+
+def _array(name: str, values: NDArray[np.generic]) -> object:
+    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+    array.SetName(name)
+    return array
+
+
+def _write(data: vtkPolyData, path: Path) -> None:
+    writer = vtkXMLPolyDataWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(data)
+    writer.SetCompressorTypeToNone()
+    if not writer.Write():
+        raise ResultError(f"{path}: VTK cannot write the file")
+
+
+def _pvd(times: NDArray[np.float64]) -> str:
+    entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
+    lines = []
+    for k, time in enumerate(times.tolist()):
+        lines.append(entry.format(repr(time), 0, "people", f"{FRAMES_FOLDER}/frame_{k:05d}.vtp"))
+        lines.append(entry.format(repr(time), 1, "building", BUILDING_NAME))
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+    return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

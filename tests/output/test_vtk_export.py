@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+import pyvista
+
+from evac.errors import ResultError
+from evac.output.header import building_to_json
+from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.vtk_export import KINDS, export_vtk
+
+
+@pytest.fixture
+def exported(descent, tmp_path):
+    trajectory = read_trajectory(descent(people=5, frames=4).path)
+    return trajectory, export_vtk(trajectory, tmp_path)
+
+
+def test_collection_lists_every_frame_and_the_building(exported):
+    trajectory, path = exported
+    reader = pyvista.get_reader(path)
+    assert reader.time_values == trajectory.time.tolist()
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        people, building = reader.read()
+        assert building.n_cells == 10 + 16 + 1  # triangles, walls, exit
+        assert people.n_points == (4 if time == 1.5 else 5)
+    assert len(list((path.parent / "frames").glob("*.vtp"))) == 4
+
+
+def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported):
+    trajectory, path = exported
+    for k in range(len(trajectory)):
+        people = pyvista.read(path.parent / "frames" / f"frame_{k:05d}.vtp")
+        frame = trajectory.frame(k)
+        assert people.points.dtype == np.float64
+        np.testing.assert_array_equal(people.points[:, :2], frame["position"])
+        np.testing.assert_array_equal(people.points[:, 2], frame["z"])
+        assert people.n_verts == people.n_points
+        np.testing.assert_array_equal(people["person"], frame["person"])
+        np.testing.assert_array_equal(people["group"], frame["person"] % 2)
+        np.testing.assert_array_equal(people["level"], frame["level"])
+        np.testing.assert_allclose(people["speed"], frame["speed"], rtol=1e-6)
+        np.testing.assert_allclose(people["velocity"], frame["velocity"], rtol=1e-6)
+        np.testing.assert_allclose(people["contact_force"], frame["contact_force"])
+        np.testing.assert_allclose(people["radius"], 0.2, rtol=1e-6)
+        assert people.field_data["group_names"].tolist() == ["even", "odd"]
+
+
+def test_people_stand_on_three_storeys(exported):
+    _, path = exported
+    people = pyvista.read(path.parent / "frames" / "frame_00000.vtp")
+    np.testing.assert_allclose(people.points[:, 2], [6.0 - 0.75 * 0.5, 3.0, 0.0, 6.0, 3.0], atol=1e-5)
+
+
+def test_building_has_its_levels_and_walls_at_their_heights(exported):
+    trajectory, path = exported
+    building = pyvista.read(path.parent / "building.vtp")
+    level, kind = building.cell_data["level"], building.cell_data["kind"]
+    names = building.field_data["level_names"].tolist()
+    assert names == [item.name for item in trajectory.building.levels]
+    assert np.bincount(kind, minlength=5).tolist() == [6, 4, 0, 16, 1]
+    for item in trajectory.building.levels:
+        surface = building.extract_cells((level == item.index) & (kind == KINDS.index(item.kind)))
+        assert surface.bounds[4:] == pytest.approx((item.z_min, item.z_max))
+        walls = building.extract_cells((level == item.index) & (kind == KINDS.index("wall")))
+        assert walls.bounds[4:] == pytest.approx((item.z_min, item.z_max))
+    area = building.extract_cells(kind == KINDS.index("flight")).compute_cell_sizes()["Area"].sum()
+    assert area == pytest.approx(2 * 2.0 * 5.0)
+
+
+def test_far_from_the_origin_nothing_is_rounded(descent, tmp_path):
+    export_vtk(read_trajectory(descent(people=3, frames=1, shift=(5.0e6, 4.0e6)).path), tmp_path)
+    people = pyvista.read(tmp_path / "frames" / "frame_00000.vtp")
+    np.testing.assert_allclose(people.points[0, :2], [5.0e6 + 10.5, 4.0e6 + 3.0], rtol=0.0, atol=1e-5)
+
+
+def test_frames_of_an_earlier_export_are_replaced(exported, descent):
+    _, path = exported
+    export_vtk(read_trajectory(descent(people=5, frames=2).path), path.parent)
+    assert len(list((path.parent / "frames").glob("*.vtp"))) == 2
+
+
+def test_frame_without_people_can_be_read(descent, tmp_path):
+    export_vtk(read_trajectory(descent(people=1, frames=1).path), tmp_path)
+    people = pyvista.read(tmp_path / "frames" / "frame_00000.vtp")
+    assert people.n_points == 0
+
+
+def test_trajectory_without_frames_is_refused(tmp_path, building):
+    header = {"groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    TrajectoryWriter(tmp_path / "empty.evac", header, np.zeros(2)).close()
+    with pytest.raises(ResultError, match="no frame to export"):
+        export_vtk(read_trajectory(tmp_path / "empty.evac"), tmp_path)
+
+
+def test_unwritable_folder_is_named(descent, tmp_path):
+    trajectory = read_trajectory(descent().path)
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ResultError, match="taken"):
+        export_vtk(trajectory, tmp_path / "taken")
