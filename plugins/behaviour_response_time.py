@@ -1,0 +1,100 @@
+"""Response time: how long people take from the alarm until they set off."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter
+from evac.people.distributions import Distribution, parse
+
+IntArray = NDArray[np.int32]
+
+
+class ResponseTime(Behaviour):
+    """Draws the time at which each person sets off; until then a person wants to stand still.
+
+    All its work is done before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
+    is ``time`` with ``per = "person"``; occupants of one room who hear and see the same often react
+    together, which is ``"place"``, and so do families and classes, ``"group"``.
+
+    Raises
+    ------
+    ScenarioError
+        `time`, or a group's ``time``, is no distribution of times of at least 0 s.
+
+    Examples
+    --------
+    >>> ResponseTime(time={"uniform": [0.0, 10.0]}, per="group").per
+    'group'
+    """
+
+    name = "response_time"
+    reads = ("position", "level", "group")
+    writes = ("start_time",)
+    group_keys = ("time",)
+
+    time: Any = Parameter(
+        {"constant": 0.0}, "distribution of the response time t_r; a group's own `time` replaces it", "s"
+    )
+    per: Any = Parameter(
+        "person",
+        "who shares one draw: each person for itself, a group of people, or everybody who starts in the same area "
+        "(outside of all areas: on the same level)",
+        choices=("person", "group", "place"),
+    )
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self._shared = parse(self.time, "behaviours.response_time.time", minimum=0.0)
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """Draw the start times."""
+        for distribution, rows in self._draws(scene):
+            _, unit = np.unique(self._units(scene, rows), return_inverse=True)
+            times = distribution.draw(scene.generator, int(unit.max()) + 1)
+            scene.crowd.start_time[rows] = times[unit]
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False if everybody sets off at once."""
+        return any(distribution.support() != (0.0, 0.0) for distribution, _ in self._draws(scene))
+
+    def acts_at_ticks(self) -> bool:
+        """Return False: it only prepares."""
+        return False
+
+    def _draws(self, scene: BehaviourScene) -> Iterator[tuple[Distribution, IntArray]]:
+        """Yield each distribution with the people who draw from it: the shared one, then those of groups."""
+        own = [group for group in scene.groups if "time" in group.settings]
+        shared = [group.rows for group in scene.groups if "time" not in group.settings and len(group.rows)]
+        if shared:
+            yield self._shared, np.concatenate(shared)
+        for group in own:
+            key = f"people.{group.name}.behaviours.response_time.time"
+            distribution = parse(group.settings["time"], key, minimum=0.0)
+            if len(group.rows):
+                yield distribution, group.rows
+
+    def _units(self, scene: BehaviourScene, rows: IntArray) -> IntArray:
+        """Return a number for each person, the same for those who share a draw."""
+        if self.per == "person":
+            return np.arange(len(rows), dtype=np.int32)
+        if self.per == "group":
+            return scene.crowd.group[rows]
+        areas = scene.building.areas
+        level = scene.crowd.level[rows]
+        x, y = scene.crowd.position[rows].T
+        place = (len(areas) + level).astype(np.int32)
+        for index, area in enumerate(areas):
+            place[shapely.contains_xy(area.polygon, x, y) & (level == area.level) & (place >= len(areas))] = index
+        return place
+
+
+@hookimpl
+def evac_behaviours() -> Sequence[type[Behaviour]]:
+    """Return the behaviour of this module."""
+    return [ResponseTime]

@@ -1,0 +1,219 @@
+"""Teacher following: a class keeps behind its teacher, and the teacher waits for its class."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.directions.sampling import sample_travel_time
+from evac.errors import ScenarioError
+from evac.hookspecs import hookimpl
+from evac.jit import kernel
+from evac.parameters import Parameter, did_you_mean
+from evac.physics.bundles import Crowd
+
+#: Somebody has made progress once its remaining travel time has changed by this much [s].
+PROGRESS = 0.5
+
+# Columns of the memory of a class.
+LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE = range(5)
+
+
+class TeacherFollowing(Behaviour):
+    """Keeps groups behind the person that their key ``teacher`` names (a group of one).
+
+    Who is ahead is judged by the remaining travel time T of the directions, which holds across doors, stairs and
+    storeys. With the lead L = T_teacher - T_member:
+
+    - a member takes its teacher's route, and sets off no earlier than its teacher: at the later of the
+      two start times;
+    - a member ahead walks at (1 - L / gap) of its speed, and stands from L = gap on;
+    - with D the greatest of -L, the teacher walks at full speed up to D = lag / 2, slower beyond, and
+      stands from D = lag on: its factor is 2 (1 - D / lag), cut to [0, 1];
+    - a teacher that has waited `patience` in vain, its last member making no progress, goes on until its class
+      has caught up (D <= lag / 2);
+    - while a teacher has wanted to walk for more than `stuck` without progress, members ahead of it go on
+      alone, each until it is behind its teacher again; once the teacher is out, all go on alone.
+
+    The last two rules keep classes that wait for each other on a stair, and pupils who stand in their
+    teacher's way, from blocking the building for good. The lag at which a class walks is a matter of its
+    size: n people in two files on a stair are about 0.3 n metres long, times what stairs slow people down.
+
+    Raises
+    ------
+    ScenarioError
+        A group names a teacher that is no group, is the group itself, or is not one person.
+    """
+
+    name = "teacher_following"
+    reads = ("position", "level", "route", "start_time")
+    writes = ("route", "speed_factor", "start_time")
+    group_keys = ("teacher",)
+
+    gap = Parameter(0.5, "lead in travel time at which a member stands and lets its teacher pass", unit="s", above=0.0)
+    lag = Parameter(5.0, "lag of the last member at which the teacher stands", unit="s", above=0.0, infinite=True)
+    patience = Parameter(10.0, "how long a teacher waits in vain", unit="s", minimum=0.0, infinite=True)
+    stuck = Parameter(10.0, "how long a teacher is hindered before its class passes", unit="s", minimum=0.0)
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """List the classes and their teachers."""
+        followers = [group for group in scene.groups if "teacher" in group.settings]
+        sizes = [len(group.rows) for group in followers]
+        fields = scene.fields
+        self._tick = scene.tick
+        self._teacher = np.array([_teacher_of(group, scene.groups) for group in followers], dtype=np.int32)
+        self._first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+        self._member = np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32)
+        self._memory = np.zeros((len(followers), 5))
+        self._goes_alone = np.zeros(len(self._member), dtype=np.uint8)
+        self._fields = (
+            fields.grid_origin,
+            fields.grid_shape,
+            fields.spacing,
+            fields.field_of,
+            fields.field_offset,
+            fields.travel_time,
+        )
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Set everybody's speed factor, and the members' routes and start times."""
+        follow(
+            crowd.position,
+            crowd.level,
+            crowd.route,
+            crowd.start_time,
+            crowd.speed_factor,
+            *self._fields,
+            self._teacher,
+            self._first,
+            self._member,
+            self._memory,
+            self._goes_alone,
+            time,
+            self._tick,
+            self.gap,
+            self.lag,
+            self.patience,
+            self.stuck,
+        )
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False if no group has a teacher."""
+        return any("teacher" in group.settings for group in scene.groups)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the memory of the classes and who goes alone."""
+        return {"memory": self._memory.copy(), "goes_alone": self._goes_alone.copy()}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Take up what `state` returned."""
+        self._memory[:] = state["memory"]
+        self._goes_alone[:] = state["goes_alone"]
+
+
+def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
+    """Return the row of the person whom `group` follows."""
+    key = f"people.{group.name}.behaviours.teacher_following.teacher"
+    wanted = group.settings["teacher"]
+    names = {other.name: other for other in groups if other.name != group.name}
+    if wanted not in names:
+        raise ScenarioError(f"{key}: no other group is named {wanted!r}; {did_you_mean(str(wanted), list(names))}")
+    rows = names[wanted].rows
+    if len(rows) != 1:
+        raise ScenarioError(f"{key}: a teacher is one person, but group {wanted!r} has {len(rows)}; set its number = 1")
+    return int(rows[0])
+
+
+@kernel
+def follow(  # type: ignore[no-untyped-def]
+    position,
+    level,
+    route,
+    start_time,
+    speed_factor,
+    grid_origin,
+    grid_shape,
+    spacing,
+    field_of,
+    field_offset,
+    travel_time,
+    teacher,
+    first,
+    member,
+    memory,
+    goes_alone,
+    time,
+    tick,
+    gap,
+    lag,
+    patience,
+    stuck,
+):
+    """Apply the rules of `TeacherFollowing` to every class whose teacher is inside."""
+    for g in range(teacher.shape[0]):
+        t = teacher[g]
+        if level[t] < 0:
+            continue
+        own = sample_travel_time(
+            position[t, 0], position[t, 1], level[t], route[t],
+            grid_origin, grid_shape, spacing, field_of, field_offset, travel_time,
+        )  # fmt: skip
+        last = own
+        for k in range(first[g], first[g + 1]):
+            m = member[k]
+            if level[m] < 0:
+                continue
+            if field_of[level[m], route[t]] >= 0:
+                route[m] = route[t]
+            if time <= start_time[m] < start_time[t]:
+                start_time[m] = start_time[t]
+            remaining = sample_travel_time(
+                position[m, 0], position[m, 1], level[m], route[m],
+                grid_origin, grid_shape, spacing, field_of, field_offset, travel_time,
+            )  # fmt: skip
+            lead = own - remaining
+            if not np.isfinite(lead):
+                continue
+            last = max(last, remaining)
+            if lead <= 0.0:
+                goes_alone[k] = 0
+            elif memory[g, HINDERED] > stuck:
+                goes_alone[k] = 1
+            if not goes_alone[k]:
+                speed_factor[m] *= min(max(1.0 - lead / gap, 0.0), 1.0)
+        if time >= start_time[t] and np.isfinite(own):
+            pace = lead_on(memory[g], last, last - own, lag, patience, tick)
+            speed_factor[t] *= pace
+            count_vain(memory[g], TEACHER_TRAVEL_TIME, HINDERED, own, pace * tick)
+
+
+@kernel
+def lead_on(memory, last, behind, lag, patience, tick):  # type: ignore[no-untyped-def]
+    """Return the speed factor of a teacher whose last member is `behind` [s], and remember how long it waited."""
+    pace = min(max(2.0 * (1.0 - behind / lag), 0.0), 1.0)
+    if pace == 1.0:
+        memory[WAITS_NO_MORE] = 0.0
+    count_vain(memory, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)
+    if memory[WAITED] > patience:
+        memory[WAITS_NO_MORE] = 1.0
+    if memory[WAITS_NO_MORE] == 1.0:
+        return 1.0
+    return pace
+
+
+@kernel
+def count_vain(memory, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
+    """Add the time `spent` [s] to column `vain`, or start anew if the travel time in column `seen` has changed."""
+    if abs(remaining - memory[seen]) > PROGRESS:
+        memory[seen] = remaining
+        memory[vain] = 0.0
+    else:
+        memory[vain] += spent
+
+
+@hookimpl
+def evac_behaviours() -> Sequence[type[Behaviour]]:
+    """Return the behaviour of this module."""
+    return [TeacherFollowing]

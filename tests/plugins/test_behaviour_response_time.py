@@ -1,0 +1,92 @@
+"""Response times: who draws with whom, from what, and what is refused."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from evac_plugins.behaviour_response_time import ResponseTime
+from shapely import box
+
+from evac.behaviour import BehaviourScene
+from evac.building.model import Area
+from evac.errors import PluginError, ScenarioError
+
+UNIFORM = {"uniform": [0.0, 10.0]}
+
+
+def scene(*groups, positions=None, seed=1):
+    """Return a scene of groups, given as (name, number, settings), in two rooms side by side on level 0."""
+    made, count = [], 0
+    for name, number, settings in groups:
+        rows = np.arange(count, count + number, dtype=np.int32)
+        made.append(SimpleNamespace(name=name, rows=rows, settings=settings))
+        count += number
+    crowd = SimpleNamespace(
+        position=np.zeros((count, 2)) if positions is None else np.array(positions, dtype=np.float64),
+        level=np.zeros(count, dtype=np.int32),
+        group=np.repeat(np.arange(len(groups), dtype=np.int32), [number for _, number, _ in groups]),
+        start_time=np.zeros(count),
+    )
+    areas = (Area("left", 0, box(0, 0, 4, 4)), Area("right", 0, box(4, 0, 8, 4)), Area("above", 1, box(0, 0, 20, 4)))
+    return BehaviourScene(
+        crowd, SimpleNamespace(areas=areas), SimpleNamespace(), tuple(made), np.random.default_rng(seed), 0.1
+    )
+
+
+def start_times(behaviour, of):
+    behaviour.prepare(of)
+    return of.crowd.start_time
+
+
+def test_each_person_draws_from_the_distribution():
+    times = np.sort(start_times(ResponseTime(time=UNIFORM), scene(("all", 2000, {}))))
+    expected = (np.arange(2000) + 0.5) / 200
+    assert np.abs(times - expected).max() < 10 * 1.95 / np.sqrt(2000)  # Kolmogorov-Smirnov, 0.1 %
+
+
+def test_a_group_draws_once():
+    times = start_times(ResponseTime(time=UNIFORM, per="group"), scene(("a", 5, {}), ("b", 7, {})))
+    assert len(set(times[:5])) == len(set(times[5:])) == 1
+    assert times[0] != times[5]
+
+
+def test_a_place_draws_once_and_a_level_is_the_place_outside_of_areas():
+    positions = [[1, 1], [2, 3], [5, 1], [7, 2], [12, 1], [15, 2]]
+    times = start_times(ResponseTime(time=UNIFORM, per="place"), scene(("a", 3, {}), ("b", 3, {}), positions=positions))
+    left, right, outside = times[:2], times[2:4], times[4:]
+    assert [len(set(place)) for place in (left, right, outside)] == [1, 1, 1]
+    assert len({left[0], right[0], outside[0]}) == 3
+
+
+def test_a_groups_own_time_replaces_the_shared_one():
+    own = {"time": {"list": [1.0, 2.0, 3.0]}}
+    times = start_times(ResponseTime(time=20.0), scene(("a", 3, own), ("b", 2, {}), ("c", 1, {"time": 0})))
+    assert times.tolist() == [1.0, 2.0, 3.0, 20.0, 20.0, 0.0]
+
+
+def test_the_same_generator_gives_the_same_times():
+    def draw():
+        return start_times(ResponseTime(time=UNIFORM), scene(("a", 30, {}), seed=5))
+
+    assert np.array_equal(draw(), draw())
+
+
+def test_left_out_exactly_if_everybody_sets_off_at_once():
+    assert not ResponseTime().is_needed(scene(("a", 3, {})))
+    assert ResponseTime().is_needed(scene(("a", 3, {"time": 2.0})))
+    assert ResponseTime(time=UNIFORM).is_needed(scene(("a", 3, {})))
+    assert not ResponseTime(time=UNIFORM).is_needed(scene(("a", 3, {"time": 0.0})))
+    assert not ResponseTime().acts_at_ticks()
+
+
+@pytest.mark.parametrize("time", [-1.0, {"uniform": [-1.0, 5.0]}, {"normal": [5.0, 1.0]}, "soon"])
+def test_refuses_times_before_the_alarm(time):
+    with pytest.raises(ScenarioError, match=r"behaviours\.response_time\.time"):
+        ResponseTime(time=time)
+    with pytest.raises(ScenarioError, match=r"people\.pupils\.behaviours\.response_time\.time"):
+        ResponseTime().prepare(scene(("pupils", 2, {"time": time})))
+
+
+def test_refuses_an_unknown_share():
+    with pytest.raises(PluginError, match="did you mean 'person'"):
+        ResponseTime(per="persons")

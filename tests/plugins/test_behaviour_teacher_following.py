@@ -1,0 +1,237 @@
+"""Teacher following in a straight corridor, where the remaining travel time is the distance to its end."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from evac_plugins.behaviour_teacher_following import TeacherFollowing
+
+from evac.behaviour import BehaviourScene
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.errors import ScenarioError
+
+LENGTH = 100.0
+TICK = 0.1
+
+
+def corridor_fields():
+    """Return the fields of a corridor: route 0 ends at x = LENGTH, route 1 at x = 0, route 2 nowhere."""
+    x = np.repeat(np.arange(LENGTH + 1.0), 5)
+    return Fields(
+        routes=(Route(("east",)), Route(("west",)), Route(("none",))),
+        grid_origin=np.zeros((1, 2)),
+        grid_shape=np.array([[len(x) // 5, 5]], dtype=np.int32),
+        spacing=1.0,
+        field_of=np.array([[0, 1, -1]], dtype=np.int32),
+        field_offset=np.array([0, len(x)], dtype=np.int64),
+        direction=np.zeros((2 * len(x), 2)),
+        travel_time=np.concatenate([LENGTH - x, x]),
+        graph=None,
+    )
+
+
+class Corridor:
+    """People who walk to the right without touching: each with a place and a speed, in groups."""
+
+    def __init__(self, *groups, start_time=0.0, **parameters):
+        """Take groups as (name, [x ...], [speed ...], settings)."""
+        self.x = np.concatenate([np.asarray(x, dtype=float) for _, x, _, _ in groups])
+        self.speed = np.concatenate([np.asarray(speed, dtype=float) for _, _, speed, _ in groups])
+        n = len(self.x)
+        ends = np.cumsum([len(x) for _, x, _, _ in groups])
+        self.groups = tuple(
+            SimpleNamespace(name=name, rows=np.arange(end - len(x), end, dtype=np.int32), settings=settings)
+            for (name, x, _, settings), end in zip(groups, ends, strict=True)
+        )
+        self.crowd = SimpleNamespace(
+            position=np.column_stack([self.x, np.full(n, 2.0)]),
+            level=np.zeros(n, dtype=np.int32),
+            route=np.zeros(n, dtype=np.int32),
+            start_time=np.broadcast_to(np.asarray(start_time, dtype=float), (n,)).copy(),
+            speed_factor=np.ones(n),
+        )
+        self.blocked = np.zeros(n, dtype=bool)
+        self.out = np.full(n, np.nan)
+        self.behaviour = TeacherFollowing(**parameters)
+        self.scene = BehaviourScene(
+            self.crowd, SimpleNamespace(), corridor_fields(), self.groups, np.random.default_rng(1), TICK
+        )
+        self.step = 0
+        self.behaviour.prepare(self.scene)
+
+    def tick(self):
+        """Let everybody decide, then walk for one tick."""
+        crowd, time = self.crowd, self.step * TICK
+        crowd.speed_factor[:] = 1.0
+        self.behaviour.act(crowd, time)
+        walks = (crowd.level >= 0) & ~self.blocked & (time >= crowd.start_time)
+        self.x += np.where(walks, self.speed * crowd.speed_factor * TICK, 0.0)
+        crowd.position[:, 0] = self.x
+        self.step += 1
+        self.out[(self.x >= LENGTH) & (crowd.level >= 0)] = self.step * TICK
+        crowd.level[self.x >= LENGTH] = -1
+
+    def run(self, seconds):
+        for _ in range(round(seconds / TICK)):
+            self.tick()
+
+
+FOLLOWS = {"teacher": "teacher"}
+
+
+def test_a_slow_teacher_keeps_its_class_behind():
+    class_ = Corridor(("teacher", [10.0], [0.8], {}), ("class", np.linspace(8, 9.9, 22), [1.6] * 22, FOLLOWS))
+    leads = []
+    while class_.crowd.level[0] >= 0:
+        class_.tick()
+        leads.append(class_.x[1:].max() - class_.x[0])
+    assert max(leads) <= 0.5
+    assert class_.out[0] == pytest.approx(90 / 0.8, abs=2 * TICK)
+    class_.run(20)
+    assert np.isfinite(class_.out).all()
+
+
+def test_without_a_teacher_the_same_pupils_run_ahead():
+    class_ = Corridor(("teacher", [10.0], [0.8], {}), ("class", np.linspace(1, 9, 22), [1.6] * 22, {}))
+    class_.run(20)
+    assert np.mean(class_.x[1:] - class_.x[0]) > 1.0
+    assert not class_.behaviour.is_needed(class_.scene)
+
+
+def test_factor_falls_linearly_to_nought_at_the_gap():
+    class_ = Corridor(
+        ("teacher", [10.0], [1.0], {}), ("class", [9.0, 10.0, 10.2, 10.4, 11.0], [1.0] * 5, FOLLOWS), gap=0.5
+    )
+    class_.behaviour.act(class_.crowd, 0.0)
+    assert class_.crowd.speed_factor[1:] == pytest.approx([1.0, 1.0, 0.6, 0.2, 0.0])
+
+
+@pytest.mark.parametrize(("behind", "factor"), [(0.0, 1.0), (4.0, 1.0), (6.0, 0.5), (8.0, 0.0), (9.0, 0.0)])
+def test_teacher_slows_for_its_last_member(behind, factor):
+    class_ = Corridor(("teacher", [20.0], [1.0], {}), ("class", [20.0 - behind, 20.0], [1.0] * 2, FOLLOWS), lag=8.0)
+    class_.behaviour.act(class_.crowd, 0.0)
+    assert class_.crowd.speed_factor[0] == pytest.approx(factor)
+
+
+def test_multiplies_what_others_have_set():
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [10.25], [1.0], FOLLOWS))
+    class_.crowd.speed_factor[:] = 0.5
+    class_.behaviour.act(class_.crowd, 0.0)
+    assert class_.crowd.speed_factor.tolist() == pytest.approx([0.5, 0.25])
+
+
+def test_nist_2_9_a_group_with_a_slow_member_arrives_together():
+    """NIST TN 1822, 2.9: four people at 1.25 m/s and one at 0.5 m/s arrive within 10 s of each other."""
+    for teacher, others in ((1.25, [1.25, 1.25, 1.25, 0.5]), (0.5, [1.25] * 4)):
+        group = Corridor(
+            ("leader", [5.0], [teacher], {}), ("rest", [1.0, 2.0, 3.0, 4.0], others, {"teacher": "leader"})
+        )
+        group.run(250)
+        assert np.ptp(group.out) <= 10.0
+
+
+def test_members_set_off_no_earlier_than_their_teacher():
+    class_ = Corridor(
+        ("teacher", [10.0], [1.0], {}), ("class", [5.0, 6.0], [1.0] * 2, FOLLOWS), start_time=[4.0, 1.0, 7.0]
+    )
+    class_.tick()
+    assert class_.crowd.start_time.tolist() == [4.0, 4.0, 7.0]
+
+
+def test_members_take_their_teachers_route_where_there_is_one():
+    class_ = Corridor(("teacher", [50.0], [1.0], {}), ("class", [45.0], [1.0], FOLLOWS), ("others", [1.0], [1.0], {}))
+    class_.crowd.route[0] = 1
+    class_.tick()
+    assert class_.crowd.route.tolist() == [1, 1, 0]
+    class_.crowd.route[0] = 2
+    class_.tick()
+    assert class_.crowd.route[1] == 1
+
+
+def test_a_blocked_teacher_releases_its_class():
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", np.linspace(2, 9, 8), [1.2] * 8, FOLLOWS), stuck=10.0)
+    class_.blocked[0] = True
+    class_.run(10.0)
+    assert class_.x[1:].max() - class_.x[0] <= 0.5
+    class_.run(100.0)
+    assert np.isfinite(class_.out[1:]).all()
+
+
+def test_a_member_that_went_ahead_follows_again_once_it_is_behind():
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.9], [1.2], FOLLOWS), stuck=5.0, lag=50.0)
+    class_.blocked[0] = True
+    class_.run(10.0)
+    ahead = class_.x[1] - class_.x[0]
+    assert ahead > 2.0
+    class_.blocked[:] = [False, True]
+    class_.run(ahead + 2.0)
+    assert class_.x[0] > class_.x[1]
+    class_.blocked[1] = False
+    class_.run(30.0)
+    assert class_.x[1] - class_.x[0] <= 0.5
+
+
+def test_a_teacher_that_waits_in_vain_goes_on():
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.0, 1.0], [1.0] * 2, FOLLOWS), patience=10.0)
+    class_.blocked[2] = True
+    class_.run(9.0)
+    assert class_.x[0] == 10.0
+    class_.run(100.0)
+    assert np.isfinite(class_.out[:2]).all()
+
+
+def test_a_teacher_waits_as_long_as_its_last_member_gets_nearer():
+    class_ = Corridor(("teacher", [60.0], [1.0], {}), ("class", [10.0], [0.5], FOLLOWS), patience=10.0, lag=5.0)
+    class_.run(80.0)
+    assert class_.x[0] == 60.0
+    class_.run(30.0)
+    assert class_.x[0] > 60.0
+
+
+def test_two_classes_in_each_others_way_get_out():
+    """Single file: the pupils of each class stand before the other's teacher, and nobody can pass."""
+    order = ("class_b", 12.0), ("class_a", 11.0), ("teacher_b", 10.0), ("teacher_a", 9.0)
+    follows = {"class_a": {"teacher": "teacher_a"}, "class_b": {"teacher": "teacher_b"}}
+    queue = Corridor(*((name, [x], [1.5], follows.get(name, {})) for name, x in order))
+    for _ in range(round(200 / TICK)):
+        before = queue.x.copy()
+        queue.tick()
+        for i in range(1, 4):
+            if queue.crowd.level[i - 1] >= 0:
+                queue.x[i] = max(before[i], min(queue.x[i], queue.x[i - 1] - 0.5))
+        queue.crowd.position[:, 0] = queue.x
+    assert np.isfinite(queue.out).all()
+
+
+def test_goes_on_from_its_state_to_the_same_bits():
+    def corridor():
+        return Corridor(
+            ("teacher", [10.0], [1.0], {}), ("class", [9.0, 1.0, 10.2], [1.3, 0.7, 1.5], FOLLOWS), stuck=2.0
+        )
+
+    whole, first = corridor(), corridor()
+    for run in (whole, first):
+        run.blocked[0] = True
+        run.run(3.0)
+    second = corridor()
+    second.behaviour.restore(first.behaviour.state())
+    for run in (whole, second):
+        run.crowd.position[:, 0] = first.x
+        run.x[:] = first.x
+        run.step, run.blocked[:] = 30, False
+        run.run(20.0)
+    assert np.array_equal(whole.x, second.x)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [("techer", "did you mean 'teacher'"), ("class", "no other group"), ("staff", "has 2; set its number = 1")],
+)
+def test_refuses_a_teacher_that_is_none(wanted, message):
+    with pytest.raises(ScenarioError, match=message):
+        Corridor(
+            ("teacher", [1.0], [1.0], {}),
+            ("staff", [1.0, 2.0], [1.0] * 2, {}),
+            ("class", [0.0], [1.0], {"teacher": wanted}),
+        )
