@@ -2,7 +2,7 @@
 
 numba's own cache looks only at the file of the function that is called, so a plugin's cached loop
 does not notice an edit in a core kernel it calls. The cache folder is therefore named by a digest
-of every source that can be part of a kernel and of the flags that change its machine code.
+of every source that holds kernels or the bundles they take, and of the flags that change its machine code.
 """
 
 import hashlib
@@ -38,11 +38,13 @@ def cache_root() -> Path:
 
 
 def _digest(folder: Path) -> str:
-    """Digest of the core's sources, the sources in `folder`, numba's version and its flags."""
+    """Digest of the sources of kernels and bundles in the core and in `folder`, numba's version and flags."""
     if folder not in _digests:
         digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
         for source in [*sorted(_CORE.rglob("*.py")), *sorted(folder.glob("*.py"))]:
-            digest.update(source.read_bytes())
+            text = source.read_bytes()
+            if b"evac.jit" in text or b"NamedTuple" in text:
+                digest.update(text)
         _digests[folder] = digest.hexdigest()[:16]
     return _digests[folder]
 

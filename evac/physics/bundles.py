@@ -1,12 +1,13 @@
 """The arrays that kernels work on, bundled by owner. float64, int32, uint8; contiguous; checked at the border."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
+LongArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 
@@ -57,8 +58,12 @@ class World(NamedTuple):
     wall: FloatArray  # (w, 4)
     wall_level: IntArray  # (w,)
     wall_open: ByteArray  # (w,) 1: not there
-    link_segment: FloatArray  # (s, 4)
-    link_level: IntArray  # (s,) level it is seen from
+    bucket_wall: IntArray  # walls near each bucket of the plan, in rising order
+    bucket_start: IntArray  # (buckets + 1,) first of a bucket in bucket_wall
+    bucket_shape: IntArray  # (2,) buckets along x and y
+    bucket_frame: FloatArray  # (4,) origin x, y, size of a bucket, reach that bucket_wall covers [m]
+    link_segment: FloatArray  # (s, 4) sorted by level
+    link_start: IntArray  # (levels + 1,) first segment of a level
     link_to: IntArray  # (s,) level behind it, -1 outside
     link_id: IntArray  # (s,)
     link_open: ByteArray  # (portals + exits,) 0: closed, acts as a wall
@@ -69,6 +74,136 @@ class World(NamedTuple):
     grid_shape: IntArray  # (levels, 2) nodes along x and y
     grid_spacing: float  # [m]
     field_of: IntArray  # (levels, routes) row of field_offset, -1: no way out from here
-    field_offset: NDArray[np.int64]  # (fields,) first node in the packed arrays; node (ix, iy) at + ix * ny + iy
+    field_offset: LongArray  # (fields,) first node in the packed arrays; node (ix, iy) at + ix * ny + iy
     direction: FloatArray  # (nodes, 2) unit vectors
     travel_time: FloatArray  # (nodes,) [s]
+
+
+class Bodies(NamedTuple):
+    """The people still inside, sorted by travel time (row breaking ties) at the start of a tick.
+
+    A body keeps its place until the next tick, so sums and sweeps run in an order that depends on the
+    people alone; level -1 marks one that left on the way.
+    """
+
+    count: IntArray  # (2,) bodies, and the body that the last failure is about
+    row: IntArray  # row in Crowd
+    position: FloatArray
+    velocity: FloatArray
+    free: FloatArray  # velocity after the step if nobody touched
+    solved: FloatArray  # velocity after the step
+    spare: FloatArray  # scratch of position corrections and force reports
+    push: FloatArray  # forces at a distance [N]
+    desired: FloatArray  # unit desired direction
+    level: IntArray
+    radius: FloatArray
+    mass: FloatArray
+    inverse_mass: FloatArray
+    tau: FloatArray
+    speed: FloatArray  # (n, 3)
+    start_time: FloatArray
+    route: IntArray
+    speed_factor: FloatArray
+    extra_direction: FloatArray
+    distance: FloatArray
+    contact_force: FloatArray
+    old_position: FloatArray
+    old_velocity: FloatArray
+    old_level: IntArray
+    old_distance: FloatArray
+    built_position: FloatArray  # where the neighbour lists were built
+    wall_distance: FloatArray  # of the centre to the nearest acting wall in reach [m]
+    reach: FloatArray  # how far a contact is looked for beyond the body [m]
+    near_link: ByteArray  # 1: a portal or exit may be crossed before the lists are rebuilt
+
+
+class Lists(NamedTuple):
+    """Neighbour lists: for each body its walls in reach, and the bodies after it in reach, rising."""
+
+    pair_start: IntArray
+    pair_body: IntArray
+    wall_start: IntArray
+    wall_item: IntArray
+    cell_start: IntArray
+    cell_body: IntArray
+    cell_of: IntArray
+    stale: ByteArray  # (1,)
+    span: FloatArray  # (2,) reach beyond touching that the lists cover, skin [m]
+
+
+class Contacts(NamedTuple):
+    """The contacts of one step, sorted by body, walls before bodies; the normal points to `body`."""
+
+    count: IntArray  # (2,) contacts now, contacts in the warm-start memory
+    body: IntArray
+    other: IntArray  # -1: a wall
+    key: IntArray  # other body, or wall - number of walls
+    normal: FloatArray  # (c, 2)
+    gap: FloatArray
+    omega: FloatArray  # 1/m_i + 1/m_j
+    bias: FloatArray  # w+ + bias >= 0 is asked for [m/s]
+    approach: FloatArray  # normal velocity before the step, w-
+    impulse: FloatArray  # normal percussion P [N s]
+    friction: FloatArray  # tangential percussion [N s]
+    sticky: ByteArray  # 1: the tangential law acts
+    old_body: IntArray
+    old_key: IntArray
+    old_impulse: FloatArray
+    work: FloatArray  # (c, 6) of the solvers
+    work_velocity: FloatArray  # (n, 4) of the solvers
+    near: FloatArray  # (walls at one body, 6) of the wall search
+
+
+class Events(NamedTuple):
+    """Crossings of the current tick, in order."""
+
+    count: IntArray  # (1,)
+    row: IntArray
+    kind: IntArray  # 0 portal, 1 exit
+    link: IntArray
+    time: FloatArray
+
+
+class Clock(NamedTuple):
+    """Which steps to make, and how."""
+
+    first: int  # index of the first step
+    last: int  # one past the last
+    step: float  # h [s]
+    explicit: bool  # drive by explicit Euler (the paper's) instead of the exponential update
+    report_force: bool  # contact forces are wanted at the last step
+    forces: int  # number of forces at a distance
+    cutoff: float  # gap beyond which they are left out [m]
+    full: bool  # do even what the scene does not need
+
+
+#: What one run adds up; index of each number in the tally array.
+TALLY = (
+    "steps",
+    "sub_steps",
+    "list_builds",
+    "contacts",
+    "greatest_overlap",
+    "overlap_sum",
+    "overlaps",
+    "solves",
+    "iterations",
+    "greatest_residual",
+    "unconverged_steps",
+    "retried_solves",
+    "position_corrections",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "wall_crossings_prevented",
+    "too_fast_steps",
+    "greatest_speed",
+    "elastic_fallbacks",
+)
+
+
+class Forces(NamedTuple):
+    """Pair forces as kernels call them; padded to a fixed length, so that one compiled loop serves all scenes."""
+
+    pair: Any  # tuple of first-class functions
+    parameters: Any  # tuple of float64 arrays

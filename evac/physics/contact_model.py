@@ -1,0 +1,183 @@
+"""Contact models own the sub-step: the base class of contact plugins."""
+
+from abc import ABC
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.errors import PluginError
+from evac.parameters import Configurable, Parameter
+from evac.physics import stepping
+from evac.physics.bundles import Clock
+from evac.physics.solvers import SOLVERS
+
+if TYPE_CHECKING:
+    from evac.physics.engine import Engine
+
+FloatArray = NDArray[np.float64]
+
+
+class StepContacts(NamedTuple):
+    """The contacts of one sub-step, as a contact model written in numpy sees them.
+
+    Attributes
+    ----------
+    body : (c,) int32
+        The body the normal points to.
+    other : (c,) int32
+        The body on the other side, -1 for a wall.
+    normal : (c, 2)
+        Unit vectors towards `body`.
+    gap : (c,) [m]
+        Distance between the surfaces, negative where they overlap.
+    velocity : (n, 2) [m/s]
+        Before the step.
+    free : (n, 2) [m/s]
+        After the step if nobody touched.
+    mass, radius : (n,) [kg], [m]
+    impulse : (c,) [N s]
+        To be filled with the normal percussions, for energy and contact forces.
+    """
+
+    body: NDArray[np.int32]
+    other: NDArray[np.int32]
+    normal: FloatArray
+    gap: FloatArray
+    velocity: FloatArray
+    free: FloatArray
+    mass: FloatArray
+    radius: FloatArray
+    impulse: FloatArray
+
+
+class BorderScene(NamedTuple):
+    """What a contact model checks its step against before a run.
+
+    Attributes
+    ----------
+    step : float [s]
+    explicit : bool
+        Whether the drive is explicit Euler.
+    radius, mass, tau : (n,) [m], [kg], [s]
+    speed : float
+        Greatest desired speed [m/s].
+    """
+
+    step: float
+    explicit: bool
+    radius: FloatArray
+    mass: FloatArray
+    tau: FloatArray
+    speed: float
+
+
+class ContactModel(Configurable, ABC):
+    """A law of contact. Either define `step` in numpy, or override `run` with a compiled loop.
+
+    Attributes
+    ----------
+    midpoint : bool
+        Whether bodies move by the mean of old and new velocity (as NSM2) or by the new one.
+    overdamped : bool
+        Whether the free velocity is the desired one, without inertia.
+    """
+
+    midpoint: bool = False
+    overdamped: bool = False
+
+    #: How far beyond touching contacts are looked for: this share of both bodies' free paths in a step.
+    reach_share: ClassVar[float] = 0.0
+
+    def check_scene(self, scene: BorderScene) -> None:
+        """Refuse a scene that the model cannot step through, with a ScenarioError naming what to change."""
+
+    def step(self, contacts: StepContacts, h: float) -> FloatArray:
+        """Return the velocities (n, 2) after a sub-step of `h` seconds and fill ``contacts.impulse``.
+
+        Raises
+        ------
+        PluginError
+            If the model defines neither this nor `run`.
+        """
+        raise PluginError(f"contact model {self.name!r} defines neither step(contacts, h) nor run(engine, clock)")
+
+    def run(self, engine: "Engine", clock: Clock) -> tuple[int, int]:
+        """Make the steps of `clock`; return (next step, status), status 0 when all were made.
+
+        This one calls `step` from Python, with the same kernels around it as compiled models.
+        """
+        for step in range(clock.first, clock.last):
+            stepping.save(engine.bodies)
+            fired = stepping.begin_step(engine.events, engine.tally)
+            parts = 1
+            while parts:
+                status = self._parts(engine, clock, step, parts)
+                if status == 0:
+                    break
+                stepping.undo(engine.bodies, engine.lists, engine.contacts, engine.events, engine.tally, fired)
+                parts = stepping.more_parts(status, parts, engine.tally)
+                if not parts:
+                    return step, status
+        return clock.last, 0
+
+    def _parts(self, engine: "Engine", clock: Clock, step: int, parts: int) -> int:
+        world, bodies, lists, contacts = engine.world, engine.bodies, engine.lists, engine.contacts
+        h = clock.step / parts
+        for part in range(parts):
+            time = step * clock.step + part * h
+            status, fastest = stepping.free_motion(
+                world, bodies, lists, engine.forces, clock, engine.tally, time, h, self.overdamped
+            )
+            if status == 0 and stepping.is_too_fast(bodies, h, 0.5 * bodies.radius[: bodies.count[0]].min()):
+                status = stepping.TOO_FAST
+            if status == 0:
+                status = stepping.meet(
+                    world, bodies, lists, contacts, engine.tally, h, self.reach_share, 0.0, fastest
+                )
+            if status:
+                return int(status)
+            self._call_step(engine, h)
+            stepping.report_force(bodies, contacts, clock, step, part, parts, 1.0 / h)
+            stepping.tally_contacts(contacts, engine.tally)
+            status = stepping.finish(
+                world, bodies, lists, contacts, engine.events, clock, engine.tally, time, h, self.midpoint
+            )
+            if status:
+                return int(status)
+        return 0
+
+    def _call_step(self, engine: "Engine", h: float) -> None:
+        bodies, contacts = engine.bodies, engine.contacts
+        n, c = int(bodies.count[0]), int(contacts.count[0])
+        contacts.impulse[:c] = 0.0
+        bodies.solved[:n] = self.step(
+            StepContacts(
+                contacts.body[:c],
+                contacts.other[:c],
+                contacts.normal[:c],
+                contacts.gap[:c],
+                bodies.velocity[:n],
+                bodies.free[:n],
+                bodies.mass[:n],
+                bodies.radius[:n],
+                contacts.impulse[:c],
+            ),
+            h,
+        )
+
+
+class SolvedContactModel(ContactModel):
+    """A contact model that solves a contact problem in every step: NSM1 and NSM2 share these parameters."""
+
+    solver = Parameter("accelerated", "method of the contact problem", choices=SOLVERS)
+    velocity_tolerance = Parameter(1e-3, "greatest residual of the contact problem", unit="m/s", above=0.0)
+    iterations = Parameter(2000, "iterations after which a solve is counted as unconverged", minimum=1)
+
+    def method(self) -> int:
+        """Return the code of the solver."""
+        return SOLVERS.index(self.solver)
+
+    def settings(self) -> tuple[Any, ...]:
+        """Return the solver's settings as the compiled loop reads them: method, tolerance, limit."""
+        return self.method(), self.velocity_tolerance, self.iterations

@@ -1,0 +1,261 @@
+"""The contacts of a step: gaps and normals of bodies in reach, walls pruned, warm start carried over.
+
+A disc against a segment; one constraint per segment. A segment is dropped where a nearer one implies
+it, because keeping it throws people sideways at wall joints.
+"""
+
+import math
+
+from evac.jit import kernel
+from evac.physics.drive import unit_normal
+from evac.physics.neighbours import segment_distance
+from evac.physics.seams import reaches
+
+CONTACTS_FULL = 3
+NEAR_WALLS_FULL = 4
+
+#: Bodies closer than this touch: what rounding leaves of a gap of zero [m].
+TOUCHING = 1e-12
+
+#: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
+IMPLIED = 1e-9
+
+
+@kernel
+def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
+    """Set how far beyond touching each body looks: `share` of its free path in the step, at least `floor` [m]."""
+    for i in range(bodies.count[0]):
+        if bodies.level[i] >= 0:
+            speed = math.sqrt(bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2)
+            bodies.reach[i] = max(share * h * speed, floor)
+
+
+@kernel
+def wall_acts(world, level, x, y, w, px, py):  # type: ignore[no-untyped-def]
+    """Say whether wall `w` with nearest point p acts on a body at (x, y)."""
+    if world.wall_open[w]:
+        return False
+    return reaches(world, level, x, y, world.wall_level[w], px, py)
+
+
+@kernel
+def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
+    """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
+
+    Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
+    """
+    found = 0
+    level = bodies.level[i]
+    x, y = bodies.position[i, 0], bodies.position[i, 1]
+    limit = bodies.radius[i] + bodies.reach[i]
+    nearest = 1e300
+    for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
+        w = lists.wall_item[slot]
+        distance, px, py = segment_distance(
+            world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3], x, y
+        )
+        if distance >= nearest and distance > limit:
+            continue
+        if not wall_acts(world, level, x, y, w, px, py):
+            continue
+        nearest = min(nearest, distance)
+        if distance > limit:
+            continue
+        if found == near.shape[0]:
+            return -1
+        place = found
+        while place > 0 and near[place - 1, 0] > distance:
+            for k in range(6):
+                near[place, k] = near[place - 1, k]
+            place -= 1
+        nx, ny = _wall_normal(world, bodies, i, w, x - px, y - py, distance)
+        near[place, 0] = distance
+        near[place, 1] = nx
+        near[place, 2] = ny
+        near[place, 3] = w
+        near[place, 4] = px
+        near[place, 5] = py
+        found += 1
+    bodies.wall_distance[i] = nearest
+    return found
+
+
+@kernel
+def _wall_normal(world, bodies, i, w, dx, dy, distance):  # type: ignore[no-untyped-def]
+    """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
+    if distance > 0.0:
+        return dx / distance, dy / distance
+    nx = world.wall[w, 1] - world.wall[w, 3]
+    ny = world.wall[w, 2] - world.wall[w, 0]
+    length = math.sqrt(nx * nx + ny * ny)
+    if nx * bodies.velocity[i, 0] + ny * bodies.velocity[i, 1] > 0.0:
+        return -nx / length, -ny / length
+    return nx / length, ny / length
+
+
+@kernel
+def _is_implied(world, near, k, kept):  # type: ignore[no-untyped-def]
+    """Say whether wall k of `near` lies wholly behind the tangent of a nearer kept one."""
+    w = int(near[k, 3])
+    for q in range(k):
+        if not kept & (1 << q):
+            continue
+        first = near[q, 1] * (world.wall[w, 0] - near[q, 4]) + near[q, 2] * (world.wall[w, 1] - near[q, 5])
+        second = near[q, 1] * (world.wall[w, 2] - near[q, 4]) + near[q, 2] * (world.wall[w, 3] - near[q, 5])
+        if first <= IMPLIED and second <= IMPLIED:
+            return True
+    return False
+
+
+@kernel
+def _carry_over(contacts, c, memory):  # type: ignore[no-untyped-def]
+    """Start contact c from its percussion in the last step; `memory` walks along both sorted lists."""
+    body, key = contacts.body[c], contacts.key[c]
+    held = contacts.count[1]
+    while memory < held and (
+        contacts.old_body[memory] < body or (contacts.old_body[memory] == body and contacts.old_key[memory] < key)
+    ):
+        memory += 1
+    if memory < held and contacts.old_body[memory] == body and contacts.old_key[memory] == key:
+        contacts.impulse[c] = contacts.old_impulse[memory]
+    else:
+        contacts.impulse[c] = 0.0
+    return memory
+
+
+@kernel
+def _sort_walls_by_key(near, kept, found):  # type: ignore[no-untyped-def]
+    """Return the kept wall of `near` that comes first by wall number; the caller clears its bit."""
+    best = -1
+    for q in range(found):
+        if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
+            best = q
+    return best
+
+
+@kernel
+def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-def]
+    """Fill `contacts` with every pair and wall whose gap is below the reach; return 0 or a full status.
+
+    A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
+    """
+    capacity = contacts.body.shape[0]
+    walls = world.wall.shape[0]
+    near = contacts.near
+    used = 0
+    memory = 0
+    for i in range(bodies.count[0]):
+        level = bodies.level[i]
+        if level < 0:
+            continue
+        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i]
+        bodies.wall_distance[i] = 1e300
+        if lists.wall_start[i + 1] > lists.wall_start[i]:
+            found = _near_walls(world, bodies, lists, near, i)
+            if found < 0:
+                return NEAR_WALLS_FULL
+            kept = 0
+            for k in range(found):
+                if not _is_implied(world, near, k, kept):
+                    kept |= 1 << k
+            while kept:
+                k = _sort_walls_by_key(near, kept, found)
+                kept &= ~(1 << k)
+                if used == capacity:
+                    return CONTACTS_FULL
+                contacts.body[used] = i
+                contacts.other[used] = -1
+                contacts.key[used] = int(near[k, 3]) - walls
+                contacts.normal[used, 0] = near[k, 1]
+                contacts.normal[used, 1] = near[k, 2]
+                contacts.gap[used] = near[k, 0] - r
+                contacts.omega[used] = bodies.inverse_mass[i]
+                memory = _carry_over(contacts, used, memory)
+                used += 1
+        r += bodies.reach[i]
+        for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
+            j = lists.pair_body[slot]
+            nx = x - bodies.position[j, 0]
+            ny = y - bodies.position[j, 1]
+            limit = r + bodies.radius[j] + bodies.reach[j]
+            square = nx * nx + ny * ny
+            if square > limit * limit or bodies.level[j] < 0:
+                continue
+            if level != bodies.level[j] and not reaches(
+                world, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]
+            ):
+                continue
+            if used == capacity:
+                return CONTACTS_FULL
+            nx, ny, distance = unit_normal(nx, ny, square)
+            contacts.body[used] = i
+            contacts.other[used] = j
+            contacts.key[used] = j
+            contacts.normal[used, 0] = nx
+            contacts.normal[used, 1] = ny
+            contacts.gap[used] = distance - bodies.radius[i] - bodies.radius[j]
+            contacts.omega[used] = bodies.inverse_mass[i] + bodies.inverse_mass[j]
+            memory = _carry_over(contacts, used, memory)
+            used += 1
+    contacts.count[0] = used
+    return 0
+
+
+@kernel
+def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
+    """Return the normal velocity of contact c, positive when it opens [m/s]."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+    w = nx * velocity[i, 0] + ny * velocity[i, 1]
+    if j >= 0:
+        w -= nx * velocity[j, 0] + ny * velocity[j, 1]
+    return w
+
+
+@kernel
+def set_approach(bodies, contacts):  # type: ignore[no-untyped-def]
+    """Set the normal velocities before the step, w-."""
+    for c in range(contacts.count[0]):
+        contacts.approach[c] = normal_velocity(bodies.velocity, contacts, c)
+
+
+@kernel
+def keep_impulses(contacts):  # type: ignore[no-untyped-def]
+    """Remember the percussions of this step for the start of the next."""
+    for c in range(contacts.count[0]):
+        contacts.old_body[c] = contacts.body[c]
+        contacts.old_key[c] = contacts.key[c]
+        contacts.old_impulse[c] = contacts.impulse[c]
+    contacts.count[1] = contacts.count[0]
+
+
+@kernel
+def keep_only_meeting(bodies, contacts, h):  # type: ignore[no-untyped-def]
+    """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
+    used = 0
+    for c in range(contacts.count[0]):
+        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= TOUCHING:
+            if used != c:
+                contacts.body[used] = contacts.body[c]
+                contacts.other[used] = contacts.other[c]
+                contacts.key[used] = contacts.key[c]
+                contacts.normal[used, 0] = contacts.normal[c, 0]
+                contacts.normal[used, 1] = contacts.normal[c, 1]
+                contacts.gap[used] = contacts.gap[c]
+                contacts.omega[used] = contacts.omega[c]
+                contacts.impulse[used] = contacts.impulse[c]
+            used += 1
+    contacts.count[0] = used
+
+
+@kernel
+def report_contact_force(bodies, contacts, weight):  # type: ignore[no-untyped-def]
+    """Sum the contact forces, `weight` times the percussions, on each body [N]."""
+    for i in range(bodies.count[0]):
+        bodies.contact_force[i] = 0.0
+    for c in range(contacts.count[0]):
+        force = weight * contacts.impulse[c]
+        bodies.contact_force[contacts.body[c]] += force
+        if contacts.other[c] >= 0:
+            bodies.contact_force[contacts.other[c]] += force

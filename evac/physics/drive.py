@@ -1,0 +1,160 @@
+"""What drives a pedestrian (eq. 33): desired velocity from the fields, relaxation, forces at a distance."""
+
+import math
+
+from evac.directions.sampling import sample_direction
+from evac.jit import kernel
+from evac.physics.seams import reaches
+
+
+@kernel
+def desired_speed(world, bodies, i, ex, ey):  # type: ignore[no-untyped-def]
+    """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
+    level = bodies.level[i]
+    climb = ex * world.uphill[level, 0] + ey * world.uphill[level, 1]
+    kind = 0
+    if climb > 0.0:
+        kind = 1
+    elif climb < 0.0:
+        kind = 2
+    return bodies.speed[i, kind] * bodies.speed_factor[i] * world.cosine[level]
+
+
+@kernel
+def desired_direction(world, bodies, i):  # type: ignore[no-untyped-def]
+    """Return the unit desired direction of body i, (0, 0) where no way leads out."""
+    level = bodies.level[i]
+    ex, ey = sample_direction(
+        bodies.position[i, 0],
+        bodies.position[i, 1],
+        level,
+        bodies.route[i],
+        world.grid_origin,
+        world.grid_shape,
+        world.grid_spacing,
+        world.field_of,
+        world.field_offset,
+        world.direction,
+    )
+    if bodies.extra_direction[i, 0] != 0.0 or bodies.extra_direction[i, 1] != 0.0:
+        ex += bodies.extra_direction[i, 0]
+        ey += bodies.extra_direction[i, 1]
+        norm = math.sqrt(ex * ex + ey * ey)
+        if norm > 0.0:
+            ex /= norm
+            ey /= norm
+    return ex, ey
+
+
+@kernel
+def set_desired(world, bodies):  # type: ignore[no-untyped-def]
+    """Set the unit desired direction of every body from its place, and clear the forces."""
+    for i in range(bodies.count[0]):
+        bodies.push[i, 0] = 0.0
+        bodies.push[i, 1] = 0.0
+        if bodies.level[i] >= 0:
+            ex, ey = desired_direction(world, bodies, i)
+            bodies.desired[i, 0] = ex
+            bodies.desired[i, 1] = ey
+
+
+@kernel
+def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-def]
+    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``."""
+    for i in range(bodies.count[0]):
+        if bodies.level[i] < 0:
+            continue
+        for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
+            j = lists.pair_body[slot]
+            if bodies.level[j] < 0:
+                continue
+            nx = bodies.position[i, 0] - bodies.position[j, 0]
+            ny = bodies.position[i, 1] - bodies.position[j, 1]
+            limit = bodies.radius[i] + bodies.radius[j] + clock.cutoff
+            square = nx * nx + ny * ny
+            if square >= limit * limit:
+                continue
+            if bodies.level[i] != bodies.level[j] and not reaches(
+                world,
+                bodies.level[i],
+                bodies.position[i, 0],
+                bodies.position[i, 1],
+                bodies.level[j],
+                bodies.position[j, 0],
+                bodies.position[j, 1],
+            ):
+                continue
+            nx, ny, distance = unit_normal(nx, ny, square)
+            gap = distance - bodies.radius[i] - bodies.radius[j]
+            for f in range(clock.forces):
+                pair = forces.pair[f]
+                parameters = forces.parameters[f]
+                fx, fy = pair(gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], parameters)
+                bodies.push[i, 0] += fx
+                bodies.push[i, 1] += fy
+                fx, fy = pair(gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], parameters)
+                bodies.push[j, 0] += fx
+                bodies.push[j, 1] += fy
+
+
+@kernel
+def unit_normal(nx, ny, square):  # type: ignore[no-untyped-def]
+    """Return the unit vector and the length; coincident centres are parted along x, body i to the right."""
+    distance = math.sqrt(square)
+    if distance > 0.0:
+        return nx / distance, ny / distance, distance
+    return 1.0, 0.0, 0.0
+
+
+@kernel
+def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
+    """Set ``bodies.free``, the velocity after a step of `h` if nobody touched; return the greatest speed.
+
+    Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
+    held over the step. Before its response time a person wants to stand.
+    """
+    fastest = 0.0
+    for i in range(bodies.count[0]):
+        if bodies.level[i] < 0:
+            continue
+        vx = 0.0
+        vy = 0.0
+        if time >= bodies.start_time[i]:
+            ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
+            speed = desired_speed(world, bodies, i, ex, ey)
+            vx = speed * ex
+            vy = speed * ey
+        ux, uy = bodies.velocity[i, 0], bodies.velocity[i, 1]
+        tau = bodies.tau[i]
+        if explicit:
+            share = h / tau
+            weight = h * bodies.inverse_mass[i]
+        else:
+            share = -math.expm1(-h / tau)
+            weight = tau * share * bodies.inverse_mass[i]
+        fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
+        fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]
+        bodies.free[i, 0] = fx
+        bodies.free[i, 1] = fy
+        fastest = max(fastest, fx * fx + fy * fy, ux * ux + uy * uy)
+    return math.sqrt(fastest)
+
+
+@kernel
+def drive_overdamped(world, bodies, time):  # type: ignore[no-untyped-def]
+    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
+    fastest = 0.0
+    for i in range(bodies.count[0]):
+        if bodies.level[i] < 0:
+            continue
+        vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]
+        vy = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 1]
+        if time >= bodies.start_time[i]:
+            ex, ey = bodies.desired[i, 0], bodies.desired[i, 1]
+            speed = desired_speed(world, bodies, i, ex, ey)
+            vx += speed * ex
+            vy += speed * ey
+        bodies.free[i, 0] = vx
+        bodies.free[i, 1] = vy
+        fastest = max(fastest, vx * vx + vy * vy)
+    return math.sqrt(fastest)

@@ -1,0 +1,197 @@
+"""The engine: owns the work arrays of the step loop and makes one tick of steps."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.errors import SimulationError
+from evac.physics import neighbours, stepping
+from evac.physics.bundles import TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, World
+from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
+from evac.physics.force import Force, no_force
+from evac.physics.motion import EVENTS_FULL, NOT_FINITE, WALL_CROSSED
+
+if TYPE_CHECKING:
+    from evac.physics.contact_model import ContactModel
+
+#: Forces at a distance that one run can hold; padding to this length lets one compiled loop serve all scenes.
+MOST_FORCES = 4
+
+#: How far neighbour lists look beyond what is needed, so that they last several steps [m].
+SKIN = 0.2
+
+_ADVICE = {
+    WALL_CROSSED: "would pass through a wall even with the step cut into {parts} parts; use a smaller simulation.step",
+    stepping.TOO_FAST: "moves too fast for the step even cut into {parts} parts; check speeds, forces and masses",
+    NOT_FINITE: "has a velocity that is no number; use a smaller simulation.step or softer contact parameters",
+}
+
+
+class Engine:
+    """Everything the compiled loop needs besides the crowd.
+
+    Parameters
+    ----------
+    world : World
+    people : int
+        Number of people in the run.
+    forces : sequence of Force
+        Those in use.
+    full : bool
+        Do even what the scene does not need (``evac run --full``).
+    """
+
+    def __init__(self, world: World, people: int, forces: list[Force], full: bool = False) -> None:
+        if len(forces) > MOST_FORCES:
+            raise SimulationError(f"forces: at most {MOST_FORCES} forces can act at once, got {len(forces)}")
+        self.world = world
+        self.bodies = make_bodies(people)
+        self.lists = make_lists(people, 8 * people + 64, 8 * people + 64)
+        self.contacts = make_contacts(people, 4 * people + 64)
+        self.events = make_events(4 * people + 16)
+        self.tally = np.zeros((2, len(TALLY)))
+        padding = [no_force] * (MOST_FORCES - len(forces))
+        self.forces = Forces(
+            tuple([force.pair for force in forces] + padding),
+            tuple([force.packed() for force in forces] + [np.zeros(1)] * len(padding)),
+        )
+        self.force_count = MOST_FORCES if full else len(forces)
+        self.cutoff = max((force.cutoff() for force in forces), default=0.0)
+        self.full = full
+
+    def advance(
+        self, model: "ContactModel", crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
+    ) -> Events:
+        """Make `steps` steps from step `first` on and return the crossings of the tick.
+
+        Raises
+        ------
+        SimulationError
+            If a step cannot be made; names time, person and place.
+        """
+        inside = stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts)
+        self.events.count[0] = 0
+        last = first + steps
+        if inside:
+            while first < last:
+                clock = Clock(first, last, step, explicit, report, self.force_count, self.cutoff, self.full)
+                first, status = model.run(self, clock)
+                if status != neighbours.OK:
+                    self._handle(int(status), first * step)
+        self.tally[0, 0] += steps
+        stepping.scatter(crowd, self.bodies)
+        return self.events
+
+    def report(self) -> dict[str, float]:
+        """Return what the run has added up so far, by name."""
+        return dict(zip(TALLY, (float(value) for value in self.tally[0]), strict=True))
+
+    def _handle(self, status: int, time: float) -> None:
+        """Grow what was full, or raise."""
+        if status == neighbours.PAIRS_FULL:
+            self.lists = self.lists._replace(pair_body=_grown(self.lists.pair_body), stale=np.ones(1, np.uint8))
+        elif status == neighbours.WALLS_FULL:
+            self.lists = self.lists._replace(wall_item=_grown(self.lists.wall_item), stale=np.ones(1, np.uint8))
+        elif status in (CONTACTS_FULL, NEAR_WALLS_FULL):
+            if status == NEAR_WALLS_FULL:
+                raise SimulationError(
+                    f"t = {time:.3f} s: more than {self.contacts.near.shape[0]} walls within one body's reach;"
+                    " use a smaller simulation.step or a mesh with fewer, longer walls"
+                )
+            fresh = make_contacts(self.bodies.row.shape[0], 2 * self.contacts.body.shape[0])
+            held = int(self.contacts.count[1])
+            fresh.count[1] = held
+            fresh.old_body[:held] = self.contacts.old_body[:held]
+            fresh.old_key[:held] = self.contacts.old_key[:held]
+            fresh.old_impulse[:held] = self.contacts.old_impulse[:held]
+            self.contacts = fresh
+        elif status == EVENTS_FULL:
+            self.events = Events(self.events.count, *(_grown(array) for array in self.events[1:]))
+        else:
+            raise SimulationError(f"t = {time:.3f} s: {self._place()} {_ADVICE[status].format(parts=stepping.GREATEST_PARTS)}")
+
+    def _place(self) -> str:
+        """Name the body that the failure is about."""
+        i = int(self.bodies.count[1])
+        x, y = self.bodies.position[i]
+        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {self.bodies.level[i]}"
+
+
+def _grown(array: np.ndarray) -> np.ndarray:
+    """Return a copy of twice the length."""
+    return np.concatenate([array, np.zeros_like(array)])
+
+
+def make_bodies(n: int) -> Bodies:
+    """Allocate the work arrays for n people."""
+    integers = {"row", "level", "route", "old_level"}
+    pairs = {
+        "position",
+        "velocity",
+        "free",
+        "solved",
+        "spare",
+        "push",
+        "desired",
+        "extra_direction",
+        "old_position",
+        "old_velocity",
+        "built_position",
+    }
+    arrays: dict[str, Any] = {}
+    for name in Bodies._fields:
+        if name == "count":
+            arrays[name] = np.zeros(2, np.int32)
+        elif name == "near_link":
+            arrays[name] = np.zeros(n, np.uint8)
+        elif name in integers:
+            arrays[name] = np.zeros(n, np.int32)
+        elif name == "speed":
+            arrays[name] = np.zeros((n, 3))
+        else:
+            arrays[name] = np.zeros((n, 2) if name in pairs else n)
+    return Bodies(**arrays)
+
+
+def make_lists(n: int, pairs: int, walls: int) -> Lists:
+    """Allocate neighbour lists for n people."""
+    return Lists(
+        pair_start=np.zeros(n + 1, np.int32),
+        pair_body=np.zeros(pairs, np.int32),
+        wall_start=np.zeros(n + 1, np.int32),
+        wall_item=np.zeros(walls, np.int32),
+        cell_start=np.zeros(4 * n + 1025, np.int32),
+        cell_body=np.zeros(n, np.int32),
+        cell_of=np.zeros(n, np.int32),
+        stale=np.ones(1, np.uint8),
+        span=np.array([0.05, SKIN]),
+    )
+
+
+def make_contacts(n: int, capacity: int) -> Contacts:
+    """Allocate room for `capacity` contacts among n people."""
+    whole = {"body", "other", "key", "old_body", "old_key"}
+    special = {
+        "count": np.zeros(2, np.int32),
+        "normal": np.zeros((capacity, 2)),
+        "sticky": np.zeros(capacity, np.uint8),
+        "work": np.zeros((capacity, 6)),
+        "work_velocity": np.zeros((n, 4)),
+        "near": np.zeros((60, 6)),
+    }
+    arrays = {
+        name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
+        for name in Contacts._fields
+    }
+    return Contacts(**arrays)
+
+
+def make_events(capacity: int) -> Events:
+    """Allocate room for `capacity` crossings."""
+    return Events(
+        np.zeros(1, np.int32),
+        np.zeros(capacity, np.int32),
+        np.zeros(capacity, np.int32),
+        np.zeros(capacity, np.int32),
+        np.zeros(capacity),
+    )

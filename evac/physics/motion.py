@@ -1,0 +1,149 @@
+"""Moving: new positions, portals and exits crossed, walls never crossed, sums for the report."""
+
+import math
+
+from evac.jit import kernel
+from evac.physics.contacts import normal_velocity, wall_acts
+from evac.physics.neighbours import segment_distance
+from evac.physics.seams import crossing
+
+EVENTS_FULL = 5
+WALL_CROSSED = 6
+NOT_FINITE = 7
+
+PORTAL = 0
+EXIT = 1
+
+
+@kernel
+def save(bodies):  # type: ignore[no-untyped-def]
+    """Remember positions, velocities and levels at the start of a step."""
+    for i in range(bodies.count[0]):
+        bodies.old_position[i, 0] = bodies.position[i, 0]
+        bodies.old_position[i, 1] = bodies.position[i, 1]
+        bodies.old_velocity[i, 0] = bodies.velocity[i, 0]
+        bodies.old_velocity[i, 1] = bodies.velocity[i, 1]
+        bodies.old_level[i] = bodies.level[i]
+        bodies.old_distance[i] = bodies.distance[i]
+
+
+@kernel
+def restore(bodies, lists):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step."""
+    for i in range(bodies.count[0]):
+        bodies.position[i, 0] = bodies.old_position[i, 0]
+        bodies.position[i, 1] = bodies.old_position[i, 1]
+        bodies.velocity[i, 0] = bodies.old_velocity[i, 0]
+        bodies.velocity[i, 1] = bodies.old_velocity[i, 1]
+        bodies.distance[i] = bodies.old_distance[i]
+        if bodies.level[i] != bodies.old_level[i]:
+            bodies.level[i] = bodies.old_level[i]
+            lists.stale[0] = 1
+
+
+@kernel
+def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Say whether the path a-b of body i passes through a wall that acts on it."""
+    for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
+        w = lists.wall_item[slot]
+        x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
+        start = (x2 - x1) * (ay - y1) - (y2 - y1) * (ax - x1)
+        end = (x2 - x1) * (by - y1) - (y2 - y1) * (bx - x1)
+        if start * end >= 0.0:
+            continue
+        one = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
+        two = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
+        if one * two > 0.0:
+            continue
+        _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
+        if wall_acts(world, bodies.level[i], ax, ay, w, px, py):
+            return True
+    return False
+
+
+@kernel
+def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # type: ignore[no-untyped-def]
+    """Follow body i over the portals and exits on its path a-b; return 0 or EVENTS_FULL."""
+    passed = 0.0
+    for _ in range(4):
+        level = bodies.level[i]
+        best = 2.0
+        link = -1
+        for s in range(world.link_start[level], world.link_start[level + 1]):
+            if world.link_open[world.link_id[s]] == 0:
+                continue
+            share = crossing(world.link_segment, s, ax, ay, bx, by, 0.0)
+            if passed <= share < best:
+                best = share
+                link = s
+        if link < 0:
+            return 0
+        n = events.count[0]
+        if n == events.row.shape[0]:
+            return EVENTS_FULL
+        leaves = world.link_to[link] < 0
+        events.row[n] = bodies.row[i]
+        events.kind[n] = EXIT if leaves else PORTAL
+        events.link[n] = world.link_id[link]
+        events.time[n] = time + best * h
+        events.count[0] = n + 1
+        bodies.level[i] = world.link_to[link]
+        lists.stale[0] = 1
+        passed = best
+        if leaves:
+            return 0
+    return 0
+
+
+@kernel
+def move(world, bodies, lists, events, time, h, midpoint, full):  # type: ignore[no-untyped-def]
+    """Move everybody by ``bodies.solved`` (or by its mean with the old velocity); return 0 or a status."""
+    for i in range(bodies.count[0]):
+        if bodies.level[i] < 0:
+            continue
+        ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
+        mx, my = ux, uy
+        if midpoint:
+            mx = 0.5 * (ux + bodies.velocity[i, 0])
+            my = 0.5 * (uy + bodies.velocity[i, 1])
+        ax, ay = bodies.position[i, 0], bodies.position[i, 1]
+        bx = ax + h * mx
+        by = ay + h * my
+        if not (math.isfinite(bx) and math.isfinite(by)):
+            bodies.count[1] = i
+            return NOT_FINITE
+        path = h * math.sqrt(mx * mx + my * my)
+        if (full or path >= bodies.wall_distance[i]) and _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
+            bodies.count[1] = i
+            return WALL_CROSSED
+        bodies.position[i, 0] = bx
+        bodies.position[i, 1] = by
+        bodies.velocity[i, 0] = ux
+        bodies.velocity[i, 1] = uy
+        bodies.distance[i] += path
+        if full or bodies.near_link[i] or path > lists.span[1]:
+            status = _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h)
+            if status != 0:
+                return status
+    return 0
+
+
+@kernel
+def add_work(bodies, contacts, sums):  # type: ignore[no-untyped-def]
+    """Add driving work, and what contacts took from and gave to the kinetic energy [J], to three sums.
+
+    Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2; they
+    add up to the change of kinetic energy to rounding. To be called before `move`.
+    """
+    for i in range(bodies.count[0]):
+        if bodies.level[i] < 0:
+            continue
+        x = (bodies.free[i, 0] - bodies.velocity[i, 0]) * (bodies.velocity[i, 0] + bodies.solved[i, 0])
+        y = (bodies.free[i, 1] - bodies.velocity[i, 1]) * (bodies.velocity[i, 1] + bodies.solved[i, 1])
+        sums[0] += 0.5 * bodies.mass[i] * (x + y)
+    for c in range(contacts.count[0]):
+        work = 0.5 * contacts.impulse[c] * (contacts.approach[c] + normal_velocity(bodies.solved, contacts, c))
+        if work < 0.0:
+            sums[1] -= work
+        else:
+            sums[2] += work

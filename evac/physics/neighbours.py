@@ -1,0 +1,208 @@
+"""Neighbour lists: who and which walls a body can touch until the lists are built again.
+
+The lists cover what lies within a reach of a body plus a skin; they are built again when somebody has moved by
+half the skin, has changed level or has left. What a kernel takes from them is decided by the
+distances of the moment, so results do not depend on when they were built.
+"""
+
+from evac.jit import kernel
+from evac.physics.bundles import Bodies, Lists, World
+
+OK = 0
+PAIRS_FULL = 1
+WALLS_FULL = 2
+
+
+@kernel
+def lists_are_stale(bodies, lists):  # type: ignore[no-untyped-def]
+    """Say whether the lists must be built again before they are used."""
+    if lists.stale[0]:
+        return True
+    limit = (0.5 * lists.span[1]) ** 2
+    for i in range(bodies.count[0]):
+        dx = bodies.position[i, 0] - bodies.built_position[i, 0]
+        dy = bodies.position[i, 1] - bodies.built_position[i, 1]
+        if dx * dx + dy * dy > limit and bodies.level[i] >= 0:
+            return True
+    return False
+
+
+@kernel
+def segment_distance(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
+    """Return the distance of p from a segment, and the nearest point."""
+    dx = x2 - x1
+    dy = y2 - y1
+    length2 = dx * dx + dy * dy
+    share = 0.0
+    if length2 > 0.0:
+        share = min(max(((px - x1) * dx + (py - y1) * dy) / length2, 0.0), 1.0)
+    nx = x1 + share * dx
+    ny = y1 + share * dy
+    return ((px - nx) ** 2 + (py - ny) ** 2) ** 0.5, nx, ny
+
+
+@kernel
+def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
+    """Build both lists for the reach and skin in ``lists.span``; return OK, PAIRS_FULL or WALLS_FULL."""
+    status = _build_pairs(world, bodies, lists)
+    if status == OK:
+        status = _build_walls(world, bodies, lists)
+    if status != OK:
+        return status
+    _flag_links(world, bodies, lists)
+    for i in range(bodies.count[0]):
+        bodies.built_position[i, 0] = bodies.position[i, 0]
+        bodies.built_position[i, 1] = bodies.position[i, 1]
+    lists.stale[0] = 0
+    return OK
+
+
+@kernel
+def _fill_cells(bodies, lists, size):  # type: ignore[no-untyped-def]
+    """Sort the bodies into square cells by counting; return origin, size and numbers of cells."""
+    n = bodies.count[0]
+    big = 1e300
+    x_min, y_min, x_max, y_max = big, big, -big, -big
+    for i in range(n):
+        if bodies.level[i] >= 0:
+            x_min = min(x_min, bodies.position[i, 0])
+            x_max = max(x_max, bodies.position[i, 0])
+            y_min = min(y_min, bodies.position[i, 1])
+            y_max = max(y_max, bodies.position[i, 1])
+    cells = lists.cell_start.shape[0] - 1
+    while (int((x_max - x_min) / size) + 1.0) * (int((y_max - y_min) / size) + 1.0) > cells:
+        size *= 1.5
+    nx = int((x_max - x_min) / size) + 1
+    ny = int((y_max - y_min) / size) + 1
+    start = lists.cell_start
+    for c in range(nx * ny + 1):
+        start[c] = 0
+    for i in range(n):
+        lists.cell_of[i] = -1
+        if bodies.level[i] >= 0:
+            column = int((bodies.position[i, 0] - x_min) / size)
+            row = int((bodies.position[i, 1] - y_min) / size)
+            lists.cell_of[i] = column * ny + row
+            start[column * ny + row + 1] += 1
+    for c in range(nx * ny):
+        start[c + 1] += start[c]
+    # Filled from behind, each cell's counter walks down to its start and its bodies stand in rising order.
+    for i in range(n - 1, -1, -1):
+        c = lists.cell_of[i]
+        if c >= 0:
+            start[c + 1] -= 1
+            lists.cell_body[start[c + 1]] = i
+    for c in range(nx * ny):
+        start[c] = start[c + 1]
+    placed = 0
+    for i in range(n):
+        if lists.cell_of[i] >= 0:
+            placed += 1
+    start[nx * ny] = placed
+    return nx, ny
+
+
+@kernel
+def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
+    n = bodies.count[0]
+    greatest = 0.0
+    inside = 0
+    for i in range(n):
+        if bodies.level[i] >= 0:
+            inside += 1
+            greatest = max(greatest, bodies.radius[i])
+    lists.pair_start[0] = 0
+    if inside == 0:
+        for i in range(n):
+            lists.pair_start[i + 1] = 0
+        return OK
+    span = lists.span[0] + lists.span[1]
+    nx, ny = _fill_cells(bodies, lists, 2.0 * greatest + span)
+    capacity = lists.pair_body.shape[0]
+    used = 0
+    for i in range(n):
+        first = used
+        cell = lists.cell_of[i]
+        if cell >= 0:
+            level = bodies.level[i]
+            x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+            column = cell // ny
+            row = cell - column * ny
+            for cx in range(max(column - 1, 0), min(column + 2, nx)):
+                low = cx * ny + max(row - 1, 0)
+                high = cx * ny + min(row + 2, ny)
+                for slot in range(lists.cell_start[low], lists.cell_start[high]):
+                    j = lists.cell_body[slot]
+                    if j <= i:
+                        continue
+                    dx = bodies.position[j, 0] - x
+                    dy = bodies.position[j, 1] - y
+                    limit = r + bodies.radius[j]
+                    if dx * dx + dy * dy < limit * limit and world.linked[level, bodies.level[j]]:
+                        if used == capacity:
+                            return PAIRS_FULL
+                        place = used
+                        while place > first and lists.pair_body[place - 1] > j:
+                            lists.pair_body[place] = lists.pair_body[place - 1]
+                            place -= 1
+                        lists.pair_body[place] = j
+                        used += 1
+        lists.pair_start[i + 1] = used
+    return OK
+
+
+@kernel
+def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
+    capacity = lists.wall_item.shape[0]
+    span = lists.span[0] + lists.span[1]
+    frame = world.bucket_frame
+    nx, ny = world.bucket_shape[0], world.bucket_shape[1]
+    used = 0
+    lists.wall_start[0] = 0
+    for i in range(bodies.count[0]):
+        level = bodies.level[i]
+        if level >= 0:
+            x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+            cx = int((x - frame[0]) // frame[2])
+            cy = int((y - frame[1]) // frame[2])
+            in_buckets = limit <= frame[3] and 0 <= cx < nx and 0 <= cy < ny
+            low, high = 0, world.wall.shape[0]
+            if in_buckets:
+                low, high = world.bucket_start[cx * ny + cy], world.bucket_start[cx * ny + cy + 1]
+            for slot in range(low, high):
+                w = world.bucket_wall[slot] if in_buckets else slot
+                if world.linked[level, world.wall_level[w]] == 0:
+                    continue
+                x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
+                if min(x1, x2) - x > limit or x - max(x1, x2) > limit:
+                    continue
+                if min(y1, y2) - y > limit or y - max(y1, y2) > limit:
+                    continue
+                if segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
+                    if used == capacity:
+                        return WALLS_FULL
+                    lists.wall_item[used] = w
+                    used += 1
+        lists.wall_start[i + 1] = used
+    return OK
+
+
+@kernel
+def _flag_links(world, bodies, lists):  # type: ignore[no-untyped-def]
+    """Mark the bodies that can reach a portal or exit before the lists are built again."""
+    limit = 1.5 * lists.span[1]
+    for i in range(bodies.count[0]):
+        level = bodies.level[i]
+        near = 0
+        if level >= 0:
+            x, y = bodies.position[i, 0], bodies.position[i, 1]
+            for s in range(world.link_start[level], world.link_start[level + 1]):
+                x1, y1 = world.link_segment[s, 0], world.link_segment[s, 1]
+                x2, y2 = world.link_segment[s, 2], world.link_segment[s, 3]
+                if min(x1, x2) - x > limit or x - max(x1, x2) > limit:
+                    continue
+                if min(y1, y2) - y > limit or y - max(y1, y2) > limit:
+                    continue
+                near = 1
+                break
+        bodies.near_link[i] = near

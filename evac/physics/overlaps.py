@@ -1,0 +1,89 @@
+"""Removing overlaps: a solve on positions that leaves velocities untouched."""
+
+import math
+
+from evac.jit import kernel
+from evac.physics import stepping
+from evac.physics.motion import move
+from evac.physics.neighbours import OK
+from evac.physics.solvers import solve
+
+#: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
+ITERATIONS = 300
+
+
+@kernel
+def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, tolerance):  # type: ignore[no-untyped-def]
+    """Push bodies apart where an overlap exceeds half the tolerance; return a status.
+
+    The displacement is the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1
+    problem without time. It is taken only where it at least halves the deepest overlap; a squeezed body
+    stays where it is. Contacts are searched again afterwards.
+    """
+    deepest = _deepest(contacts)
+    if deepest <= 0.5 * tolerance:
+        return OK
+    n = bodies.count[0]
+    longest = 0.0
+    for i in range(n):
+        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest)
+        longest = max(longest, bodies.reach[i])
+    status = stepping.refresh(world, bodies, lists, tally, 2.0 * longest)
+    if status == OK:
+        status = stepping.seek(world, bodies, lists, contacts, tally)
+    if status != OK:
+        return status
+    for c in range(contacts.count[0]):
+        contacts.bias[c] = contacts.gap[c]
+        contacts.impulse[c] = 0.0
+    bodies.spare[:n] = 0.0
+    _, found = solve(
+        method,
+        n,
+        bodies.inverse_mass,
+        bodies.spare,
+        bodies.solved,
+        contacts,
+        False,
+        0.0,
+        0.0,
+        0.1 * tolerance,
+        ITERATIONS,
+    )
+    if found <= 0.5 * deepest:
+        status = _displace(world, bodies, lists, events, clock, time, 2.0 * deepest)
+        tally[0, 12] += 1.0
+        if status == OK:
+            status = stepping.refresh(world, bodies, lists, tally, 2.0 * longest)
+    if status == OK:
+        status = stepping.seek(world, bodies, lists, contacts, tally)
+    return status
+
+
+@kernel
+def _deepest(contacts):  # type: ignore[no-untyped-def]
+    """Return the greatest overlap among the contacts [m]."""
+    deepest = 0.0
+    for c in range(contacts.count[0]):
+        deepest = max(deepest, -contacts.gap[c])
+    return deepest
+
+
+@kernel
+def _displace(world, bodies, lists, events, clock, time, limit):  # type: ignore[no-untyped-def]
+    """Move everybody by the displacement in ``bodies.solved``, at most `limit` [m]; velocities stay."""
+    n = bodies.count[0]
+    for i in range(n):
+        bodies.spare[i, 0] = bodies.velocity[i, 0]
+        bodies.spare[i, 1] = bodies.velocity[i, 1]
+        length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
+        if length > limit:
+            bodies.solved[i, 0] *= limit / length
+            bodies.solved[i, 1] *= limit / length
+    status = move(world, bodies, lists, events, time, 1.0, False, clock.full)
+    for i in range(n):
+        bodies.velocity[i, 0] = bodies.spare[i, 0]
+        bodies.velocity[i, 1] = bodies.spare[i, 1]
+        if bodies.level[i] >= 0:
+            bodies.distance[i] -= math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
+    return status

@@ -1,0 +1,64 @@
+"""What reaches across portals: the rule that makes seams invisible and floors above one another apart."""
+
+from evac.jit import kernel
+
+#: Tolerance of positions on portal lines [m].
+SEAM = 1e-9
+
+
+@kernel
+def side_of(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
+    """Twice the area of (1, 2, p): positive where p is left of the segment, inside the level."""
+    return (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
+
+
+@kernel
+def crossing(segment, s, ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
+    """Return how far along a-b the inside-left segment `s` is crossed outwards, or -1.
+
+    A point on the line counts as inside, so that a crossing there and back is counted once each way;
+    with `slack` > 0 [m] an end on the line counts as crossed.
+    """
+    x1, y1, x2, y2 = segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3]
+    length = ((x2 - x1) ** 2 + (y2 - y1) ** 2) ** 0.5
+    start = side_of(x1, y1, x2, y2, ax, ay)
+    end = side_of(x1, y1, x2, y2, bx, by)
+    if start < -slack * length or end >= slack * length:
+        return -1.0
+    fall = start - end
+    share = min(max(start / fall, 0.0), 1.0) if fall > 0.0 else 1.0
+    px = ax + share * (bx - ax)
+    py = ay + share * (by - ay)
+    along = (px - x1) * (x2 - x1) + (py - y1) * (y2 - y1)
+    if along < -SEAM * length or along > length * length + SEAM * length:
+        return -1.0
+    return share
+
+
+@kernel
+def reaches(world, level_a, ax, ay, level_b, bx, by):  # type: ignore[no-untyped-def]
+    """Say whether the straight segment from a, followed through portals, ends on b's level.
+
+    At most two portals are passed: levels are at least a metre deep, and nothing reaches farther.
+    """
+    if level_a == level_b:
+        return True
+    if world.linked[level_a, level_b] == 0:
+        return False
+    for s in range(world.link_start[level_a], world.link_start[level_a + 1]):
+        middle = world.link_to[s]
+        if middle < 0 or world.link_open[world.link_id[s]] == 0:
+            continue
+        share = crossing(world.link_segment, s, ax, ay, bx, by, SEAM)
+        if share < 0.0:
+            continue
+        if middle == level_b:
+            return True
+        if world.linked[middle, level_b] == 0:
+            continue
+        for t in range(world.link_start[middle], world.link_start[middle + 1]):
+            if world.link_to[t] != level_b or world.link_open[world.link_id[t]] == 0:
+                continue
+            if crossing(world.link_segment, t, ax, ay, bx, by, SEAM) >= share - SEAM:
+                return True
+    return False

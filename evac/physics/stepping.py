@@ -1,0 +1,227 @@
+"""The parts of a sub-step that every contact model shares, in the order in which they are called.
+
+    gather                 once a tick: sort the people inside by travel time, copy them in
+    save                   at the start of each step
+    free_motion            lists, desired directions, forces at a distance, velocity if nobody touched
+    meet                   contacts in reach
+    (the contact law)      fills bodies.solved and contacts.impulse
+    finish                 energy, move, cross portals and exits
+    scatter                once a tick: copy back
+"""
+
+import numpy as np
+
+from evac.directions.sampling import sample_travel_time
+from evac.jit import kernel
+from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
+from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
+from evac.physics.motion import EVENTS_FULL, WALL_CROSSED, add_work, move, restore, save
+from evac.physics.neighbours import OK, build_lists, lists_are_stale
+
+__all__ = ["save"]
+
+TOO_FAST = 8
+MUST_GROW = (1, 2, 3, 4, EVENTS_FULL)
+
+#: A step is cut into at most this many parts before the run is stopped.
+GREATEST_PARTS = 256
+
+
+@kernel
+def gather(world, crowd, bodies, lists, contacts):  # type: ignore[no-untyped-def]
+    """Copy the people inside to `bodies`, sorted by travel time to their exit, row breaking ties."""
+    n = crowd.level.shape[0]
+    inside = 0
+    for p in range(n):
+        if crowd.level[p] >= 0:
+            inside += 1
+    keys = np.empty(inside)
+    rows = np.empty(inside, np.int32)
+    k = 0
+    for p in range(n):
+        if crowd.level[p] >= 0:
+            rows[k] = p
+            keys[k] = sample_travel_time(
+                crowd.position[p, 0],
+                crowd.position[p, 1],
+                crowd.level[p],
+                crowd.route[p],
+                world.grid_origin,
+                world.grid_shape,
+                world.grid_spacing,
+                world.field_of,
+                world.field_offset,
+                world.travel_time,
+            )
+            k += 1
+    order = np.argsort(keys, kind="mergesort")
+    for i in range(inside):
+        p = rows[order[i]]
+        bodies.row[i] = p
+        for k in range(2):
+            bodies.position[i, k] = crowd.position[p, k]
+            bodies.velocity[i, k] = crowd.velocity[p, k]
+            bodies.extra_direction[i, k] = crowd.extra_direction[p, k]
+        for k in range(3):
+            bodies.speed[i, k] = crowd.speed[p, k]
+        bodies.level[i] = crowd.level[p]
+        bodies.radius[i] = crowd.radius[p]
+        bodies.mass[i] = crowd.mass[p]
+        bodies.inverse_mass[i] = 1.0 / crowd.mass[p]
+        bodies.tau[i] = crowd.tau[p]
+        bodies.start_time[i] = crowd.start_time[p]
+        bodies.route[i] = crowd.route[p]
+        bodies.speed_factor[i] = crowd.speed_factor[p]
+        bodies.distance[i] = crowd.distance[p]
+        bodies.contact_force[i] = 0.0
+    bodies.count[0] = inside
+    contacts.count[1] = 0
+    lists.stale[0] = 1
+    return inside
+
+
+@kernel
+def scatter(crowd, bodies):  # type: ignore[no-untyped-def]
+    """Copy back what the step loop wrote."""
+    for i in range(bodies.count[0]):
+        p = bodies.row[i]
+        for k in range(2):
+            crowd.position[p, k] = bodies.position[i, k]
+            crowd.velocity[p, k] = bodies.velocity[i, k]
+        crowd.level[p] = bodies.level[i]
+        crowd.distance[p] = bodies.distance[i]
+        crowd.contact_force[p] = bodies.contact_force[i]
+
+
+@kernel
+def refresh(world, bodies, lists, tally, needed):  # type: ignore[no-untyped-def]
+    """Build the lists again if they are stale or do not reach far enough."""
+    if lists.span[0] < needed:
+        lists.span[0] = 1.25 * needed
+        lists.stale[0] = 1
+    if lists_are_stale(bodies, lists):
+        tally[0, 2] += 1.0
+        return build_lists(world, bodies, lists)
+    return OK
+
+
+@kernel
+def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped):  # type: ignore[no-untyped-def]
+    """Set ``bodies.free``; return (status, greatest speed [m/s])."""
+    set_desired(world, bodies)
+    if clock.forces > 0:
+        status = refresh(world, bodies, lists, tally, clock.cutoff)
+        if status != OK:
+            return status, 0.0
+        add_forces(world, bodies, lists, forces, clock)
+    if overdamped:
+        fastest = drive_overdamped(world, bodies, time)
+    else:
+        fastest = drive(world, bodies, time, h, clock.explicit)
+    tally[0, 18] = max(tally[0, 18], fastest)
+    return OK, fastest
+
+
+@kernel
+def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # type: ignore[no-untyped-def]
+    """Find the contacts within `share` of the free paths (at least `floor`) beyond touching; return a status."""
+    set_reach(bodies, h, share, floor)
+    status = refresh(world, bodies, lists, tally, 2.0 * max(share * h * fastest, floor) + h * fastest)
+    if status != OK:
+        return status
+    return seek(world, bodies, lists, contacts, tally)
+
+
+@kernel
+def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
+    """Find the contacts within the reaches as they are set; return a status."""
+    status = find_contacts(world, bodies, lists, contacts)
+    if status != OK:
+        return status
+    set_approach(bodies, contacts)
+    for c in range(contacts.count[0]):
+        contacts.bias[c] = 0.0
+        contacts.friction[c] = 0.0
+        contacts.sticky[c] = 0
+    return OK
+
+
+@kernel
+def is_too_fast(bodies, h, limit):  # type: ignore[no-untyped-def]
+    """Say whether a free path in the step is longer than `limit` [m], and note the body."""
+    for i in range(bodies.count[0]):
+        if bodies.level[i] >= 0:
+            square = max(
+                bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
+            )
+            if h * h * square > limit * limit:
+                bodies.count[1] = i
+                return True
+    return False
+
+
+@kernel
+def tally_contacts(contacts, tally):  # type: ignore[no-untyped-def]
+    """Count the contacts and their overlaps at the start of the step."""
+    for c in range(contacts.count[0]):
+        if contacts.gap[c] <= 0.0:
+            tally[0, 3] += 1.0
+            tally[0, 4] = max(tally[0, 4], -contacts.gap[c])
+            tally[0, 5] -= contacts.gap[c]
+            tally[0, 6] += 1.0
+
+
+@kernel
+def take_free(bodies):  # type: ignore[no-untyped-def]
+    """Let the free velocity be the velocity after the step, as it is without contacts."""
+    for i in range(bodies.count[0]):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
+
+
+@kernel
+def finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint):  # type: ignore[no-untyped-def]
+    """Sum the work, keep the percussions for a warm start, move; return a status."""
+    add_work(bodies, contacts, tally[0, 13:16])
+    keep_impulses(contacts)
+    tally[0, 1] += 1.0
+    return move(world, bodies, lists, events, time, h, midpoint, clock.full)
+
+
+@kernel
+def report_force(bodies, contacts, clock, step, part, parts, weight):  # type: ignore[no-untyped-def]
+    """Sum the contact forces at the last sub-step before an output."""
+    if clock.report_force and step == clock.last - 1 and part == parts - 1:
+        report_contact_force(bodies, contacts, weight)
+
+
+@kernel
+def begin_step(events, tally):  # type: ignore[no-untyped-def]
+    """Remember the sums and the number of events at the start of a step."""
+    for k in range(tally.shape[1]):
+        tally[1, k] = tally[0, k]
+    return events.count[0]
+
+
+@kernel
+def undo(bodies, lists, contacts, events, tally, fired):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step after a part of it failed."""
+    restore(bodies, lists)
+    events.count[0] = fired
+    contacts.count[1] = 0
+    for k in range(tally.shape[1]):
+        tally[0, k] = tally[1, k]
+
+
+@kernel
+def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
+    """Return the number of parts to try next, 0 if cutting the step further does not help."""
+    if status == WALL_CROSSED:
+        entry = 16
+    elif status == TOO_FAST:
+        entry = 17
+    else:
+        return 0
+    tally[0, entry] += 1.0
+    tally[1, entry] += 1.0
+    return 2 * parts if parts < GREATEST_PARTS else 0

@@ -1,0 +1,127 @@
+"""The World: building and fields as the kernels read them."""
+
+import networkx as nx
+import numpy as np
+
+from evac.building.model import Building
+from evac.directions.fields import Fields
+from evac.physics.bundles import FloatArray, IntArray, World
+
+#: How far around each bucket walls are listed: the farthest that neighbour lists usually look [m].
+BUCKET_REACH = 1.0
+BUCKET_SIZE = 0.5
+
+
+def make_world(building: Building, fields: Fields) -> World:
+    """Pack a building and its fields.
+
+    Parameters
+    ----------
+    building : Building
+    fields : Fields
+
+    Returns
+    -------
+    World
+        Frozen except for its open flags.
+    """
+    count = len(building.levels)
+    segment, start, to, link = _links(building)
+    bucket_wall, bucket_start, shape, frame = _buckets(building.walls)
+    return World(
+        wall=np.ascontiguousarray(building.walls, dtype=np.float64).reshape(-1, 4),
+        wall_level=np.ascontiguousarray(building.wall_level, dtype=np.int32),
+        wall_open=np.zeros(len(building.walls), np.uint8),
+        bucket_wall=bucket_wall,
+        bucket_start=bucket_start,
+        bucket_shape=shape,
+        bucket_frame=frame,
+        link_segment=segment,
+        link_start=start,
+        link_to=to,
+        link_id=link,
+        link_open=np.ones(len(building.portals) + len(building.exits), np.uint8),
+        uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
+        cosine=np.cos([level.slope for level in building.levels]),
+        linked=_linked(building),
+        grid_origin=fields.grid_origin,
+        grid_shape=fields.grid_shape,
+        grid_spacing=float(fields.spacing),
+        field_of=fields.field_of,
+        field_offset=fields.field_offset,
+        direction=fields.direction,
+        travel_time=fields.travel_time,
+    )
+
+
+def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray]:
+    """Return segments sorted by level, the first of each level, the level behind and the link."""
+    rows: list[tuple[int, int, int, tuple[float, ...]]] = []
+    for portal in building.portals:
+        first, second = portal.levels
+        for x1, y1, x2, y2 in portal.segments:
+            rows.append((first, second, portal.index, (x1, y1, x2, y2)))
+            rows.append((second, first, portal.index, (x2, y2, x1, y1)))
+    for way_out in building.exits:
+        for piece in way_out.segments:
+            rows.append((way_out.level, -1, len(building.portals) + way_out.index, tuple(piece)))
+    rows.sort(key=lambda row: row[0])
+    levels = np.array([row[0] for row in rows], dtype=np.int32)
+    start = np.searchsorted(levels, np.arange(len(building.levels) + 1)).astype(np.int32)
+    return (
+        np.array([row[3] for row in rows], dtype=np.float64).reshape(-1, 4),
+        start,
+        np.array([row[1] for row in rows], dtype=np.int32),
+        np.array([row[2] for row in rows], dtype=np.int32),
+    )
+
+
+def _linked(building: Building) -> np.ndarray:
+    """Mark pairs of levels at most two portals apart: only they can touch across seams."""
+    count = len(building.levels)
+    graph = nx.Graph()
+    graph.add_nodes_from(range(count))
+    graph.add_edges_from(portal.levels for portal in building.portals)
+    linked = np.zeros((count, count), np.uint8)
+    for level, reached in nx.all_pairs_shortest_path_length(graph, cutoff=2):
+        linked[level, list(reached)] = 1
+    return linked
+
+
+def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Sort walls into square buckets of the plan, each listing the walls within BUCKET_REACH of it."""
+    if not len(walls):
+        empty = np.zeros(0, np.int32)
+        return empty, np.zeros(2, np.int32), np.ones(2, np.int32), np.array([0.0, 0.0, 1e300, 1e300])
+    low = np.minimum(walls[:, :2], walls[:, 2:])
+    high = np.maximum(walls[:, :2], walls[:, 2:])
+    origin = low.min(axis=0) - BUCKET_REACH
+    extent = high.max(axis=0) + BUCKET_REACH - origin
+    size = max(BUCKET_SIZE, float(np.sqrt(extent[0] * extent[1] / 1e6)))
+    shape = np.ceil(extent / size).astype(np.int32)
+    owner: list[np.ndarray] = []
+    item: list[np.ndarray] = []
+    for w, (wall_low, wall_high) in enumerate(zip(low, high, strict=True)):
+        first = np.maximum(((wall_low - BUCKET_REACH - origin) // size).astype(int), 0)
+        last = np.minimum(((wall_high + BUCKET_REACH - origin) // size).astype(int), shape - 1)
+        columns, rows = np.meshgrid(
+            np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij"
+        )
+        centre = origin + size * (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5)
+        near = _distance(walls[w], centre) <= BUCKET_REACH + size * np.sqrt(0.5)
+        owner.append((columns.ravel() * shape[1] + rows.ravel())[near])
+        item.append(np.full(int(near.sum()), w))
+    owners = np.concatenate(owner)
+    order = np.argsort(owners, kind="stable")
+    start = np.searchsorted(owners[order], np.arange(shape[0] * shape[1] + 1)).astype(np.int32)
+    frame = np.array([origin[0], origin[1], size, BUCKET_REACH])
+    return np.concatenate(item)[order].astype(np.int32), start, shape, frame
+
+
+def _distance(wall: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the distances (p,) of points (p, 2) from a segment (4,)."""
+    along = wall[2:] - wall[:2]
+    length2 = float(along @ along)
+    share = np.clip((points - wall[:2]) @ along / length2, 0.0, 1.0) if length2 > 0 else np.zeros(len(points))
+    nearest = wall[:2] + share[:, None] * along
+    return np.asarray(np.hypot(*(points - nearest).T))

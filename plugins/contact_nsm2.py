@@ -1,0 +1,191 @@
+"""NSM2, the non-smooth contact model with a constraint on velocities (eqs 23-32; Frémond)."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from evac.hookspecs import hookimpl
+from evac.jit import kernel
+from evac.parameters import Parameter
+from evac.physics import stepping
+from evac.physics.bundles import Clock
+from evac.physics.contact_model import ContactModel, SolvedContactModel
+from evac.physics.contacts import keep_only_meeting, normal_velocity, report_contact_force
+from evac.physics.engine import Engine
+from evac.physics.neighbours import OK
+from evac.physics.overlaps import part_overlaps
+from evac.physics.solvers import solve, tangential_velocity
+
+#: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
+REACH = 1.0 + 1e-9
+TOUCH = 1e-9
+
+#: A step without solution at K_N = infinity is solved again with this dissipation [kg].
+FALLBACK = 1e5
+
+#: Overlap above which the optional position correction acts [m].
+OVERLAP = 2e-4
+
+
+class Law(NamedTuple):
+    """What the compiled loop reads."""
+
+    normal: float  # K_N [kg]
+    tangential: float  # K_T [kg]
+    correction: bool
+    smallest: float  # smallest radius [m]
+    method: int
+    velocity_tolerance: float  # [m/s]
+    iterations: int
+
+
+class Nsm2(SolvedContactModel):
+    """Percussions at mid-step, with dissipation K_N: 0 is inelastic, infinity elastic.
+
+    Contacts are those that the free velocity closes within the step; bodies move by the mean of old and
+    new velocity, so overlaps of the order of h|u| are part of the model and are reported.
+    """
+
+    name = "nsm2"
+    midpoint = True
+    normal_dissipation = Parameter(1e5, "K_N of eq. 26", unit="kg", minimum=0.0, infinite=True)
+    tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
+    position_correction = Parameter(False, "push bodies apart where they overlap, without touching velocities")
+
+    def run(self, engine: Engine, clock: Clock) -> tuple[int, int]:
+        """Make the steps of `clock` in compiled code."""
+        inside = engine.bodies.count[0]
+        law = Law(
+            self.normal_dissipation,
+            self.tangential_dissipation,
+            self.position_correction,
+            float(engine.bodies.radius[:inside].min()),
+            *self.settings(),
+        )
+        return run(
+            engine.world,
+            engine.bodies,
+            engine.lists,
+            engine.contacts,
+            engine.events,
+            engine.forces,
+            clock,
+            engine.tally,
+            law,
+        )
+
+
+@kernel
+def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # type: ignore[no-untyped-def]
+    """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
+    for step in range(clock.first, clock.last):
+        stepping.save(bodies)
+        fired = stepping.begin_step(events, tally)
+        parts = 1
+        while True:
+            status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
+            if status == OK:
+                break
+            stepping.undo(bodies, lists, contacts, events, tally, fired)
+            parts = stepping.more_parts(status, parts, tally)
+            if parts == 0:
+                return step, status
+    return clock.last, OK
+
+
+@kernel
+def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
+    """Make one step in `parts` sub-steps; return a status."""
+    h = clock.step / parts
+    for part in range(parts):
+        time = step * clock.step + part * h
+        status, fastest = stepping.free_motion(world, bodies, lists, forces, clock, tally, time, h, False)
+        if status == OK and stepping.is_too_fast(bodies, h, law.smallest):
+            return stepping.TOO_FAST
+        if status == OK:
+            status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, TOUCH, fastest)
+        if status == OK and law.correction:
+            status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, OVERLAP)
+        if status != OK:
+            return status
+        stepping.tally_contacts(contacts, tally)
+        keep_only_meeting(bodies, contacts, h)
+        stepping.set_approach(bodies, contacts)
+        _stick(bodies, contacts, law)
+        _strike(bodies, contacts, tally, law)
+        if clock.report_force and step == clock.last - 1 and part == parts - 1:
+            _report_reaction(bodies, contacts, law, h)
+        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, True)
+        if status != OK:
+            return status
+    return OK
+
+
+@kernel
+def _stick(bodies, contacts, law):  # type: ignore[no-untyped-def]
+    """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
+    if law.tangential <= 0.0:
+        return
+    for c in range(contacts.count[0]):
+        if normal_velocity(bodies.free, contacts, c) < 0.0:
+            contacts.sticky[c] = 1
+            contacts.work[c, 5] = tangential_velocity(bodies.velocity, contacts, c)
+            contacts.friction[c] = 0.0
+
+
+@kernel
+def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-untyped-def]
+    """Solve with K_N = `normal`; return (iterations, residual)."""
+    compliance = 2.0 / normal if normal > 0.0 else 0.0
+    return solve(
+        law.method,
+        bodies.count[0],
+        bodies.inverse_mass,
+        bodies.free,
+        velocity,
+        contacts,
+        normal > 0.0,
+        compliance,
+        law.tangential,
+        law.velocity_tolerance,
+        law.iterations,
+    )
+
+
+@kernel
+def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
+    """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
+    iterations, found = _percussions(bodies, bodies.solved, contacts, law, law.normal)
+    if contacts.count[0] == 0:
+        return
+    tally[0, 7] += 1.0
+    tally[0, 8] += iterations
+    if found > law.velocity_tolerance and math.isinf(law.normal):
+        for c in range(contacts.count[0]):
+            contacts.impulse[c] = 0.0
+        iterations, found = _percussions(bodies, bodies.solved, contacts, law, FALLBACK)
+        tally[0, 8] += iterations
+        tally[0, 19] += 1.0
+    tally[0, 9] = max(tally[0, 9], found)
+    if found > law.velocity_tolerance:
+        tally[0, 10] += 1.0
+
+
+@kernel
+def _report_reaction(bodies, contacts, law, h):  # type: ignore[no-untyped-def]
+    """Report contact forces from a solve with K_N = 0 on the same contacts.
+
+    Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
+    """
+    for c in range(contacts.count[0]):
+        contacts.work[c, 4] = contacts.impulse[c]
+    _percussions(bodies, bodies.spare, contacts, law, 0.0)
+    report_contact_force(bodies, contacts, 1.0 / h)
+    for c in range(contacts.count[0]):
+        contacts.impulse[c] = contacts.work[c, 4]
+
+
+@hookimpl
+def evac_contact_models() -> Sequence[type[ContactModel]]:
+    """Register the model."""
+    return [Nsm2]

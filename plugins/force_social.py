@@ -1,0 +1,64 @@
+"""The social force of eq. 34: people keep their distance."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.hookspecs import hookimpl
+from evac.jit import pair_force
+from evac.parameters import Parameter
+from evac.physics.force import Force
+
+
+@pair_force
+def social(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
+    """Eq. 34 with e_ij pointing away from j and cos phi = 1 where j is straight ahead (PHYSICS 2).
+
+    Left out beyond the gap at which it falls below the stated tolerance.
+    """
+    if gap >= parameters[4]:
+        return 0.0, 0.0
+    view = 0.5
+    if parameters[3] == 0.0:
+        view = parameters[2] + (1.0 - parameters[2]) * 0.5 * (1.0 - (ex * nx + ey * ny))
+    force = parameters[0] * math.exp(-gap / parameters[1]) * view
+    return force * nx, force * ny
+
+
+class SocialForce(Force):
+    """A exp(-D/B) [L + (1 - L)(1 + cos phi)/2], pushing apart.
+
+    The paper's table gives L = 0 and phi = 90 degrees; read literally (``isotropic``) the bracket is the
+    constant 1/2. ``anisotropic`` takes phi from the desired direction.
+    """
+
+    name = "social"
+    pair = social
+    strength = Parameter(2000.0, "interaction strength A", unit="N", minimum=0.0)
+    range = Parameter(0.08, "range of the interaction B", unit="m", above=0.0)
+    anisotropy = Parameter(0.0, "Lambda: what someone behind counts against someone ahead", minimum=0.0, maximum=1.0)
+    reading = Parameter("isotropic", "how table 5's phi is read", choices=("isotropic", "anisotropic"))
+    tolerance = Parameter(1.0, "force below which it is left out", unit="N", above=0.0)
+
+    def cutoff(self) -> float:
+        """Return B ln(A / tolerance), at least 0 [m]."""
+        if not self.is_needed():
+            return 0.0
+        return max(0.0, self.range * math.log(self.strength / self.tolerance))
+
+    def is_needed(self) -> bool:
+        """Return False where A = 0."""
+        return self.strength > 0.0
+
+    def packed(self) -> NDArray[np.float64]:
+        """Return A, B, Lambda, whether isotropic, and the cut-off."""
+        isotropic = 1.0 if self.reading == "isotropic" else 0.0
+        return np.array([self.strength, self.range, self.anisotropy, isotropic, self.cutoff()])
+
+
+@hookimpl
+def evac_forces() -> Sequence[type[Force]]:
+    """Register the force."""
+    return [SocialForce]

@@ -1,0 +1,105 @@
+"""Small scenes for physics tests: buildings and crowds made by hand, directions given, no mesh file."""
+
+from pathlib import Path
+
+import numpy as np
+from shapely.geometry import box
+
+from evac.building.model import Building, Exit, Level, Portal
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.physics.bundles import Crowd
+from evac.physics.engine import Engine
+from evac.physics.world import make_world
+
+
+def flat_level(index, bounds):
+    return Level(
+        index=index,
+        name=f"floor {index}",
+        kind="floor",
+        stair=None,
+        triangles=np.zeros((0, 3), np.int32),
+        polygon=box(*bounds),
+        uphill=np.zeros(2),
+        slope=0.0,
+        z_min=0.0,
+        z_max=0.0,
+    )
+
+
+def make_building(bounds=((-10.0, -10.0, 10.0, 10.0),), walls=(), wall_level=None, portals=(), exits=()):
+    """Flat levels of the given plan bounds, with walls, portals (a, b, segment) and exits (level, segment)."""
+    walls = np.array(walls, dtype=float).reshape(-1, 4)
+    return Building(
+        source=Path("by hand"),
+        vertices=np.zeros((0, 3)),
+        levels=tuple(flat_level(k, bound) for k, bound in enumerate(bounds)),
+        portals=tuple(
+            Portal(k, f"portal {k}", (a, b), np.array([segment], dtype=float), 1.0)
+            for k, (a, b, segment) in enumerate(portals)
+        ),
+        exits=tuple(
+            Exit(k, f"exit {k}", level, np.array([segment], dtype=float), 1.0)
+            for k, (level, segment) in enumerate(exits)
+        ),
+        areas=(),
+        walls=walls,
+        wall_level=np.zeros(len(walls), np.int32) if wall_level is None else np.array(wall_level, np.int32),
+        stairs={},
+    )
+
+
+def uniform_fields(levels=1, direction=(1.0, 0.0), extent=20.0):
+    """The same direction everywhere; the travel time falls along it."""
+    node = np.array([[-extent, -extent], [-extent, extent], [extent, -extent], [extent, extent]])
+    time = 100.0 - node @ np.array(direction)
+    return Fields(
+        routes=(Route(),),
+        grid_origin=np.full((levels, 2), -extent),
+        grid_shape=np.full((levels, 2), 2, np.int32),
+        spacing=2.0 * extent,
+        field_of=np.zeros((levels, 1), np.int32),
+        field_offset=np.zeros(1, np.int64),
+        direction=np.tile(np.array(direction, dtype=float), (4, 1)),
+        travel_time=time,
+        graph=None,
+    )
+
+
+def make_crowd(position, velocity=None, level=None, radius=0.2, mass=80.0, tau=0.5, speed=0.0, start_time=0.0):
+    position = np.array(position, dtype=float).reshape(-1, 2)
+    n = len(position)
+    full = lambda value: np.broadcast_to(np.asarray(value, dtype=float), (n,)).copy()  # noqa: E731
+    return Crowd(
+        position=position,
+        velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, dtype=float).reshape(n, 2),
+        level=np.zeros(n, np.int32) if level is None else np.array(level, np.int32),
+        radius=full(radius),
+        mass=full(mass),
+        tau=full(tau),
+        speed=np.repeat(full(speed)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=full(start_time),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
+
+
+def make_engine(crowd, building=None, fields=None, forces=(), full=False):
+    building = building or make_building()
+    fields = fields or uniform_fields(len(building.levels))
+    return Engine(make_world(building, fields), len(crowd.level), list(forces), full)
+
+
+def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, tick=10, **scene):
+    """Make `steps` steps in ticks of `tick` steps; returns the engine."""
+    engine = engine or make_engine(crowd, **scene)
+    for first in range(0, steps, tick):
+        engine.advance(model, crowd, first, min(tick, steps - first), h, explicit, report)
+    return engine
