@@ -187,7 +187,9 @@ class Registry:
             self._manager.register(module, name=plugin)
             self._manager.check_pending()
         except (pluggy.PluginValidationError, ValueError) as error:
-            raise PluginError(f"plugin {plugin}: {error}; see evac.hookspecs for the hooks and their arguments") from error
+            raise PluginError(
+                f"plugin {plugin}: {error}; see evac.hookspecs for the hooks and their arguments"
+            ) from error
         self.provenance.append(provenance)
         for kind, hook in KINDS.items():
             if not hasattr(module, hook):
@@ -269,4 +271,9 @@ def _description(kind: str, name: str, item: Any) -> dict[str, Any]:
     parameters = {
         key: {"default": value.default, "unit": value.unit, "doc": value.doc} for key, value in item.declared().items()
     }
-    return {"kind": kind, "name": name, "doc": (inspect.getdoc(item) or "").partition("\n")[0], "parameters": parameters}
+    return {
+        "kind": kind,
+        "name": name,
+        "doc": (inspect.getdoc(item) or "").partition("\n")[0],
+        "parameters": parameters,
+    }

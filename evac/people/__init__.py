@@ -1,0 +1,1 @@
+"""People: named distributions, placement, and the arrays of everybody."""

@@ -67,7 +67,7 @@ class Distribution:
         if self.kind == "constant":
             return np.full(n, self.numbers[0])
         low, high = self._shares()
-        shares = generator.uniform(np.nextafter(low, 1.0), high, n)
+        shares = generator.uniform(np.nextafter(low, 1.0), np.nextafter(high, 0.0), n)
         return np.asarray(self._law().quantile(shares), dtype=np.float64).clip(*self.support())
 
     def mean(self) -> float:
@@ -164,14 +164,16 @@ def _weibull(shape: float, scale: float) -> _Law:
     from scipy.special import gammainc
 
     def power(x: float) -> float:
-        return (x / scale) ** shape
+        return float((x / scale) ** shape)
 
     return _Law(
         share=lambda x: -math.expm1(-power(x)),
         quantile=lambda u: scale * (-np.log1p(-u)) ** (1 / shape),
-        partial_mean=lambda a, b: scale
-        * math.gamma(1 + 1 / shape)
-        * float(gammainc(1 + 1 / shape, power(b)) - gammainc(1 + 1 / shape, power(a))),
+        partial_mean=lambda a, b: (
+            scale
+            * math.gamma(1 + 1 / shape)
+            * float(gammainc(1 + 1 / shape, power(b)) - gammainc(1 + 1 / shape, power(a)))
+        ),
     )
 
 
@@ -181,7 +183,9 @@ def _gamma(shape: float, scale: float) -> _Law:
     return _Law(
         share=lambda x: float(gammainc(shape, x / scale)),
         quantile=lambda u: scale * gammaincinv(shape, u),
-        partial_mean=lambda a, b: shape * scale * float(gammainc(shape + 1, b / scale) - gammainc(shape + 1, a / scale)),
+        partial_mean=lambda a, b: (
+            shape * scale * float(gammainc(shape + 1, b / scale) - gammainc(shape + 1, a / scale))
+        ),
     )
 
 
@@ -212,10 +216,15 @@ def parse(value: object, key: str, *, minimum: float | None = None, above: float
         It is no distribution, is empty, holds a number that is not finite, or reaches below the bound.
     """
     try:
-        found = _read(value)
-        _check_bound(found, minimum, above)
+        return distribution_from(value, minimum=minimum, above=above)
     except ValueError as error:
         raise ScenarioError(f"{key}: {error}") from error
+
+
+def distribution_from(value: object, *, minimum: float | None = None, above: float | None = None) -> Distribution:
+    """Read a distribution as `parse` does, raising ValueError with what is wrong and no key."""
+    found = _read(value)
+    _check_bound(found, minimum, above)
     return found
 
 

@@ -1,0 +1,75 @@
+"""What the keys of case.toml are made of: number types, distributions, and how an error finds its key."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, PlainSerializer
+from pydantic_core import PydanticCustomError
+
+from evac.people.distributions import Distribution, distribution_from
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Switch = Annotated[bool, Field(strict=True)]
+Point = tuple[Real, Real]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A speed on stairs given as a factor of the own flat speed."""
+
+    factor: Distribution
+
+
+def _stair_speed(value: object) -> Distribution | Factor:
+    if isinstance(value, Factor):
+        return value
+    if isinstance(value, dict) and "factor" in value:
+        if len(value) > 1:
+            raise ValueError("factor stands alone; write { factor = { uniform = [0.4, 0.6] } }")
+        return Factor(distribution_from(value["factor"], minimum=0.0))
+    return distribution_from(value, minimum=0.0)
+
+
+def _as_written(value: Distribution | Factor) -> Any:
+    return {"factor": value.factor.to_value()} if isinstance(value, Factor) else value.to_value()
+
+
+def _table_or_switch(value: object) -> object:
+    if value is True:
+        return {}
+    if value is False or isinstance(value, dict):
+        return value
+    raise ValueError(f"must be a table of parameters, or false to switch it off, got {value!r}")
+
+
+Positive = Annotated[
+    InstanceOf[Distribution],
+    BeforeValidator(lambda value: distribution_from(value, above=0.0)),
+    PlainSerializer(_as_written),
+]
+NotNegative = Annotated[
+    InstanceOf[Distribution],
+    BeforeValidator(lambda value: distribution_from(value, minimum=0.0)),
+    PlainSerializer(_as_written),
+]
+StairSpeed = Annotated[
+    InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), PlainSerializer(_as_written)
+]
+Parameters = Annotated[dict[str, Any] | Literal[False], BeforeValidator(_table_or_switch)]
+
+
+def key(doc: str, unit: str = "", default: Any = ..., **bounds: Any) -> Any:
+    """Return the field of a key with its meaning and SI unit."""
+    return Field(default, description=doc, json_schema_extra={"unit": unit}, **bounds)
+
+
+def wrong(key: str, message: str) -> PydanticCustomError:
+    """Return an error at `key` of the section that is being checked."""
+    return PydanticCustomError("case", "{text}", {"text": message, "key": key})
+
+
+class Section(BaseModel):
+    """A table of case.toml: frozen, and without keys that mean nothing."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")

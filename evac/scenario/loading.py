@@ -1,0 +1,237 @@
+"""From case.toml and overrides to a checked `Case`; every fault is reported at once."""
+
+import copy
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from evac.errors import PluginError, ScenarioError
+from evac.parameters import Configurable, did_you_mean
+from evac.scenario.overrides import apply
+from evac.scenario.problems import Key, Problem, dotted, problems_of
+from evac.scenario.schema import Case, Origin, is_multiple
+
+if TYPE_CHECKING:
+    from evac.registry import Registry
+
+
+def load_case(
+    source: str | Path,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+) -> Case:
+    """Read and check a case; the file is parsed, nothing in it is executed.
+
+    Parameters
+    ----------
+    source : str or Path
+        A case.toml, a folder that holds one, or the name of a shipped case.
+    overrides : mapping, or iterable of str
+        Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
+        go by index or by name.
+    plugin_files : iterable of path
+        Plugin files beside those the case names.
+    registry : Registry
+        What to check against, made here if not given; the case's plugin files are added to it.
+
+    Raises
+    ------
+    ScenarioError
+        One line for each fault: file, dotted key, what is wrong, way out.
+    PluginError
+        A plugin file cannot be loaded.
+
+    Examples
+    --------
+    >>> case = load_case("classroom", ["contact.model=dem", "simulation.seed=7"])  # doctest: +SKIP
+    """
+    if registry is None:
+        from evac.registry import Registry
+
+        registry = Registry()
+    files = _added(plugin_files, registry)
+    path = _found(source, registry)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error
+    return case_from(table, path, overrides, plugin_files=files, registry=registry)
+
+
+def case_from(
+    table: Mapping[str, Any],
+    source: Path,
+    overrides: Mapping[str, Any] | Iterable[str] = (),
+    plugin_files: Iterable[str | Path] = (),
+    registry: "Registry | None" = None,
+) -> Case:
+    """Check the content of a case.toml; paths in it are relative to the folder of `source`.
+
+    Raises as `load_case` does.
+    """
+    if registry is None:
+        from evac.registry import Registry
+
+        registry = Registry()
+    content: dict[str, Any] = copy.deepcopy(dict(table))
+    overridden, problems = apply(content, overrides)
+    files, missing = _plugin_files(content, source.parent)
+    given = _added(plugin_files, registry)
+    files = (*given, *(path for path in _added(files, registry) if path not in given))
+    problems += missing
+    case: Case | None = None
+    try:
+        case = Case.model_validate(content)
+    except ValidationError as error:
+        problems += problems_of(error)
+    problems += _plugin_problems(content, registry)
+    problems += _scene_problems(content, case, source.parent)
+    if case is None or problems:
+        raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
+    case._origin = Origin(source, content, files, registry)
+    return case
+
+
+def _found(source: str | Path, registry: "Registry") -> Path:
+    """Return the case.toml that `source` means."""
+    path = Path(source)
+    if path.is_dir():
+        if not (path / "case.toml").is_file():
+            raise ScenarioError(f"{path}: the folder holds no case.toml; name one that does")
+        return (path / "case.toml").resolve()
+    if path.is_file():
+        return path.resolve()
+    if str(source) in registry.cases:
+        return (registry.cases[str(source)] / "case.toml").resolve()
+    raise ScenarioError(
+        f"{source}: no such file, folder or shipped case; {did_you_mean(str(source), list(registry.cases))}"
+    )
+
+
+def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...]:
+    """Register plugin files and return their paths, resolved."""
+    paths = tuple(Path(file).resolve() for file in files)
+    for path in paths:
+        registry.add_file(path)
+    return paths
+
+
+def _plugin_files(content: dict[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Problem]]:
+    """Return the plugin files the case names, and those that are not there."""
+    section = content.get("plugins")
+    names = section.get("files") if isinstance(section, dict) else None
+    paths: list[Path] = []
+    problems: list[Problem] = []
+    for index, name in enumerate(names if isinstance(names, list) else []):
+        if isinstance(name, str) and (folder / name).is_file():
+            paths.append((folder / name).resolve())
+        elif isinstance(name, str):
+            problems.append(Problem(("plugins", "files", index), f"no such file {folder / name}; check the path"))
+    return tuple(paths), problems
+
+
+def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check the tables of contact models, forces and behaviours against what their classes declare."""
+    problems: list[Problem] = []
+    contact = content.get("contact")
+    if isinstance(contact, dict):
+        model = contact.get("model")
+        if isinstance(model, str) and model not in registry.contact_models:
+            way_out = did_you_mean(model, list(registry.contact_models))
+            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {way_out}"))
+        tables = {name: table for name, table in contact.items() if name != "model"}
+        problems += _table_problems(("contact",), tables, registry.contact_models, "contact model")
+    for section, classes, word in (
+        ("forces", registry.forces, "force"),
+        ("behaviours", registry.behaviours, "behaviour"),
+    ):
+        if isinstance(content.get(section), dict):
+            problems += _table_problems((section,), content[section], classes, word)
+    groups = content.get("people")
+    for index, group in enumerate(groups if isinstance(groups, list) else []):
+        if isinstance(group, dict) and isinstance(group.get("behaviours"), dict):
+            problems += _group_problems(("people", index, "behaviours"), group["behaviours"], content, registry)
+    return problems
+
+
+def _table_problems(
+    key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str
+) -> list[Problem]:
+    problems: list[Problem] = []
+    for name, table in tables.items():
+        if name not in classes:
+            problems.append(Problem((*key, name), f"unknown {word}; {did_you_mean(name, list(classes))}"))
+        elif isinstance(table, dict):
+            declared = classes[name].declared()
+            for parameter, value in table.items():
+                problems += _parameter_problems((*key, name, parameter), value, classes[name], list(declared))
+    return problems
+
+
+def _parameter_problems(key: Key, value: Any, cls: type[Configurable], allowed: list[str]) -> list[Problem]:
+    """Check one parameter of a plugin, or one setting of a group for it."""
+    parameter = str(key[-1])
+    if parameter not in allowed:
+        return [Problem(key, f"{cls.name!r} has no such parameter; {did_you_mean(parameter, allowed)}")]
+    declared = cls.declared()
+    if parameter in declared:
+        try:
+            declared[parameter].check("", value)
+        except PluginError as error:
+            return [Problem(key, str(error).removeprefix(": "))]
+    return []
+
+
+def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check what a group sets for behaviours: known, in use or switched off, and with keys they take from groups."""
+    problems: list[Problem] = []
+    section = content.get("behaviours", {})
+    for name, table in settings.items():
+        if name not in registry.behaviours:
+            way_out = did_you_mean(name, list(registry.behaviours))
+            problems.append(Problem((*key, name), f"unknown behaviour; {way_out}"))
+        elif isinstance(section, dict) and name not in section:
+            problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
+        elif isinstance(table, dict):
+            cls = registry.behaviours[name]
+            for parameter, value in table.items():
+                problems += _parameter_problems((*key, name, parameter), value, cls, list(cls.group_keys))
+    return problems
+
+
+def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) -> list[Problem]:
+    """Check what concerns more than one section."""
+    problems: list[Problem] = []
+    groups = content.get("people")
+    names = [group.get("name") for group in groups if isinstance(group, dict)] if isinstance(groups, list) else []
+    for index, name in enumerate(names):
+        if isinstance(name, str) and name in names[:index]:
+            problems.append(Problem(("people", index, "name"), f"{name!r} names two groups; rename one"))
+    building = content.get("building")
+    mesh = building.get("mesh") if isinstance(building, dict) else None
+    if isinstance(mesh, str) and mesh and not (folder / mesh).exists():
+        problems.append(Problem(("building", "mesh"), f"no such file {folder / mesh}; check the path"))
+    if case is not None and not is_multiple(case.output.every, case.simulation.tick):
+        every, tick = case.output.every, case.simulation.tick
+        below = max(1, int(every / tick))
+        problems.append(
+            Problem(
+                ("output", "every"),
+                f"{every:g} s is no multiple of simulation.tick {tick:g} s; "
+                f"nearest: {below * tick:.6g} or {(below + 1) * tick:.6g}",
+            )
+        )
+    return problems
+
+
+def _line(problem: Problem, content: dict[str, Any], source: Path, overridden: list[Key]) -> str:
+    """Return one line of the error: file, dotted key, what is wrong, and whether an override did it."""
+    by_override = any(problem.key[: len(key)] == key for key in overridden)
+    note = " (set by an override)" if by_override else ""
+    return f"{source}: {dotted(problem.key, content)}: {problem.text}{note}"

@@ -1,0 +1,79 @@
+"""Overrides: single keys of a case changed from outside, as `people.class_1.number=5`."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from evac.parameters import did_you_mean
+from evac.scenario.problems import Key, Problem, dotted
+
+
+def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Problem]]:
+    """Read overrides given as a mapping, or as words ``dotted.key=value``.
+
+    A value is read as TOML; what is no TOML is taken as a bare word, unless it begins as a quoted
+    text, an array or a table would.
+    """
+    if isinstance(overrides, Mapping):
+        return list(overrides.items()), []
+    pairs: list[tuple[str, Any]] = []
+    problems: list[Problem] = []
+    for text in [overrides] if isinstance(overrides, str) else overrides:
+        key, sign, word = (part.strip() for part in text.partition("="))
+        if not (key and sign and word):
+            problems.append(Problem((text,), "an override reads dotted.key=value"))
+            continue
+        try:
+            pairs.append((key, tomllib.loads(f"value = {word}")["value"]))
+        except tomllib.TOMLDecodeError as error:
+            if word[0] in "\"'[{":
+                problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
+            else:
+                pairs.append((key, word))
+    return pairs, problems
+
+
+def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Problem]]:
+    """Change `table` in place; return the keys that were set, and what could not be."""
+    pairs, problems = parsed(overrides)
+    keys: list[Key] = []
+    for name, value in pairs:
+        found = _set(table, name.split("."), value)
+        if isinstance(found, Problem):
+            problems.append(found)
+        else:
+            keys.append(found)
+    return keys, problems
+
+
+def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
+    """Set one key; tables on the way are made, items of lists must exist."""
+    here: Any = table
+    key: Key = ()
+    for depth, part in enumerate(parts):
+        is_last = depth == len(parts) - 1
+        step: str | int = part
+        if isinstance(here, list):
+            index = _index(here, part)
+            if index is None:
+                names = [str(item["name"]) for item in here if isinstance(item, dict) and "name" in item]
+                return Problem((*key, part), f"no such item among the {len(here)}; {did_you_mean(part, names)}")
+            step = index
+        elif not isinstance(here, dict):
+            way_out = f"set {dotted(key, table)} as a whole"
+            return Problem((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {way_out}")
+        key = (*key, step)
+        if is_last:
+            here[step] = value
+        else:
+            here = here.setdefault(step, {}) if isinstance(here, dict) else here[step]
+    return key
+
+
+def _index(items: list[Any], part: str) -> int | None:
+    """Return the index of an item of a list, given as a number or by its name."""
+    if part.isdecimal():
+        return int(part) if int(part) < len(items) else None
+    return next(
+        (index for index, item in enumerate(items) if isinstance(item, dict) and item.get("name") == part), None
+    )

@@ -1,0 +1,106 @@
+"""What is wrong with a case, one line each: dotted key, fault, way out."""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from evac.parameters import did_you_mean
+from evac.scenario.keys import Section
+from evac.scenario.schema import Case
+
+#: Path to a value of case.toml: names of tables, indexes of lists.
+Key = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault: where, and what with the way out."""
+
+    key: Key
+    text: str
+
+
+def dotted(key: Key, table: Any) -> str:
+    """Return a key as an override writes it: items of a list by their name where it is unique."""
+    words: list[str] = []
+    here = table
+    for step in key:
+        word = str(step)
+        if isinstance(step, int) and isinstance(here, list):
+            names = Counter(item.get("name") for item in here if isinstance(item, dict))
+            name = here[step].get("name") if step < len(here) and isinstance(here[step], dict) else None
+            if isinstance(name, str) and name and "." not in name and names[name] == 1:
+                word = name
+        words.append(word)
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = None
+    return ".".join(words)
+
+
+def problems_of(error: ValidationError) -> list[Problem]:
+    """Return what pydantic found as problems in the terms of case.toml."""
+    return [_problem(details) for details in error.errors(include_url=False)]
+
+
+def _problem(details: ErrorDetails) -> Problem:
+    key = details["loc"]
+    kind = details["type"]
+    context = details.get("ctx", {})
+    if kind == "extra_forbidden":
+        return Problem(key, f"unknown key; {_known_key(key)}")
+    if kind == "missing":
+        return Problem(key, f"missing; give {_meaning(key)}")
+    if kind == "case":
+        return Problem((*key, context["key"]), context["text"])
+    if kind == "value_error":
+        return Problem(key, str(context["error"]))
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return Problem(key, f"must be a table, got {details['input']!r}")
+    if kind == "tuple_type":
+        return Problem(key, f"must be a list, got {details['input']!r}")
+    text = details["msg"].replace("Input should be", "must be").replace("Tuple should have", "must have")
+    text = text.replace("String should have", "must have")
+    if kind == "literal_error" and isinstance(details["input"], str):
+        words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
+        return Problem(key, f"{text}, got {details['input']!r}; {did_you_mean(details['input'], words)}")
+    return Problem(key, f"{text}, got {details['input']!r}")
+
+
+def _known_key(key: Key) -> str:
+    """Return the way out of an unknown key: the closest one here, or the section that has it."""
+    section = section_at(key[:-1])
+    known = list(section.model_fields) if section else []
+    word = str(key[-1])
+    for name, field in Case.model_fields.items():
+        other = section_of(field.annotation)
+        if word not in known and other is not None and other is not section and word in other.model_fields:
+            return f"it belongs to {name}: did you mean '{name}.{word}'?"
+    return did_you_mean(word, known)
+
+
+def _meaning(key: Key) -> str:
+    section = section_at(key[:-1])
+    field = section.model_fields.get(str(key[-1])) if section else None
+    return (field.description if field else None) or "a value"
+
+
+def section_at(key: Key) -> type[Section] | None:
+    """Return the section of the schema that a key leads to."""
+    section: type[Section] | None = Case
+    for step in key:
+        if isinstance(step, str):
+            field = section.model_fields.get(step) if section else None
+            section = section_of(field.annotation) if field else None
+    return section
+
+
+def section_of(annotation: Any) -> type[Section] | None:
+    """Return the section that a field holds, alone or in a list."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := section_of(part)) is not None), None)

@@ -1,0 +1,341 @@
+"""The layout of case.toml: every section and key with its type, unit, range, default and meaning."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
+
+from evac.people.distributions import Distribution
+from evac.scenario.keys import (
+    Factor,
+    NotNegative,
+    Parameters,
+    Point,
+    Positive,
+    Real,
+    Section,
+    StairSpeed,
+    Switch,
+    Whole,
+    key,
+    wrong,
+)
+
+if TYPE_CHECKING:
+    from evac.behaviour import Behaviour
+    from evac.physics.contact_model import ContactModel
+    from evac.physics.force import Force
+    from evac.registry import Registry
+
+
+class Placed(Section):
+    """Something that stands on one level."""
+
+    z: Real | None = key("height of the level it is on; this or `level`", "m", None)
+    level: str | None = key("name of the level it is on; this or `z`", "", None)
+
+    @model_validator(mode="after")
+    def _on_one_level(self) -> Self:
+        if (self.z is None) == (self.level is None):
+            raise wrong("level", "give the level by name, or its height z, and not both")
+        return self
+
+
+class ExitLine(Placed):
+    """`[[building.exits]]`: an exit drawn as a line, for a mesh that names none or to add one."""
+
+    name: str = key("name of the exit", min_length=1)
+    segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.segment[0] == self.segment[1]:
+            raise wrong("segment", f"its two ends are the same point {list(self.segment[0])}; draw it along the door")
+        return self
+
+
+class Outline(Placed):
+    """`[[building.areas]]`, `[[building.obstacles]]`: a polygon on a level."""
+
+    name: str = key("name of the area or obstacle", min_length=1)
+    polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
+
+
+class Building(Section):
+    """`[building]`: the mesh file, and what it does not say itself."""
+
+    mesh: str = key("mesh file, relative to case.toml", min_length=1)
+    weld: Real = key("vertices closer than this become one", "m", 0.001, ge=0)
+    flat_angle: Real = key("cells less steep than this are floors and landings", "deg", 3.0, gt=0, lt=90)
+    walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", 50.0, gt=0, lt=90)
+    scale: Real = key("factor that turns the mesh's unit of length into metres", "", 1.0, gt=0)
+    exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", ())
+    areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", ())
+    obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
+
+    @model_validator(mode="after")
+    def _angles_in_order(self) -> Self:
+        if self.flat_angle >= self.walkable_angle:
+            raise wrong(
+                "flat_angle", f"must be less than walkable_angle {self.walkable_angle:g}, got {self.flat_angle:g}"
+            )
+        return self
+
+
+class Directions(Section):
+    """`[directions]`: how travel times and directions are computed."""
+
+    spacing: Real = key("distance of the grid's nodes", "m", 0.1, gt=0)
+    clearance: Real | None = key(
+        "width kept clear of walls where there is room; the greatest body radius", "m", None, ge=0
+    )
+    stairs_up: Real | None = key("reference speed up stairs over that on the flat; the people's mean", "", None, gt=0)
+    stairs_down: Real | None = key(
+        "reference speed down stairs over that on the flat; the people's mean", "", None, gt=0
+    )
+    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", 3.0, ge=1)
+    order: Literal[1, 2] = key("order of the fast marching scheme", "", 2)
+
+
+class People(Section):
+    """`[[people]]`: one group; each quantity is a number or a distribution."""
+
+    name: str = key("name of the group", min_length=1)
+    number: Whole | None = key("how many people; that of `positions` if they are given", "", None, ge=1)
+    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
+    positions: tuple[Point, ...] | None = key(
+        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
+    )
+    velocity: tuple[Point, ...] | None = key("velocity each one starts with, beside `positions`; zero", "m/s", None)
+    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
+    radius: Positive = key("body radius", "m", Distribution("uniform", (0.2, 0.25)))
+    mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
+    tau: Positive = key(
+        "time in which a person takes up the desired velocity", "s", Distribution("uniform", (0.1, 0.5))
+    )
+    speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
+    speed_up: StairSpeed = key(
+        "desired speed up stairs, along the slope; or { factor = ... } of the own flat speed",
+        "m/s",
+        Distribution("uniform", (0.5, 1.0)),
+    )
+    speed_down: StairSpeed = key(
+        "desired speed down stairs, along the slope; or { factor = ... } of the own flat speed",
+        "m/s",
+        Distribution("uniform", (0.5, 1.0)),
+    )
+    exits: tuple[str, ...] = key("names of the exits they may take; empty: any", "", ())
+    strategy: Literal["shortest", "fastest", "comfortable"] = key("what they minimise on the way out", "", "fastest")
+    behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
+
+    @property
+    def count(self) -> int:
+        """Number of people in the group."""
+        return len(self.positions) if self.positions is not None else self.number or 0
+
+    @model_validator(mode="after")
+    def _placed_one_way(self) -> Self:
+        if (self.area is None) == (self.positions is None):
+            raise wrong("area", "say where they start: an area and a number, or positions, and not both")
+        if self.positions is None:
+            self._check_area()
+        else:
+            self._check_positions(len(self.positions))
+        for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
+            given = getattr(self, quantity)
+            values = given.factor if isinstance(given, Factor) else given
+            if values.kind == "list" and len(values.numbers) < self.count:
+                raise wrong(
+                    quantity, f"a list of {len(values.numbers)} values for {self.count} people; give one for each"
+                )
+        return self
+
+    def _check_area(self) -> None:
+        if self.number is None:
+            raise wrong("number", "missing; how many people start in the area?")
+        for other in ("velocity", "z", "level"):
+            if getattr(self, other) is not None:
+                raise wrong(other, "goes with positions, not with an area; remove it")
+
+    def _check_positions(self, count: int) -> None:
+        if self.number not in (None, count):
+            raise wrong("number", f"{self.number} people at {count} positions; remove number or correct it")
+        if (self.z is None) == (self.level is None):
+            raise wrong("level", "give the level of the positions by name, or its height z, and not both")
+        if self.velocity is not None and len(self.velocity) != count:
+            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
+
+
+class Contact(Section):
+    """`[contact]`: the model in use, and in `[contact.NAME]` the parameters of any model."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, dict[str, Any]] = Field(init=False)
+
+    model: str = key("name of the contact model in use; `evac plugins` lists them")
+
+    @property
+    def tables(self) -> dict[str, dict[str, Any]]:
+        """Parameters of each model that has a table of its own."""
+        return self.__pydantic_extra__ or {}
+
+
+class SimulationSettings(Section):
+    """`[simulation]`: time, seed and scheme."""
+
+    step: Real = key("time step h of the physics", "s", 0.01, gt=0)
+    tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, gt=0)
+    duration: Real = key("when the run ends, people left or not", "s", 300.0, gt=0)
+    seed: Whole = key("seed of everything random", "", 1, ge=0)
+    driving: Literal["exponential", "explicit"] = key(
+        "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
+    )
+    no_progress: Annotated[float, Field(strict=True)] = key(
+        "the run ends when nobody got out or moved on for this long; inf: never", "s", 60.0, gt=0
+    )
+
+    @model_validator(mode="after")
+    def _tick_of_steps(self) -> Self:
+        if not is_multiple(self.tick, self.step):
+            below = max(1, int(self.tick / self.step))
+            raise wrong(
+                "tick",
+                f"{self.tick:g} s is no multiple of simulation.step {self.step:g} s; nearest: "
+                f"tick = {below * self.step:.6g} or {(below + 1) * self.step:.6g}, "
+                f"or step = {self.tick / (below + 1):.6g} or {self.tick / below:.6g}",
+            )
+        return self
+
+
+class Output(Section):
+    """`[output]`: what is written to the result folder."""
+
+    every: Real = key("time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0)
+    animation: Switch = key("whether the run can be played in ParaView (VTK files)", "", True)
+    picture: Switch = key("whether pictures of the run are drawn", "", True)
+
+
+class Plugins(Section):
+    """`[plugins]`: files to register beside the installed plugins."""
+
+    files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a case came from: its file, what the file said after overrides, plugin files, and the registry."""
+
+    source: Path
+    table: Mapping[str, Any]
+    plugin_files: tuple[Path, ...]
+    registry: "Registry"
+
+
+class Case(Section):
+    """A checked case: everything needed to run it but the building itself.
+
+    Made by `evac.scenario.load_case`; frozen. `change` makes another one.
+    """
+
+    title: str = key("one line that says what the case is", "", "")
+    building: Building = key("the building")
+    directions: Directions = key("travel times and directions", "", Directions())
+    people: tuple[People, ...] = key("the groups", "", min_length=1)
+    contact: Contact = key("contact between bodies")
+    forces: dict[str, Parameters] = key("parameters of each force at a distance in use; false: not in use", "", {})
+    behaviours: dict[str, Parameters] = key("parameters of each behaviour in use; false: not in use", "", {})
+    simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
+    output: Output = key("what is written", "", Output())
+    plugins: Plugins = key("plugin files", "", Plugins())
+
+    _origin: Origin = PrivateAttr()
+
+    @property
+    def source(self) -> Path:
+        """The case.toml it was read from."""
+        return self._origin.source
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in the case are relative to."""
+        return self._origin.source.parent
+
+    @property
+    def mesh(self) -> Path:
+        """The mesh file."""
+        return self.folder / self.building.mesh
+
+    @property
+    def plugin_files(self) -> tuple[Path, ...]:
+        """The plugin files, resolved."""
+        return self._origin.plugin_files
+
+    @property
+    def registry(self) -> "Registry":
+        """What the case was checked against."""
+        return self._origin.registry
+
+    def change(self, overrides: Mapping[str, Any] | Iterable[str]) -> "Case":
+        """Return a new checked case with some keys changed; see `evac.scenario.load_case`.
+
+        Raises
+        ------
+        ScenarioError
+            The changed case is not valid.
+        """
+        from evac.scenario.loading import case_from
+
+        return case_from(
+            self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
+        )
+
+    def make_contact_model(self, registry: "Registry") -> "ContactModel":
+        """Return the contact model in use, with its parameters."""
+        model: ContactModel = registry.get("contact_model", self.contact.model)(
+            **self.contact.tables.get(self.contact.model, {})
+        )
+        return model
+
+    def make_forces(self, registry: "Registry") -> "list[Force]":
+        """Return the forces in use, in the order of the file."""
+        return [registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
+
+    def make_behaviours(self, registry: "Registry") -> "list[Behaviour]":
+        """Return the behaviours in use, in the order of the file."""
+        return [
+            registry.get("behaviour", name)(**table) for name, table in self.behaviours.items() if table is not False
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every key with its value, defaults of the plugins in use included, as plain data."""
+        table = self.model_dump(mode="json", exclude_none=True)
+        classes = self.registry
+        model = self.contact.model
+        table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
+        for kind, section in (("force", table["forces"]), ("behaviour", table["behaviours"])):
+            for name, values in section.items():
+                if values is not False:
+                    section[name] = _filled(classes.get(kind, name), values)
+        return table
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process as the file's content, to be checked again against the plugins there."""
+        from evac.scenario.loading import case_from
+
+        origin = self._origin
+        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.plugin_files)
+
+
+def is_multiple(value: float, unit: float) -> bool:
+    """Return whether `value` is a whole number >= 1 of `unit`, up to rounding."""
+    count = round(value / unit)
+    return count >= 1 and abs(value - count * unit) <= 1e-9 * value
+
+
+def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a plugin class as given, with the defaults where nothing is."""
+    return {name: given.get(name, parameter.default) for name, parameter in cls.declared().items()}
