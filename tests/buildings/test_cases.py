@@ -1,0 +1,110 @@
+"""The shipped buildings: the mesh is what the script draws, and people of the case's size get through."""
+
+import importlib.util
+import tomllib
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import shapely
+
+CASES = Path(__file__).parents[2] / "buildings"
+
+
+def script(name):
+    """Return the module that draws a case."""
+    spec = importlib.util.spec_from_file_location(f"draw_{name}", CASES / name / f"draw_{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def read(path):
+    return meshio.read(path, file_format="gmsh")
+
+
+def plans(name, low=-np.inf, high=np.inf):
+    """Return the plan of each physical surface of a shipped mesh between two heights."""
+    mesh = read(CASES / name / f"{name}.msh")
+    tags = {number: tag for tag, (number, dim) in mesh.field_data.items() if dim == 2}
+    found = {}
+    for block, numbers in zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True):
+        if block.type == "triangle":
+            corners = mesh.points[block.data]
+            inside = (corners[:, :, 2].min(axis=1) >= low) & (corners[:, :, 2].max(axis=1) <= high)
+            for number in np.unique(numbers[inside]):
+                cells = shapely.polygons(corners[inside & (numbers == number)][:, :, :2])
+                found[tags[number]] = shapely.union_all([found.get(tags[number]), *cells])
+    return found
+
+
+@pytest.mark.parametrize("name", ["square_room", "classroom", "primary_school"])
+def test_shipped_mesh_is_what_the_script_draws(name, tmp_path):
+    script(name).draw().write(tmp_path / "drawn.msh")
+    shipped, drawn = read(CASES / name / f"{name}.msh"), read(tmp_path / "drawn.msh")
+    assert shipped.field_data.keys() == drawn.field_data.keys()
+    assert np.array_equal(np.unique(shipped.points, axis=0), np.unique(drawn.points, axis=0))
+    assert [len(block.data) for block in shipped.cells] == [len(block.data) for block in drawn.cells]
+
+
+def test_square_room_is_that_of_the_paper():
+    assert plans("square_room")["floor:room"].equals(shapely.box(0, 0, 5, 5))
+
+
+def test_classroom_is_that_of_the_paper():
+    plan = plans("classroom")
+    assert plan["floor:classroom"].area + plan["obstacle:desks"].area == pytest.approx(5.85 * 6.75)
+    desks = shapely.get_parts(plan["obstacle:desks"])
+    centres = np.round(shapely.get_coordinates(shapely.centroid(desks)), 6)
+    columns, rows = np.unique(centres[:, 0]), np.unique(centres[:, 1])
+    assert len(desks) == 30
+    assert np.diff(columns) == pytest.approx([1.35] * 4)
+    assert np.diff(rows) == pytest.approx([0.9] * 5)
+
+
+def test_every_pupil_of_the_classroom_stands_free_and_reaches_the_door():
+    case = tomllib.loads((CASES / "classroom" / "case.toml").read_text())
+    (pupils,) = case["people"]
+    radius = pupils["radius"]["uniform"][1]
+    free = plans("classroom")["floor:classroom"].buffer(-(radius + 0.004))
+    starts = shapely.points(pupils["positions"])
+    assert len(starts) == 30
+    assert isinstance(free, shapely.Polygon)
+    assert shapely.covers(free, starts).all()
+    assert free.distance(shapely.Point(5.35, 0.0)) < radius + 0.005
+
+
+@pytest.mark.parametrize("storey", [0, 1, 2])
+def test_a_pupil_of_the_school_gets_from_every_desk_to_the_stairs(storey):
+    height = 3.3 * storey
+    plan = plans("primary_school", height - 0.01, height + 0.01)
+    floor = [shape for tag, shape in plan.items() if tag.startswith(("floor:", "area:"))]
+    free = shapely.union_all(floor, grid_size=1e-6).buffer(-0.55 / 2)
+    assert isinstance(free, shapely.Polygon)
+    assert len(free.interiors) == 24
+    for letter in "ab":
+        assert free.intersects(plan[f"area:teacher_{storey}{letter}"])
+
+
+def test_the_schools_stairs_have_a_real_size():
+    school = script("primary_school")
+    angle = np.degrees(np.arctan2(school.STOREY_HEIGHT / 2, school.FLIGHT_RUN))
+    assert 30.0 <= angle <= 33.0
+    for tag, low in (("stair:lower", 0.0), ("stair:upper", 3.3)):
+        whole = plans("primary_school", low, low + 3.3)[tag]
+        landing = plans("primary_school", low + 1.64, low + 1.66)[tag]
+        assert whole.bounds == pytest.approx((8.2, 2.6, 11.4, 7.0))
+        assert landing.bounds == pytest.approx((8.2, 5.4, 11.4, 7.0))
+
+
+def test_the_school_has_six_classes_of_130_pupils_that_follow_six_teachers():
+    groups = {
+        group["name"]: group for group in tomllib.loads((CASES / "primary_school" / "case.toml").read_text())["people"]
+    }
+    teachers = {name for name, group in groups.items() if name.startswith("teacher_") and group["number"] == 1}
+    classes = {name: group for name, group in groups.items() if name.startswith("class_")}
+    assert sum(group["number"] for group in classes.values()) == 130
+    assert {group["behaviours"]["teacher_following"]["teacher"] for group in classes.values()} == teachers
+    areas = {tag.removeprefix("area:") for tag in plans("primary_school") if tag.startswith("area:")}
+    assert {group["area"] for group in groups.values()} == areas
