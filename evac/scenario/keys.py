@@ -69,6 +69,12 @@ def wrong(key: str, message: str) -> PydanticCustomError:
     return PydanticCustomError("case", "{text}", {"text": message, "key": key})
 
 
+def is_multiple(value: float, unit: float) -> bool:
+    """Return whether `value` is a whole number >= 1 of `unit`, up to rounding."""
+    count = round(value / unit)
+    return count >= 1 and abs(value - count * unit) <= 1e-9 * value
+
+
 class Section(BaseModel):
     """A table of case.toml: frozen, and without keys that mean nothing."""
 

@@ -1,5 +1,6 @@
 """What is wrong with a case, one line each: dotted key, fault, way out."""
 
+import reprlib
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -44,12 +45,22 @@ def dotted(key: Key, table: Any) -> str:
 
 def problems_of(error: ValidationError) -> list[Problem]:
     """Return what pydantic found as problems in the terms of case.toml."""
-    return [_problem(details) for details in error.errors(include_url=False)]
+    found = error.errors(include_url=False)
+    return [_problem(details) for details in found if not _is_echo(details, [other["loc"] for other in found])]
+
+
+def _is_echo(details: ErrorDetails, places: list[Key]) -> bool:
+    """Return whether a list is only called too short because items of it were refused."""
+    key = details["loc"]
+    return details["type"] == "too_short" and any(
+        len(place) > len(key) and place[: len(key)] == key for place in places
+    )
 
 
 def _problem(details: ErrorDetails) -> Problem:
     key = details["loc"]
     kind = details["type"]
+    got = reprlib.repr(details["input"])
     context = details.get("ctx", {})
     if kind == "extra_forbidden":
         return Problem(key, f"unknown key; {_known_key(key)}")
@@ -60,15 +71,20 @@ def _problem(details: ErrorDetails) -> Problem:
     if kind == "value_error":
         return Problem(key, str(context["error"]))
     if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return Problem(key, f"must be a table, got {details['input']!r}")
+        return Problem(key, f"must be a table, got {got}")
     if kind == "tuple_type":
-        return Problem(key, f"must be a list, got {details['input']!r}")
-    text = details["msg"].replace("Input should be", "must be").replace("Tuple should have", "must have")
+        return Problem(key, f"must be a list, got {got}")
+    text = (
+        details["msg"]
+        .replace("Input should be", "must be")
+        .replace("Tuple should have", "must have")
+        .replace(" after validation", "")
+    )
     text = text.replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
-        return Problem(key, f"{text}, got {details['input']!r}; {did_you_mean(details['input'], words)}")
-    return Problem(key, f"{text}, got {details['input']!r}")
+        return Problem(key, f"{text}, got {got}; {did_you_mean(details['input'], words)}")
+    return Problem(key, f"{text}, got {got}")
 
 
 def _known_key(key: Key) -> str:

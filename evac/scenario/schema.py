@@ -20,6 +20,7 @@ from evac.scenario.keys import (
     StairSpeed,
     Switch,
     Whole,
+    is_multiple,
     key,
     wrong,
 )
@@ -328,12 +329,6 @@ class Case(Section):
 
         origin = self._origin
         return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.plugin_files)
-
-
-def is_multiple(value: float, unit: float) -> bool:
-    """Return whether `value` is a whole number >= 1 of `unit`, up to rounding."""
-    count = round(value / unit)
-    return count >= 1 and abs(value - count * unit) <= 1e-9 * value
 
 
 def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,313 @@
+"""Where people start: discs in a polygon, clear of walls and of each other."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.errors import ScenarioError
+from evac.jit import kernel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+BoolArray = NDArray[np.bool_]
+
+#: Rounds of random candidates, two per person each, before the lattice is tried.
+ROUNDS = 40
+
+#: Room left between a disc and a wall it is put beside, so that rounding cannot make them overlap [m].
+MARGIN = 1e-9
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Discs hashed to square cells as wide as the greatest diameter, so that only nine cells are searched."""
+
+    origin: FloatArray  # (2,) [m]
+    size: float  # [m]
+    head: IntArray  # (nx, ny) last disc of a cell, -1: none
+    following: IntArray  # (discs,) the disc before it in its cell
+    disc: FloatArray  # (discs, 3) x, y, radius [m]
+
+
+def place(
+    polygon: BaseGeometry,
+    radii: FloatArray,
+    segments: FloatArray,
+    occupied: FloatArray,
+    generator: np.random.Generator,
+    place_name: str,
+) -> FloatArray:
+    """Return positions of discs in a polygon, at random and without overlap.
+
+    Random sequential addition, the largest first; where that fills up before all are placed (it cannot
+    cover more than some 54 % of the ground), all stand on a hexagonal lattice, as wide as possible and
+    jittered by what it leaves.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        Holds all centres.
+    radii : (n,) float64 [m]
+    segments : (w, 4) float64 [m]
+        What whole bodies keep clear of.
+    occupied : (m, 3) float64 [m]
+        Centres and radii of people already there.
+    place_name : str
+        Names the place in the error.
+
+    Returns
+    -------
+    (n, 2) float64 [m]
+
+    Raises
+    ------
+    ScenarioError
+        They do not fit; says how many about would.
+    """
+    reach = float(radii.max())
+    left, bottom, right, top = polygon.bounds
+    box = (left - 2 * reach, bottom - 2 * reach, right + 2 * reach, top + 2 * reach)
+    near = np.ascontiguousarray(segments[_touches(segments, box)])
+    there = occupied[_within(occupied, left, bottom, right, top)]
+    shapely.prepare(polygon)
+    positions, n_placed = _at_random(polygon, radii, near, there, generator)
+    if n_placed == len(radii):
+        return positions
+    lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator)
+    if lattice is None:
+        raise ScenarioError(
+            f"{place_name}: {n_placed} of {len(radii)} people were placed on {polygon.area:.1f} m2; about "
+            f"{max(n_placed, n_fitting)} of radii up to {reach:.2f} m fit; lower the number or enlarge the area"
+        )
+    return lattice
+
+
+def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
+    """Return the distance (n,) [m] of points to the nearest segment; inf without segments."""
+    distances = np.full(len(positions), np.inf)
+    _nearest(np.ascontiguousarray(positions), np.ascontiguousarray(segments), distances)
+    return distances
+
+
+def _at_random(
+    polygon: BaseGeometry, radii: FloatArray, segments: FloatArray, occupied: FloatArray, generator: np.random.Generator
+) -> tuple[FloatArray, int]:
+    """Random sequential addition; return positions and how many were placed."""
+    n = len(radii)
+    order = np.argsort(-radii, kind="stable")
+    cells = _cells(polygon, radii, occupied, n)
+    left, bottom, right, top = polygon.bounds
+    batch = math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100
+    n_placed = 0
+    for _ in range(ROUNDS):
+        points = generator.uniform((left, bottom), (right, top), (batch, 2))
+        points = np.ascontiguousarray(points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])])
+        n_placed = _add(points, radii[order], n_placed, len(occupied), segments, *_unpacked(cells))
+        if n_placed == n:
+            break
+    positions = np.empty((n, 2))
+    positions[order] = cells.disc[len(occupied) :, :2]
+    return positions, n_placed
+
+
+def _on_lattice(
+    polygon: BaseGeometry,
+    n: int,
+    radius: float,
+    segments: FloatArray,
+    occupied: FloatArray,
+    generator: np.random.Generator,
+) -> tuple[FloatArray | None, int]:
+    """Hexagonal lattice; return positions, or None if they do not fit, and how many the closest lattice holds."""
+    cells = _cells(polygon, np.array([radius]), occupied, 0)
+
+    def standing(points: FloatArray) -> FloatArray:
+        points = points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])]
+        fits = np.zeros(len(points), dtype=np.bool_)
+        _are_clear(np.ascontiguousarray(points), radius, segments, *_unpacked(cells), fits)
+        return points[fits]
+
+    closest = 2 * (radius + MARGIN)
+    corner = radius + 2 * MARGIN
+    frames = [(turned, phase) for turned in (False, True) for phase in (corner, 0.0, 0.5 * radius, 1.5 * radius)]
+    turned, phase = max(frames, key=lambda frame: len(standing(_nodes(polygon, closest, *frame))))
+    n_fitting = len(standing(_nodes(polygon, closest, turned, phase)))
+    if n_fitting < n:
+        return None, n_fitting
+    width, too_wide = closest, 2 * closest + math.sqrt(polygon.area)
+    for _ in range(20):
+        middle = (width + too_wide) / 2
+        if len(standing(_nodes(polygon, middle, turned, phase))) >= n:
+            width = middle
+        else:
+            too_wide = middle
+    points = standing(_nodes(polygon, width, turned, phase))
+    points = points[generator.permutation(len(points))[:n]]
+    length = (width - closest) / 2 * np.sqrt(generator.random(n))
+    angle = 2 * np.pi * generator.random(n)
+    moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
+    fits = np.zeros(n, dtype=np.bool_)
+    _are_clear(moved, radius, segments, *_unpacked(cells), fits)
+    fits &= shapely.contains_xy(polygon, moved[:, 0], moved[:, 1])
+    return np.where(fits[:, None], moved, points), n_fitting
+
+
+def _nodes(polygon: BaseGeometry, width: float, turned: bool, phase: float) -> FloatArray:
+    """Return the nodes (k, 2) of a hexagonal lattice over the bounds of a polygon, rows along x or turned along y."""
+    left, bottom, right, top = polygon.bounds
+    along, across = (top - bottom, right - left) if turned else (right - left, top - bottom)
+    rows = np.arange(int(across / (width * math.sqrt(0.75))) + 1)
+    columns = np.arange(int(along / width) + 1)
+    x = phase + width * (columns[None, :] + 0.5 * (rows[:, None] % 2))
+    y = phase + width * math.sqrt(0.75) * np.broadcast_to(rows[:, None], x.shape)
+    plan = (y, x) if turned else (x, y)
+    return np.column_stack((left + plan[0].ravel(), bottom + plan[1].ravel()))
+
+
+def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: int) -> _Cells:
+    """Return cells over a polygon that hold the people already there and have room for `n` more."""
+    size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
+    left, bottom, right, top = polygon.bounds
+    origin = np.array([left - size, bottom - size])
+    shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
+    cells = _Cells(
+        origin,
+        size,
+        np.full(shape, -1, dtype=np.int32),
+        np.full(len(occupied) + n, -1, dtype=np.int32),
+        np.zeros((len(occupied) + n, 3)),
+    )
+    cells.disc[: len(occupied)] = occupied
+    for row in range(len(occupied)):
+        _enter(row, *_unpacked(cells))
+    return cells
+
+
+def _unpacked(cells: _Cells) -> tuple[FloatArray, float, IntArray, IntArray, FloatArray]:
+    return cells.origin, cells.size, cells.head, cells.following, cells.disc
+
+
+def _touches(segments: FloatArray, box: tuple[float, float, float, float]) -> BoolArray:
+    """Return which segments have bounds that overlap a box (left, bottom, right, top)."""
+    x, y = segments[:, 0::2], segments[:, 1::2]
+    inside: BoolArray = (
+        (x.max(axis=1) >= box[0]) & (y.max(axis=1) >= box[1]) & (x.min(axis=1) <= box[2]) & (y.min(axis=1) <= box[3])
+    )
+    return inside
+
+
+def _within(discs: FloatArray, left: float, bottom: float, right: float, top: float) -> BoolArray:
+    """Return which discs reach within their greatest radius of a box."""
+    reach = 2 * discs[:, 2].max(initial=0.0)
+    inside: BoolArray = (
+        (discs[:, 0] >= left - reach)
+        & (discs[:, 0] <= right + reach)
+        & (discs[:, 1] >= bottom - reach)
+        & (discs[:, 1] <= top + reach)
+    )
+    return inside
+
+
+@kernel
+def _distance(x: float, y: float, segments: FloatArray, w: int) -> float:
+    """Return the distance of a point to segment `w`."""
+    x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
+    dx, dy = x2 - x1, y2 - y1
+    square = dx * dx + dy * dy
+    share = 0.0
+    if square > 0.0:
+        share = min(1.0, max(0.0, ((x - x1) * dx + (y - y1) * dy) / square))
+    return math.hypot(x - x1 - share * dx, y - y1 - share * dy)
+
+
+@kernel
+def _nearest(points: FloatArray, segments: FloatArray, distances: FloatArray) -> None:
+    """Write the distance of each point to the nearest segment."""
+    for p in range(len(points)):
+        for w in range(len(segments)):
+            distances[p] = min(distances[p], _distance(points[p, 0], points[p, 1], segments, w))
+
+
+@kernel
+def _enter(row: int, origin: FloatArray, size: float, head: IntArray, following: IntArray, disc: FloatArray) -> None:
+    """Enter a disc in its cell; those beyond the cells are of no interest."""
+    ix = math.floor((disc[row, 0] - origin[0]) / size)
+    iy = math.floor((disc[row, 1] - origin[1]) / size)
+    if 0 <= ix < head.shape[0] and 0 <= iy < head.shape[1]:
+        following[row] = head[ix, iy]
+        head[ix, iy] = row
+
+
+@kernel
+def _is_clear(
+    x: float,
+    y: float,
+    radius: float,
+    segments: FloatArray,
+    origin: FloatArray,
+    size: float,
+    head: IntArray,
+    following: IntArray,
+    disc: FloatArray,
+) -> bool:
+    """Return whether a disc overlaps no disc entered so far and no segment."""
+    ix = math.floor((x - origin[0]) / size)
+    iy = math.floor((y - origin[1]) / size)
+    for cx in range(max(ix - 1, 0), min(ix + 2, head.shape[0])):
+        for cy in range(max(iy - 1, 0), min(iy + 2, head.shape[1])):
+            other = head[cx, cy]
+            while other >= 0:
+                if math.hypot(x - disc[other, 0], y - disc[other, 1]) < radius + disc[other, 2] + MARGIN:
+                    return False
+                other = following[other]
+    nearest = np.inf
+    for w in range(len(segments)):
+        nearest = min(nearest, _distance(x, y, segments, w))
+    return nearest >= radius + MARGIN
+
+
+@kernel
+def _are_clear(
+    points: FloatArray,
+    radius: float,
+    segments: FloatArray,
+    origin: FloatArray,
+    size: float,
+    head: IntArray,
+    following: IntArray,
+    disc: FloatArray,
+    fits: BoolArray,
+) -> None:
+    """Write for each point whether a disc there is clear."""
+    for p in range(len(points)):
+        fits[p] = _is_clear(points[p, 0], points[p, 1], radius, segments, origin, size, head, following, disc)
+
+
+@kernel
+def _add(
+    points: FloatArray,
+    radii: FloatArray,
+    n_placed: int,
+    n_before: int,
+    segments: FloatArray,
+    origin: FloatArray,
+    size: float,
+    head: IntArray,
+    following: IntArray,
+    disc: FloatArray,
+) -> int:
+    """Offer points in turn to the next disc to be placed; return how many are placed now."""
+    for p in range(len(points)):
+        if n_placed == len(radii):
+            break
+        x, y, radius = points[p, 0], points[p, 1], radii[n_placed]
+        if _is_clear(x, y, radius, segments, origin, size, head, following, disc):
+            row = n_before + n_placed
+            disc[row, 0], disc[row, 1], disc[row, 2] = x, y, radius
+            _enter(row, origin, size, head, following, disc)
+            n_placed += 1
+    return n_placed
