@@ -1,15 +1,16 @@
 """Travel times and directions of a building, per (level, route)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from evac.directions.routes import Route
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
+OffsetArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,17 @@ class Fields:
         Field of a level and route; -1 where the route's destination cannot be reached from the level.
     field_offset : (fields,) int64
     direction : (nodes, 2) float64
-        Unit vectors of steepest descent, bent around corners by the clearance slowness.
+        Unit vectors of steepest descent, bent around corners by the clearance slowness; zero where
+        there is no way.
     travel_time : (nodes,) float64
-        Plain travel time to the destination [s] at the reference speeds; inf where there is no way.
-    graph : networkx.Graph
-        Levels and portals with lengths.
+        Plain travel time to the destination [s] at the reference speeds; inf where there is no way,
+        negative behind the exits.
+    graph : networkx.MultiGraph
+        Levels, portals and exits that are open; see ``evac.directions.graph``.
+    lengths : (nodes, 3) float64
+        Flat, up and down lengths of the way to the destination, along the slope [m].
+    comfort : float
+        Weight of the time on stairs that the strategy "comfortable" was marched with.
     """
 
     routes: tuple[Route, ...]
@@ -41,7 +48,58 @@ class Fields:
     grid_shape: IntArray
     spacing: float
     field_of: IntArray
-    field_offset: NDArray[np.int64]
+    field_offset: OffsetArray
     direction: FloatArray
     travel_time: FloatArray
     graph: Any
+    lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    comfort: float = 1.0
+
+    def travel_time_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+        """Return the travel time (n,) [s] of a route from positions; inf where it cannot be reached.
+
+        Parameters
+        ----------
+        level : (n,) or int
+        position : (n, 2) [m]
+        route : (n,) or int
+        """
+        # The kernels import this module, and numba: both wait until they are needed.
+        from evac.directions.sampling import sample_travel_times
+
+        return self._sampled(sample_travel_times, level, position, route, self.travel_time)
+
+    def lengths_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+        """Return the flat, up and down lengths (n, 3) [m] of a route's way from positions; inf without a way."""
+        from evac.directions.sampling import sample_travel_times
+
+        columns = [
+            self._sampled(sample_travel_times, level, position, route, np.ascontiguousarray(self.lengths[:, use]))
+            for use in range(3)
+        ]
+        # Within a cell of an exit the bilinear value can fall below zero by rounding.
+        return np.maximum(np.stack(columns, axis=1), 0.0)
+
+    def directions_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+        """Return the unit directions (n, 2) of a route at positions; zero where it cannot be reached."""
+        from evac.directions.sampling import sample_directions
+
+        return self._sampled(sample_directions, level, position, route, self.direction)
+
+    def _sampled(
+        self, sample: Any, level: ArrayLike, position: FloatArray, route: ArrayLike, values: FloatArray
+    ) -> FloatArray:
+        place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
+        number = len(place)
+        found: FloatArray = sample(
+            place,
+            np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
+            np.ascontiguousarray(np.broadcast_to(np.asarray(route, dtype=np.int32), number)),
+            self.grid_origin,
+            self.grid_shape,
+            self.spacing,
+            self.field_of,
+            self.field_offset,
+            values,
+        )
+        return found

@@ -1,0 +1,229 @@
+"""From a building and routes to fields: the third station of the main path."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from evac.building.model import Building, Exit
+from evac.directions.descent import add_lengths, descend
+from evac.directions.fields import Fields, FloatArray
+from evac.directions.graph import build_graph, levels_reaching
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
+from evac.directions.marching import Metric, march
+from evac.directions.routes import STRATEGIES, Route
+from evac.errors import ScenarioError
+from evac.parameters import did_you_mean
+
+#: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about 0.8 clearances.
+BEND = 4.0
+
+
+def build_fields(
+    building: Building,
+    routes: Sequence[Route],
+    *,
+    spacing: float = 0.1,
+    clearance: float = 0.25,
+    speeds: tuple[float, float, float] = (1.0, 0.5, 0.7),
+    comfort: float = 3.0,
+    order: int = 2,
+    link_open: NDArray[np.uint8] | None = None,
+) -> Fields:
+    """March the travel times and directions of a building for some routes.
+
+    The travel time T of a route solves |grad T| = s with T = 0 on its exits; s is the time for a metre
+    in plan, 1 / (speed cos slope), with the speed of the use (flat, up, down) of each level.
+    Directions descend on a second such field, whose slowness rises within `clearance` of a wall to
+    ``1 + BEND`` times as much, as ``1 + BEND (1 - d / clearance)^2``: bodies keep off posts and corners, and
+    a narrow door stays open because its middle still is the best way.
+
+    Parameters
+    ----------
+    building : Building
+    routes : sequence of Route
+    spacing : float
+        Distance of nodes [m].
+    clearance : float
+        About the greatest body radius [m]; 0 gives the directions of the plain travel time.
+    speeds : (flat, up, down)
+        Reference speeds along the slope [m/s].
+    comfort : float
+        Weight of the time on stairs for the strategy "comfortable".
+    order : {1, 2}
+        Order of the marching stencil.
+    link_open : (portals + exits,) uint8, optional
+        0 where a link is closed; all are open by default.
+
+    Returns
+    -------
+    Fields
+        ``travel_time`` is what the strategy minimises, in seconds: "shortest" walks 1 m/s everywhere,
+        "comfortable" counts stairs `comfort` times.
+
+    Raises
+    ------
+    ScenarioError
+        A number is out of range, or a route names an exit or a strategy that does not exist.
+    """
+    _check(building, routes, spacing, clearance, speeds, comfort, order)
+    number_of_links = len(building.portals) + len(building.exits)
+    opened = np.ones(number_of_links, dtype=np.uint8) if link_open is None else np.asarray(link_open, dtype=np.uint8)
+    graph = build_graph(building, opened)
+    grids = build_grids(building, spacing, clearance, opened)
+    cosine = np.array([math.cos(level.slope) for level in building.levels])
+    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
+    bent = 1.0 + BEND * (1.0 - near / clearance) ** 2 if clearance > 0.0 else np.ones(grids.size)
+
+    field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
+    offsets: list[int] = []
+    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    filled = 0
+    for index, route in enumerate(routes):
+        exits = [e for e in building.exits if opened[grids.exit_link(e)] and (not route.exits or e.name in route.exits)]
+        rates = _rates(route.strategy, speeds, comfort)
+        slowness = rates / cosine[:, None]
+        plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
+        guide = march(grids, Metric(slowness, bent), exits, order) if clearance > 0.0 else plain
+        direction = _directions(grids, guide, exits)
+        lengths = _lengths(grids, plain, exits, rates, cosine)
+        travel_time = _seen_from(grids, plain)
+        for level in sorted(levels_reaching(graph, [e.index for e in exits])):
+            nodes = grids.levels[level].packed
+            field_of[level, index] = len(parts)
+            offsets.append(filled)
+            parts.append((direction[nodes], travel_time[nodes], lengths[nodes]))
+            filled += nodes.stop - nodes.start
+    return Fields(
+        routes=tuple(routes),
+        grid_origin=np.array([grid.window.origin for grid in grids.levels]),
+        grid_shape=np.array([grid.window.shape for grid in grids.levels], dtype=np.int32),
+        spacing=float(spacing),
+        field_of=field_of,
+        field_offset=np.array(offsets, dtype=np.int64),
+        direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
+        travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+        graph=graph,
+        lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
+        comfort=float(comfort),
+    )
+
+
+def _check(
+    building: Building,
+    routes: Sequence[Route],
+    spacing: float,
+    clearance: float,
+    speeds: tuple[float, float, float],
+    comfort: float,
+    order: int,
+) -> None:
+    if not 0.0 < spacing < math.inf:
+        raise ScenarioError(f"directions.spacing: must be greater than 0 m, got {spacing!r}")
+    if not 0.0 <= clearance < math.inf:
+        raise ScenarioError(f"directions.clearance: must be at least 0 m, got {clearance!r}")
+    if len(speeds) != 3 or not all(0.0 < speed < math.inf for speed in speeds):
+        raise ScenarioError(f"directions: reference speeds must be three numbers greater than 0 m/s, got {speeds!r}")
+    if not 0.0 < comfort < math.inf:
+        raise ScenarioError(f"directions.comfort: must be greater than 0, got {comfort!r}")
+    if order not in (1, 2):
+        raise ScenarioError(f"directions.order: must be 1 or 2, got {order!r}")
+    names = [exit_.name for exit_ in building.exits]
+    for route in routes:
+        if route.strategy not in STRATEGIES:
+            raise ScenarioError(f"unknown strategy {route.strategy!r}; {did_you_mean(route.strategy, STRATEGIES)}")
+        for name in route.exits:
+            if name not in names:
+                raise ScenarioError(f"{building.source} has no exit {name!r}; {did_you_mean(name, names)}")
+    for exit_ in building.exits:
+        if exit_.width < 2.0 * spacing:
+            raise ScenarioError(
+                f"directions.spacing: exit {exit_.name!r} is {exit_.width:.2f} m wide, less than two cells of "
+                f"{spacing} m; make the spacing smaller"
+            )
+
+
+def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
+    """Return the cost (3,) of a metre along the slope in each use for a strategy [s/m]."""
+    if strategy == "shortest":
+        return np.ones(3)
+    rates = 1.0 / np.array(speeds, dtype=np.float64)
+    if strategy == "comfortable":
+        rates[1:] *= comfort
+    return rates
+
+
+def _seen_from(grids: BuildingGrids, values: FloatArray) -> FloatArray:
+    """Return packed values with those of the neighbours themselves in the halos."""
+    seen = values.copy()
+    for grid in grids.levels:
+        halo = (grid.sheet > OWN) & (grid.source >= 0)
+        seen[grid.packed][halo.ravel()] = values[grid.source[halo]]
+    return seen
+
+
+def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> FloatArray:
+    """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
+    direction = np.zeros((grids.size, 2))
+    for grid in grids.levels:
+        own = direction[grid.packed].reshape(*grid.window.shape, 2)
+        descend(cost[grid.packed].reshape(grid.window.shape), grid.sheet == OWN, grids.lattice.spacing, own)
+        for exit_ in exits:
+            if exit_.level == grid.level:
+                x1, y1, x2, y2 = exit_.segments.sum(axis=0)
+                outward = np.array([y2 - y1, x1 - x2])
+                own[grid.sheet == 1 + grids.exit_link(exit_)] = outward / np.linalg.norm(outward)
+    direction = _seen_from(grids, direction)
+    for grid in grids.levels:
+        own = direction[grid.packed].reshape(*grid.window.shape, 2)
+        pointing = np.any(own != 0.0, axis=2)
+        halo = (grid.sheet > OWN) & (grid.source >= 0) & (grid.sheet <= len(grids.building.portals))
+        reached = np.isfinite(cost[grid.packed].reshape(grid.window.shape))
+        known = pointing & ~halo
+        missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
+        if known.any():
+            nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+            own[missing] = own[tuple(nearest)][missing]
+    return direction
+
+
+def _lengths(
+    grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray, cosine: FloatArray
+) -> FloatArray:
+    """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
+    building = grids.building
+    lengths = np.full((grids.size, 3), math.inf)
+    nodes, levels, strides = [], [], []
+    for grid in grids.levels:
+        for exit_ in exits:
+            if exit_.level == grid.level:
+                behind = grid.offset + np.flatnonzero(grid.sheet == 1 + grids.exit_link(exit_))
+                use = use_towards(building.levels[grid.level], exit_.segments)
+                lengths[behind] = 0.0
+                lengths[behind, use] = cost[behind] / rates[use]
+        own = grid.offset + np.flatnonzero((grid.sheet == OWN).ravel() & np.isfinite(cost[grid.packed]))
+        nodes.append(own)
+        levels.append(np.full(len(own), grid.level, dtype=np.int32))
+        strides.append(np.full(len(own), grid.window.shape[1], dtype=np.int32))
+    node = np.concatenate(nodes)
+    by_cost = np.argsort(cost[node], kind="stable")
+    source = np.concatenate([grid.source.ravel() for grid in grids.levels])
+    uphill = np.array([level.uphill for level in building.levels], dtype=np.float64)
+    add_lengths(
+        node[by_cost],
+        np.concatenate(levels)[by_cost],
+        np.concatenate(strides)[by_cost],
+        source,
+        cost,
+        uphill,
+        cosine,
+        grids.lattice.spacing,
+        lengths,
+    )
+    # The lengths are of first order; their sum must give the cost, which is of second.
+    along = lengths[node] @ rates
+    usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
+    lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
+    return _seen_from(grids, lengths)

@@ -1,0 +1,137 @@
+"""Kernels on marched fields: directions of steepest descent, and the lengths of the way down."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.directions.fields import FloatArray, IntArray
+from evac.jit import kernel
+
+
+@kernel
+def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
+    """Return the descent [1/m] from `one` towards a neighbour `near` and the next, `far`; at least 0.
+
+    Of second order where the values fall twice in a row, else of first; only nodes that the wave
+    came from take part, so that neither walls nor the far side of a ridge bend it.
+    """
+    if near >= one:
+        return 0.0
+    if far < near:
+        slope = (3.0 * one - 4.0 * near + far) / (2.0 * spacing)
+        if slope > 0.0:
+            return slope
+    return (one - near) / spacing
+
+
+@kernel
+def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, direction: FloatArray) -> None:
+    """Write the unit vectors of steepest descent of a grid.
+
+    Parameters
+    ----------
+    cost : (nx, ny) float64
+        inf where nobody walks.
+    chosen : (nx, ny) bool
+        Nodes to write; the others stay.
+    spacing : float [m]
+    direction : (nx, ny, 2) float64
+        Written: zero where no neighbour is lower.
+    """
+    nx, ny = cost.shape
+    for i in range(2, nx - 2):
+        for j in range(2, ny - 2):
+            one = cost[i, j]
+            if not chosen[i, j] or one == math.inf:
+                continue
+            step = 1 if cost[i + 1, j] < cost[i - 1, j] else -1
+            along_x = step * upwind_slope(one, cost[i + step, j], cost[i + 2 * step, j], spacing)
+            step = 1 if cost[i, j + 1] < cost[i, j - 1] else -1
+            along_y = step * upwind_slope(one, cost[i, j + step], cost[i, j + 2 * step], spacing)
+            length = math.sqrt(along_x * along_x + along_y * along_y)
+            if length > 0.0:
+                direction[i, j, 0] = along_x / length
+                direction[i, j, 1] = along_y / length
+
+
+@kernel
+def add_lengths(
+    order: NDArray[np.int64],
+    level_of: IntArray,
+    stride: IntArray,
+    source: NDArray[np.int64],
+    cost: FloatArray,
+    uphill: FloatArray,
+    cosine: FloatArray,
+    spacing: float,
+    lengths: FloatArray,
+) -> None:
+    """Add up the flat, up and down lengths along the ways of steepest descent.
+
+    Solves grad T . grad F = |grad T| c by first order upwind differences, node by node from the exit
+    outwards; c is the length along the slope of a metre in plan where F is the length in use, else 0.
+
+    Parameters
+    ----------
+    order : (n,) int64
+        Own nodes with a finite cost, cheapest first.
+    level_of, stride : (n,) int32
+        Level, and distance in packed arrays of two neighbours along x, of each of them.
+    source : (nodes,) int64
+        The node that each node stands for; -1 for none.
+    cost : (nodes,) float64
+    uphill : (levels, 2) float64
+    cosine : (levels,) float64
+    lengths : (nodes, 3) float64 [m]
+        Written at these nodes; inf before.
+    """
+    # Twice: where costs of two levels differ in the last digits a node can come before one that it depends on.
+    for _ in range(2):
+        for k in range(len(order)):
+            _add_lengths_at(order[k], level_of[k], stride[k], source, cost, uphill, cosine, spacing, lengths)
+
+
+@kernel
+def _add_lengths_at(
+    node: int,
+    level: int,
+    stride: int,
+    source: NDArray[np.int64],
+    cost: FloatArray,
+    uphill: FloatArray,
+    cosine: FloatArray,
+    spacing: float,
+    lengths: FloatArray,
+) -> None:
+    fall = 0.0
+    squares = 0.0
+    rise = 0.0
+    flat = 0.0
+    up = 0.0
+    down = 0.0
+    for axis in range(2):
+        step = stride if axis == 0 else 1
+        sign = 1.0
+        if cost[node - step] < cost[node + step]:
+            step = -step
+            sign = -1.0
+        drop = cost[node] - cost[node + step]
+        if not (drop > 0.0 and drop < math.inf):
+            continue
+        rise += sign * drop * uphill[level, axis]
+        origin = source[node + step]
+        if lengths[origin, 0] == math.inf:
+            continue
+        fall += drop
+        squares += drop * drop
+        flat += drop * lengths[origin, 0]
+        up += drop * lengths[origin, 1]
+        down += drop * lengths[origin, 2]
+    if fall == 0.0:
+        return
+    walked = spacing * math.sqrt(squares) / cosine[level]
+    sloped = uphill[level, 0] != 0.0 or uphill[level, 1] != 0.0
+    lengths[node, 0] = (flat + (0.0 if sloped else walked)) / fall
+    lengths[node, 1] = (up + (walked if sloped and rise > 0.0 else 0.0)) / fall
+    lengths[node, 2] = (down + (walked if sloped and rise <= 0.0 else 0.0)) / fall

@@ -1,0 +1,306 @@
+"""The grid of every level: its own nodes, halos of the levels behind its portals, strips behind its exits."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.model import Building, Exit, Level, Portal
+from evac.directions.lattice import BoolArray, FloatArray, Lattice, Links, Window, wall_distance, walkable_nodes
+
+#: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
+NOTHING, OWN = -1, 0
+#: Nodes around a level, into its walls and behind its exits.
+MARGIN = 4
+
+#: How a level is used on the way to a link.
+FLAT, UP, DOWN = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class LevelGrid:
+    """The grid of one level.
+
+    Attributes
+    ----------
+    level : int
+    window : Window
+    sheet : (nx, ny) int32
+        ``NOTHING``, ``OWN``, or 1 + link: a node of the neighbour behind a portal, or behind an exit.
+    source : (nx, ny) int64
+        Packed index of the node that a node stands for: itself, or the neighbour's own; -1 for nothing.
+    offset : int
+        Packed index of node (0, 0).
+    distance : (nx, ny) float64
+        Distance of own nodes to the nearest wall, at most the clearance [m].
+    """
+
+    level: int
+    window: Window
+    sheet: NDArray[np.int32]
+    source: NDArray[np.int64]
+    offset: int
+    distance: FloatArray
+
+    @property
+    def packed(self) -> slice:
+        """The level's nodes in packed arrays."""
+        return slice(self.offset, self.offset + self.sheet.size)
+
+
+@dataclass(frozen=True)
+class BuildingGrids:
+    """The grids of all levels on one lattice.
+
+    Attributes
+    ----------
+    building, lattice, levels
+    link_open : (portals + exits,) uint8
+    size : int
+        Nodes of all grids.
+    """
+
+    building: Building
+    lattice: Lattice
+    levels: tuple[LevelGrid, ...]
+    link_open: NDArray[np.uint8]
+    size: int
+
+    def portals_of(self, level: int) -> list[Portal]:
+        """Return the open portals of a level."""
+        return [p for p in self.building.portals if level in p.levels and self.link_open[p.index]]
+
+    def exit_link(self, exit_: Exit) -> int:
+        """Return the link of an exit."""
+        return len(self.building.portals) + exit_.index
+
+
+def other_level(portal: Portal, level: int) -> int:
+    """Return the level on the other side of a portal."""
+    first, second = portal.levels
+    return second if level == first else first
+
+
+def use_towards(level: Level, segments: FloatArray) -> int:
+    """Return how a level is used on the way to a link on it: FLAT, UP or DOWN.
+
+    On a slope a link in the lower half is reached downwards, one in the upper half upwards.
+    """
+    if not np.any(level.uphill):
+        return FLAT
+    heights = shapely.get_coordinates(level.polygon) @ level.uphill
+    middle = 0.5 * (heights.min() + heights.max())
+    return DOWN if (segments.reshape(-1, 2) @ level.uphill).mean() < middle else UP
+
+
+def build_grids(
+    building: Building, spacing: float, clearance: float, link_open: NDArray[np.uint8]
+) -> BuildingGrids:
+    """Lay a grid under each level.
+
+    Parameters
+    ----------
+    building : Building
+    spacing : float
+        Distance of nodes [m].
+    clearance : float
+        Farthest distance from walls that matters [m].
+    link_open : (portals + exits,) uint8
+    """
+    x_min, y_min = building.vertices[:, :2].min(axis=0)
+    lattice = Lattice((float(x_min), float(y_min)), spacing)
+    walls = [_walls_of(building, level.index, link_open) for level in building.levels]
+    own_windows = [lattice.window(level.polygon.bounds, MARGIN) for level in building.levels]
+    own_nodes = [
+        walkable_nodes(window, level.polygon, walls[level.index])
+        for level, window in zip(building.levels, own_windows, strict=True)
+    ]
+    layers = _Layers(building, own_windows, own_nodes, walls, link_open)
+    grids: list[tuple[Window, NDArray[np.int32]]] = [layers.grid(level) for level in building.levels]
+    offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
+    found = []
+    for level, (window, sheet) in zip(building.levels, grids, strict=True):
+        source = _sources(building, level.index, grids, offsets)
+        distance = _distances(building, level.index, window, sheet, walls, clearance, link_open)
+        found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance))
+    return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]))
+
+
+def _walls_of(building: Building, level: int, link_open: NDArray[np.uint8]) -> FloatArray:
+    """Return the walls of a level, closed portals and exits among them."""
+    parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
+    parts += [p.segments for p in building.portals if level in p.levels and not link_open[p.index]]
+    first_exit = len(building.portals)
+    parts += [e.segments for e in building.exits if e.level == level and not link_open[first_exit + e.index]]
+    return np.concatenate(parts)
+
+
+def _chain(segments: FloatArray) -> BaseGeometry:
+    return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
+
+
+@dataclass(frozen=True)
+class _Layers:
+    """What stands on each level, and how the sheets of one grid come together from it."""
+
+    building: Building
+    windows: list[Window]
+    nodes: list[BoolArray]
+    walls: list[FloatArray]
+    link_open: NDArray[np.uint8]
+
+    def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
+        """Return the window of a level's grid and the sheet of each node."""
+        lattice = self.windows[level.index].lattice
+        portals = [p for p in self.building.portals if level.index in p.levels and self.link_open[p.index]]
+        bounds = np.array(
+            [level.polygon.bounds]
+            + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
+        )
+        window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), MARGIN)
+        sheet = np.full(window.shape, NOTHING, dtype=np.int32)
+        here, there = window.overlap(self.windows[level.index])
+        sheet[here][self.nodes[level.index][there]] = OWN
+        for portal in portals:
+            self._add_halo(window, sheet, portal, other_level(portal, level.index))
+        for exit_ in self.building.exits:
+            link = len(self.building.portals) + exit_.index
+            if exit_.level == level.index and self.link_open[link]:
+                sheet[(sheet == NOTHING) & _behind(window, exit_.segments)] = 1 + link
+        self._cut_links(window, sheet, level.index, portals)
+        return window, sheet
+
+    def _depth(self, portal: Portal) -> float:
+        """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
+        return max(portal.width, MARGIN * self.windows[0].lattice.spacing)
+
+    def _add_halo(self, window: Window, sheet: NDArray[np.int32], portal: Portal, neighbour: int) -> None:
+        """Lay the neighbour's nodes that are reached directly behind a portal into the grid."""
+        nodes = np.zeros(window.shape, dtype=np.bool_)
+        here, there = window.overlap(self.windows[neighbour])
+        nodes[here] = self.nodes[neighbour][there]
+        chain = _chain(portal.segments)
+        shapely.prepare(chain)
+        x, y = window.coordinates()
+        nodes[nodes] = shapely.dwithin(chain, shapely.points(x[nodes], y[nodes]), self._depth(portal))
+        parts, _ = ndimage.label(nodes)
+        beside = _ends_of(window.crossed_links(portal.segments, touching=True))
+        reached = np.unique(parts[beside & nodes])
+        sheet[(sheet == NOTHING) & np.isin(parts, reached[reached > 0])] = 1 + portal.index
+
+    def _cut_links(
+        self, window: Window, sheet: NDArray[np.int32], level: int, portals: Sequence[Portal]
+    ) -> None:
+        """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
+
+        Neighbouring nodes may be linked if they stand on one level, or if their link crosses the open
+        portal or exit between them and no wall of either side. (Two flights side by side would leak
+        into each other in the grid of their landing, a flight into the floor beside it.)
+        """
+        first_exit = len(self.building.portals)
+        behind = {1 + p.index: (p.segments, other_level(p, level)) for p in portals}
+        for exit_ in self.building.exits:
+            if exit_.level == level:
+                behind[1 + first_exit + exit_.index] = (exit_.segments, -1 - exit_.index)
+        ground = np.full(2 + first_exit + len(self.building.exits), NOTHING, dtype=np.int64)
+        ground[OWN] = level
+        doors = [np.zeros(window.shape, dtype=np.bool_), np.zeros(window.shape, dtype=np.bool_)]
+        for index, (segments, other) in behind.items():
+            ground[index] = other
+            walls = self.walls[level] if other < 0 else np.concatenate((self.walls[level], self.walls[other]))
+            crossed = window.crossed_links(segments, touching=True)
+            walled = window.crossed_links(walls, touching=False)
+            for axis, (at, blocked) in enumerate(
+                ((crossed.along_x, walled.along_x), (crossed.along_y, walled.along_y))
+            ):
+                one, two = sheet, np.roll(sheet, -1, axis=axis)
+                joined = ((one == OWN) & (two == index)) | ((one == index) & (two == OWN))
+                doors[axis] |= joined & ~np.isnan(at) & np.isnan(blocked)
+        for axis in (0, 1):
+            one = sheet[:-1, :] if axis == 0 else sheet[:, :-1]
+            two = sheet[1:, :] if axis == 0 else sheet[:, 1:]
+            door = doors[axis][:-1, :] if axis == 0 else doors[axis][:, :-1]
+            linked = (one != NOTHING) & (two != NOTHING)
+            wrong = linked & (ground[one] != ground[two]) & ~door
+            first_gives = wrong & (one > two)
+            second_gives = wrong & (two > one)
+            one[first_gives] = NOTHING
+            two[second_gives] = NOTHING
+
+
+def _ends_of(links: Links) -> BoolArray:
+    """Return the nodes at the ends of crossed links."""
+    ends = ~np.isnan(links.along_x) | ~np.isnan(links.along_y)
+    ends[1:, :] |= ~np.isnan(links.along_x)[:-1, :]
+    ends[:, 1:] |= ~np.isnan(links.along_y)[:, :-1]
+    return ends
+
+
+def _behind(window: Window, segments: FloatArray) -> BoolArray:
+    """Return the nodes within a strip behind exit segments."""
+    x, y = window.coordinates()
+    depth = (MARGIN - 1) * window.lattice.spacing
+    found = np.zeros(window.shape, dtype=np.bool_)
+    for x1, y1, x2, y2 in segments:
+        length = math.hypot(x2 - x1, y2 - y1)
+        ahead = ((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1)) / length
+        along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
+        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
+    return found
+
+
+def _sources(
+    building: Building,
+    level: int,
+    grids: list[tuple[Window, NDArray[np.int32]]],
+    offsets: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Return the packed index of the node that each node of a level's grid stands for."""
+    window, sheet = grids[level]
+    source = np.where(sheet == NOTHING, -1, offsets[level] + np.arange(sheet.size).reshape(sheet.shape))
+    for portal in building.portals:
+        if level not in portal.levels:
+            continue
+        neighbour = other_level(portal, level)
+        other_window, other_sheet = grids[neighbour]
+        here, there = window.overlap(other_window)
+        packed = offsets[neighbour] + np.arange(other_sheet.size).reshape(other_sheet.shape)[there]
+        halo = sheet[here] == 1 + portal.index
+        source[here][halo] = packed[halo]
+    return np.ascontiguousarray(source, dtype=np.int64)
+
+
+def _distances(
+    building: Building,
+    level: int,
+    window: Window,
+    sheet: NDArray[np.int32],
+    walls: list[FloatArray],
+    clearance: float,
+    link_open: NDArray[np.uint8],
+) -> FloatArray:
+    """Return the distance of own nodes to the walls of the level and to those just behind its portals."""
+    near_walls = [walls[level]]
+    for portal in building.portals:
+        if level in portal.levels and link_open[portal.index] and clearance > 0.0:
+            beyond = walls[other_level(portal, level)]
+            close = shapely.dwithin(
+                shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance
+            )
+            near_walls.append(_clipped(beyond[close], portal.segments, clearance))
+    steps = math.ceil(clearance / window.lattice.spacing) + 2
+    edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)
+    return wall_distance(window, edge & (sheet == OWN), np.concatenate(near_walls), clearance)
+
+
+def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:
+    """Return the parts of walls within `clearance` of a portal."""
+    zone = shapely.buffer(_chain(segments), clearance)
+    parts = shapely.get_parts(shapely.intersection(shapely.linestrings(walls.reshape(-1, 2, 2)), zone))
+    lines = [shapely.get_coordinates(part)[[0, -1]].ravel() for part in parts if part.length > 0.0]
+    return np.array(lines, dtype=np.float64).reshape(-1, 4)

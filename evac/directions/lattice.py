@@ -1,0 +1,198 @@
+"""One lattice of nodes under the whole building, and what segments do to its links."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+#: Rounding slack of positions on the lattice, in cells.
+SLACK = 1e-6
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Nodes at anchor + spacing * (i, j) in plan; every level's grid is a window of it.
+
+    The anchor is the building's corner, so that walls and corners on round coordinates run through
+    nodes: such nodes are walkable, and ways turn round such corners exactly.
+
+    Attributes
+    ----------
+    anchor : (x, y) of node (0, 0) [m]
+    spacing : distance of nodes [m]
+    """
+
+    anchor: tuple[float, float]
+    spacing: float
+
+    def window(self, bounds: Iterable[float], margin: int) -> "Window":
+        """Return the nodes of the box (x_min, y_min, x_max, y_max) and `margin` nodes around it."""
+        x_min, y_min, x_max, y_max = bounds
+        first = [
+            math.floor((low - a) / self.spacing) - margin
+            for low, a in zip((x_min, y_min), self.anchor, strict=True)
+        ]
+        last = [
+            math.ceil((high - a) / self.spacing) + margin
+            for high, a in zip((x_max, y_max), self.anchor, strict=True)
+        ]
+        return Window(self, (first[0], first[1]), (last[0] - first[0] + 1, last[1] - first[1] + 1))
+
+
+@dataclass(frozen=True)
+class Window:
+    """A rectangle of a lattice: its first node and its numbers of nodes."""
+
+    lattice: Lattice
+    first: tuple[int, int]
+    shape: tuple[int, int]
+
+    @property
+    def origin(self) -> FloatArray:
+        """Plan position (2,) of the first node [m]."""
+        return np.array(self.lattice.anchor) + self.lattice.spacing * np.array(self.first)
+
+    def coordinates(self) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of all nodes, each of the window's shape [m]."""
+        x0, y0 = self.origin
+        spacing = self.lattice.spacing
+        x, y = np.meshgrid(
+            x0 + spacing * np.arange(self.shape[0]), y0 + spacing * np.arange(self.shape[1]), indexing="ij"
+        )
+        return x, y
+
+    def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+        """Return the slices of the common nodes, in this window and in the other."""
+        here, there = [], []
+        for axis in (0, 1):
+            low = max(self.first[axis], other.first[axis])
+            high = max(
+                low, min(self.first[axis] + self.shape[axis], other.first[axis] + other.shape[axis])
+            )
+            here.append(slice(low - self.first[axis], high - self.first[axis]))
+            there.append(slice(low - other.first[axis], high - other.first[axis]))
+        return (here[0], here[1]), (there[0], there[1])
+
+    def crossed_links(self, segments: FloatArray, *, touching: bool) -> "Links":
+        """Return the links between neighbouring nodes that segments cross.
+
+        Parameters
+        ----------
+        segments : (s, 4) float64 [m]
+        touching : bool
+            Whether a segment through the end of a link counts as crossing it.
+        """
+        links = Links(np.full(self.shape, np.nan), np.full(self.shape, np.nan))
+        cells = (np.asarray(segments, dtype=np.float64).reshape(-1, 2, 2) - self.origin) / self.lattice.spacing
+        for start, end in cells:
+            for axis, table in enumerate((links.along_x, links.along_y)):
+                _mark_links(table, start, end, axis, touching)
+        return links
+
+
+@dataclass(frozen=True)
+class Links:
+    """Where links are crossed: fraction of the link at the crossing, NaN where it is not crossed.
+
+    ``along_x[i, j]`` is the link from node (i, j) to (i + 1, j), ``along_y[i, j]`` that to (i, j + 1).
+    """
+
+    along_x: FloatArray
+    along_y: FloatArray
+
+
+def _mark_links(table: FloatArray, start: FloatArray, end: FloatArray, axis: int, touching: bool) -> None:
+    """Mark in `table` the links along `axis` that one segment (in cells) crosses."""
+    across = 1 - axis
+    rise = end[across] - start[across]
+    if abs(rise) < SLACK:
+        return
+    low = max(math.ceil(min(start[across], end[across]) - SLACK), 0)
+    high = min(math.floor(max(start[across], end[across]) + SLACK), table.shape[across] - 1)
+    rows = np.arange(low, high + 1)
+    along = start[axis] + np.clip((rows - start[across]) / rise, 0.0, 1.0) * (end[axis] - start[axis])
+    link = np.floor(along + SLACK).astype(np.int64)
+    fraction = np.clip(along - link, 0.0, 1.0)
+    at_node = fraction < 2.0 * SLACK
+    if touching:
+        link, rows, fraction = (
+            np.concatenate((link, link[at_node] - 1)),
+            np.concatenate((rows, rows[at_node])),
+            np.concatenate((fraction, np.ones(int(at_node.sum())))),
+        )
+    else:
+        link, rows, fraction = link[~at_node], rows[~at_node], fraction[~at_node]
+    kept = (link >= 0) & (link < table.shape[axis] - 1)
+    place = (link[kept], rows[kept]) if axis == 0 else (rows[kept], link[kept])
+    table[place] = fraction[kept]
+
+
+def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> BoolArray:
+    """Return the nodes of a level, without those that stand for a wall between walkable nodes.
+
+    Marching couples neighbouring nodes only, so a wall thinner than a cell holds if of each link
+    that it crosses one end is left out: the nearer one, hence never a node more than half a cell
+    from the wall, and no door closes.
+    """
+    x, y = window.coordinates()
+    grown = shapely.buffer(polygon, SLACK * window.lattice.spacing, join_style="mitre")
+    shapely.prepare(grown)
+    inside: BoolArray = np.asarray(shapely.intersects_xy(grown, x, y), dtype=np.bool_)
+    links = window.crossed_links(walls, touching=False)
+    masked = np.zeros_like(inside)
+    for axis, fraction in enumerate((links.along_x, links.along_y)):
+        near, far = _ends(inside, axis)
+        part = fraction[:-1, :] if axis == 0 else fraction[:, :-1]
+        crossed = near & far & ~np.isnan(part)
+        at_near, at_far = _ends(masked, axis)
+        at_near |= crossed & (part <= 0.5)
+        at_far |= crossed & (part > 0.5)
+    return inside & ~masked & ~_on_slits(window, polygon, walls, inside)
+
+
+def _ends(nodes: BoolArray, axis: int) -> tuple[BoolArray, BoolArray]:
+    """Return views of the first and second ends of all links along `axis`."""
+    return (nodes[:-1, :], nodes[1:, :]) if axis == 0 else (nodes[:, :-1], nodes[:, 1:])
+
+
+def _on_slits(window: Window, polygon: BaseGeometry, walls: FloatArray, inside: BoolArray) -> BoolArray:
+    """Return the nodes that lie exactly on a wall with walkable ground on both sides."""
+    on_slit = np.zeros_like(inside)
+    if not len(walls):
+        return on_slit
+    slack = SLACK * window.lattice.spacing
+    slits = shapely.difference(
+        shapely.multilinestrings(shapely.linestrings(walls.reshape(-1, 2, 2))),
+        shapely.buffer(polygon.boundary, slack),
+    )
+    if slits.length <= slack:
+        return on_slit
+    x, y = window.coordinates()
+    shapely.prepare(slits)
+    on_slit[inside] = shapely.dwithin(slits, shapely.points(x[inside], y[inside]), slack)
+    return on_slit
+
+
+def wall_distance(window: Window, nodes: BoolArray, walls: FloatArray, reach: float) -> FloatArray:
+    """Return the distance [m] of `nodes` from the nearest wall, `reach` where it is farther."""
+    distance = np.full(window.shape, reach)
+    chosen = np.flatnonzero(nodes)
+    if not len(walls) or not len(chosen) or reach == 0.0:
+        return distance
+    x, y = window.coordinates()
+    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    (found, _), near = tree.query_nearest(
+        shapely.points(x.ravel()[chosen], y.ravel()[chosen]),
+        max_distance=reach,
+        return_distance=True,
+        all_matches=False,
+    )
+    distance.ravel()[chosen[found]] = near
+    return distance

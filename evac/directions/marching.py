@@ -1,0 +1,251 @@
+"""Fast marching through a building: level by level, through the halos of its portals."""
+
+import heapq
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import skfmm
+from numpy.typing import NDArray
+
+from evac.building.model import Exit, Portal
+from evac.directions.grids import DOWN, FLAT, NOTHING, OWN, UP, BuildingGrids, LevelGrid, other_level, use_towards
+from evac.directions.lattice import FloatArray
+
+#: Greatest difference left at a portal, in the time of one cell.
+TOLERANCE = 0.25
+#: Radius of the ring around an exit that plain fields start from, in cells.
+RING = 3
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What a march adds up.
+
+    Attributes
+    ----------
+    slowness : (levels, 3) float64
+        Cost of a metre in plan, by level and use (flat, up, down) [s/m].
+    factor : (nodes,) float64
+        What it is multiplied with at each node; at least 1.
+    """
+
+    slowness: FloatArray
+    factor: FloatArray
+
+
+def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -> FloatArray:
+    """Return the least cost from every node of every grid to the nearest of some exits.
+
+    A level is marched from the exits on it, and from each portal behind which the cost is less:
+    from the contour of the neighbour's field at its minimum on that portal, which lies in the halo,
+    so that the wave meets the portal as it does on the neighbour's own grid. Portals are taken in
+    order of that minimum until no level can fall any more.
+
+    Parameters
+    ----------
+    grids : BuildingGrids
+    metric : Metric
+    exits : list of Exit
+        Open exits to end at.
+    order : {1, 2}
+        Order of the marching stencil.
+
+    Returns
+    -------
+    (nodes,) float64
+        Cost [s]: own nodes and halos as marched with each level, negative behind the exits, inf where no
+        way leads.
+    """
+    return _March(grids, metric, order).run(exits)
+
+
+class _March:
+    """The costs found so far, and the portals still to be looked at."""
+
+    def __init__(self, grids: BuildingGrids, metric: Metric, order: int) -> None:
+        self.grids = grids
+        self.metric = metric
+        self.order = order
+        self.spacing = grids.lattice.spacing
+        self.is_plain = bool(metric.factor.max() == 1.0)
+        self.cost = np.full(grids.size, math.inf)
+        self.pending: list[tuple[float, int, int]] = []
+        # Per (portal, level entered): minimum marched from last, to ask for progress.
+        self.done: dict[tuple[int, int], float] = {}
+
+    def run(self, exits: list[Exit]) -> FloatArray:
+        for grid in self.grids.levels:
+            by_use: dict[int, list[Exit]] = {}
+            for exit_ in exits:
+                if exit_.level == grid.level:
+                    level = self.grids.building.levels[grid.level]
+                    by_use.setdefault(use_towards(level, exit_.segments), []).append(exit_)
+            for use, some in sorted(by_use.items()):
+                self._march_from_exits(grid, use, some)
+            if by_use:
+                self._queue_portals(grid.level)
+        while self.pending:
+            _, portal, level = heapq.heappop(self.pending)
+            self._enter(self.grids.building.portals[portal], level)
+        return self.cost
+
+    def _queue_portals(self, level: int) -> None:
+        """Queue a look through every portal of a level, from both of its sides."""
+        for portal in self.grids.portals_of(level):
+            for entered in portal.levels:
+                lower = self._lower_from(portal, entered)
+                if lower < math.inf:
+                    heapq.heappush(self.pending, (lower, portal.index, entered))
+
+    def _lower_from(self, portal: Portal, entered: int) -> float:
+        """Return the least cost on a portal where the level behind it has less than `entered`; inf if nowhere."""
+        points = _points_along(portal.segments, 0.5 * self.spacing)
+        behind = self._at(other_level(portal, entered), points)
+        here = self._at(entered, points)
+        factor = self._at(other_level(portal, entered), points, self.metric.factor)
+        slack = TOLERANCE * self.spacing * self.metric.slowness[list(portal.levels)].max() * factor
+        lower = behind < here - slack
+        return float(behind[lower].min()) if lower.any() else math.inf
+
+    def _enter(self, portal: Portal, level: int) -> None:
+        """March a level from one of its portals, if that lowers it."""
+        lowest = self._lower_from(portal, level)
+        key = (portal.index, level)
+        step = TOLERANCE * self.spacing * self.metric.slowness[level].min()
+        if lowest == math.inf or abs(lowest - self.done.get(key, math.inf)) < step:
+            return
+        self.done[key] = lowest
+        if self._march_from_portal(self.grids.levels[level], portal, lowest):
+            self._queue_portals(level)
+
+    def _march_from_exits(self, grid: LevelGrid, use: int, exits: list[Exit]) -> None:
+        """March from the lines of exits: the plain field from the exact ring around them.
+
+        Across the ends of a line the field has a kink, which the stencil of second order takes badly.
+        """
+        behind = np.isin(grid.sheet, [1 + self.grids.exit_link(exit_) for exit_ in exits])
+        walkable = behind | ((grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals)))
+        ring = RING * self.spacing if self.is_plain else 0.0
+        distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
+        distance[behind] *= -1.0
+        phi = np.minimum(distance - ring, self.spacing)
+        found = self._solve(grid, phi, use, None, walkable)
+        if found is not None:
+            slowness = self.metric.slowness[grid.level, use]
+            found += ring * slowness
+            exact = walkable & (behind | (phi <= 0.0))
+            found[exact] = distance[exact] * slowness
+            self._lower(grid, found)
+
+    def _distance_from(
+        self, grid: LevelGrid, exits: list[Exit], nodes: NDArray[np.bool_], seen_to: float
+    ) -> FloatArray:
+        """Return the distance of nodes from exit lines; inf for others, and for those behind a wall nearer than `seen_to`."""
+        x, y = grid.window.coordinates()
+        distance = np.full(x.shape, math.inf)
+        lines = shapely.multilinestrings(
+            [line for exit_ in exits for line in shapely.linestrings(exit_.segments.reshape(-1, 2, 2))]
+        )
+        shapely.prepare(lines)
+        distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
+        close = np.flatnonzero((distance <= seen_to) & (grid.sheet == OWN))
+        building = self.grids.building
+        walls = building.walls[building.wall_level == grid.level].reshape(-1, 2, 2)
+        if len(close) and len(walls):
+            barrier = shapely.multilinestrings(shapely.linestrings(walls))
+            shapely.prepare(barrier)
+            sight = shapely.shortest_line(shapely.points(x.ravel()[close], y.ravel()[close]), lines)
+            # Without its ends: a node may lie on a wall, and walls begin where the exit ends.
+            ends = shapely.get_coordinates(sight).reshape(-1, 2, 2)
+            inner = np.array([[0.99, 0.01], [0.01, 0.99]]) @ ends
+            hidden = shapely.crosses(barrier, shapely.linestrings(inner))
+            distance.ravel()[close[hidden]] = math.inf
+        return distance
+
+    def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> bool:
+        """March from the neighbour's contour at `start`; return whether the level fell."""
+        neighbour = self.grids.levels[other_level(portal, grid.level)]
+        phi = np.full(grid.window.shape, math.inf)
+        shared = grid.source >= 0
+        shared &= (grid.source >= neighbour.offset) & (grid.source < neighbour.packed.stop)
+        phi[shared] = self.cost[grid.source[shared]] - start
+        here, there = grid.window.overlap(neighbour.window)
+        neighbour_cost = self.cost[neighbour.packed].reshape(neighbour.window.shape)
+        ours = (grid.sheet[here] == OWN) & (neighbour.sheet[there] == 1 + portal.index)
+        phi[here][ours] = neighbour_cost[there][ours] - start
+        level = self.grids.building.levels[grid.level]
+        walkable = (grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals))
+        below = walkable & (phi <= 0.0)
+        cost_below = start + phi[below]
+        phi[~np.isfinite(phi)] = self.spacing
+        found = self._solve(grid, phi, use_towards(level, portal.segments), portal, walkable)
+        if found is None:
+            return False
+        found += start
+        found[below] = cost_below
+        return self._lower(grid, found)
+
+    def _solve(
+        self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
+    ) -> FloatArray | None:
+        """Return the cost from the zero contour of `phi`, inf where the wave does not come; None without a contour."""
+        inside = phi[walkable]
+        if not ((inside < 0.0).any() and (inside > 0.0).any()):
+            return None
+        slowness = self._slowness_by_sheet(grid, use, through)[grid.sheet]
+        slowness[walkable] *= self.metric.factor[grid.source[walkable]]
+        cost = skfmm.travel_time(
+            np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order
+        )
+        found: FloatArray = np.ma.filled(cost, math.inf)
+        return found
+
+    def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:
+        """Return the cost of a metre on each sheet: halos are left towards this level, the one marched from entered."""
+        building = self.grids.building
+        links = len(building.portals) + len(building.exits)
+        table: FloatArray = np.full(links + 2, self.metric.slowness[grid.level, use])
+        for portal in self.grids.portals_of(grid.level):
+            beyond = other_level(portal, grid.level)
+            towards_us = use_towards(building.levels[beyond], portal.segments)
+            away = {FLAT: FLAT, UP: DOWN, DOWN: UP}[towards_us]
+            table[1 + portal.index] = self.metric.slowness[beyond, away if portal is through else towards_us]
+        return table
+
+    def _lower(self, grid: LevelGrid, found: FloatArray) -> bool:
+        """Take over what is lower; return whether anything was."""
+        cost = self.cost[grid.packed]
+        new = found.ravel()
+        fell = bool((new < cost - 1e-9).any())
+        np.minimum(cost, new, out=cost)
+        return fell
+
+    def _at(self, level: int, points: FloatArray, values: FloatArray | None = None) -> FloatArray:
+        """Return costs (or other packed values) of a level at points, over the nodes that have one."""
+        grid = self.grids.levels[level]
+        own = (self.cost if values is None else values)[grid.packed].reshape(grid.window.shape)
+        cells = (points - grid.window.origin) / self.spacing
+        ix, iy = np.floor(cells).astype(np.int64).T
+        fx, fy = (cells - np.floor(cells)).T
+        total = np.zeros(len(points))
+        weights = np.zeros(len(points))
+        for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            value = own[ix + a, iy + b]
+            # A corner of weight zero still counts where it is the only one with a value.
+            weight = np.where(np.isfinite(value), np.abs(1 - a - fx) * np.abs(1 - b - fy) + 1e-12, 0.0)
+            total += weight * np.where(np.isfinite(value), value, 0.0)
+            weights += weight
+        with np.errstate(invalid="ignore"):
+            return np.where(weights > 0.0, total / weights, math.inf)
+
+
+def _points_along(segments: FloatArray, spacing: float) -> FloatArray:
+    """Return points inside segments, at most `spacing` apart."""
+    points = []
+    for x1, y1, x2, y2 in segments:
+        number = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / spacing))
+        part = (np.arange(number) + 0.5)[:, None] / number
+        points.append(np.array([x1, y1]) + part * np.array([x2 - x1, y2 - y1]))
+    return np.concatenate(points)
