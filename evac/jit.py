@@ -64,6 +64,19 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _cached(numba.njit(cache=True, nogil=True, error_model="numpy"), function)
 
 
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile a function that only kernels call: without the wrapper that Python would need.
+
+    Wrappers that unpack whole bundles take a third of the time of compilation.
+    """
+    return _cached(
+        numba.njit(
+            cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+        ),
+        function,
+    )
+
+
 def pair_force(function: Callable[..., Any]) -> Any:
     """Compile a force between two people to the one signature that the step loop can call.
 

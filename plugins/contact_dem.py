@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
-from evac.jit import kernel
+from evac.jit import inner, kernel
 from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
@@ -76,7 +76,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     return clock.last, OK
 
 
-@kernel
+@inner
 def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from evac.hookspecs import hookimpl
-from evac.jit import kernel
+from evac.jit import inner, kernel
 from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
@@ -86,7 +86,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     return clock.last, OK
 
 
-@kernel
+@inner
 def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts
@@ -116,7 +116,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
     return OK
 
 
-@kernel
+@inner
 def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-untyped-def]
     """Solve for the new velocities; search and solve again where they outrun the reach; return a status."""
     tolerance = min(law.gap_tolerance / h, law.velocity_tolerance)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from evac.hookspecs import hookimpl
-from evac.jit import kernel
+from evac.jit import inner, kernel
 from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
@@ -93,7 +93,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     return clock.last, OK
 
 
-@kernel
+@inner
 def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts
@@ -121,7 +121,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
     return OK
 
 
-@kernel
+@inner
 def _stick(bodies, contacts, law):  # type: ignore[no-untyped-def]
     """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
     if law.tangential <= 0.0:
@@ -133,7 +133,7 @@ def _stick(bodies, contacts, law):  # type: ignore[no-untyped-def]
             contacts.friction[c] = 0.0
 
 
-@kernel
+@inner
 def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-untyped-def]
     """Solve with K_N = `normal`; return (iterations, residual)."""
     compliance = 2.0 / normal if normal > 0.0 else 0.0
@@ -152,7 +152,7 @@ def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-un
     )
 
 
-@kernel
+@inner
 def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
     """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
     iterations, found = _percussions(bodies, bodies.solved, contacts, law, law.normal)
@@ -171,7 +171,7 @@ def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
         tally[0, 10] += 1.0
 
 
-@kernel
+@inner
 def _report_reaction(bodies, contacts, law, h):  # type: ignore[no-untyped-def]
     """Report contact forces from a solve with K_N = 0 on the same contacts.
 

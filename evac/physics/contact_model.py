@@ -107,16 +107,18 @@ class ContactModel(Configurable, ABC):
 
         This one calls `step` from Python, with the same kernels around it as compiled models.
         """
+        bodies, lists, contacts, events, tally = (
+            engine.bodies,
+            engine.lists,
+            engine.contacts,
+            engine.events,
+            engine.tally,
+        )
         for step in range(clock.first, clock.last):
-            stepping.save(engine.bodies)
-            fired = stepping.begin_step(engine.events, engine.tally)
+            fired = stepping.open_step(bodies, events, tally)
             parts = 1
-            while parts:
-                status = self._parts(engine, clock, step, parts)
-                if status == 0:
-                    break
-                stepping.undo(engine.bodies, engine.lists, engine.contacts, engine.events, engine.tally, fired)
-                parts = stepping.more_parts(status, parts, engine.tally)
+            while (status := self._parts(engine, clock, step, parts)) != 0:
+                parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
                 if not parts:
                     return step, status
         return clock.last, 0
@@ -126,22 +128,25 @@ class ContactModel(Configurable, ABC):
         h = clock.step / parts
         for part in range(parts):
             time = step * clock.step + part * h
-            status, fastest = stepping.free_motion(
-                world, bodies, lists, engine.forces, clock, engine.tally, time, h, self.overdamped
+            status = stepping.approach(
+                world,
+                bodies,
+                lists,
+                contacts,
+                engine.forces,
+                clock,
+                engine.tally,
+                time,
+                h,
+                self.reach_share,
+                self.overdamped,
             )
-            if status == 0 and stepping.is_too_fast(bodies, h, 0.5 * bodies.radius[: bodies.count[0]].min()):
-                status = stepping.TOO_FAST
-            if status == 0:
-                status = stepping.meet(
-                    world, bodies, lists, contacts, engine.tally, h, self.reach_share, 0.0, fastest
-                )
             if status:
                 return int(status)
             self._call_step(engine, h)
-            stepping.report_force(bodies, contacts, clock, step, part, parts, 1.0 / h)
-            stepping.tally_contacts(contacts, engine.tally)
-            status = stepping.finish(
-                world, bodies, lists, contacts, engine.events, clock, engine.tally, time, h, self.midpoint
+            is_last = step == clock.last - 1 and part == parts - 1
+            status = stepping.conclude(
+                world, bodies, lists, contacts, engine.events, clock, engine.tally, time, h, self.midpoint, is_last
             )
             if status:
                 return int(status)

@@ -6,7 +6,7 @@ it, because keeping it throws people sideways at wall joints.
 
 import math
 
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics.drive import unit_normal
 from evac.physics.neighbours import segment_distance
 from evac.physics.seams import reaches
@@ -21,7 +21,7 @@ TOUCHING = 1e-12
 IMPLIED = 1e-9
 
 
-@kernel
+@inner
 def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
     """Set how far beyond touching each body looks: `share` of its free path in the step, at least `floor` [m]."""
     for i in range(bodies.count[0]):
@@ -30,7 +30,7 @@ def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
             bodies.reach[i] = max(share * h * speed, floor)
 
 
-@kernel
+@inner
 def wall_acts(world, level, x, y, w, px, py):  # type: ignore[no-untyped-def]
     """Say whether wall `w` with nearest point p acts on a body at (x, y)."""
     if world.wall_open[w]:
@@ -38,7 +38,7 @@ def wall_acts(world, level, x, y, w, px, py):  # type: ignore[no-untyped-def]
     return reaches(world, level, x, y, world.wall_level[w], px, py)
 
 
-@kernel
+@inner
 def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
     """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
 
@@ -80,7 +80,7 @@ def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
     return found
 
 
-@kernel
+@inner
 def _wall_normal(world, bodies, i, w, dx, dy, distance):  # type: ignore[no-untyped-def]
     """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
     if distance > 0.0:
@@ -93,7 +93,7 @@ def _wall_normal(world, bodies, i, w, dx, dy, distance):  # type: ignore[no-unty
     return nx / length, ny / length
 
 
-@kernel
+@inner
 def _is_implied(world, near, k, kept):  # type: ignore[no-untyped-def]
     """Say whether wall k of `near` lies wholly behind the tangent of a nearer kept one."""
     w = int(near[k, 3])
@@ -107,7 +107,7 @@ def _is_implied(world, near, k, kept):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@inner
 def _carry_over(contacts, c, memory):  # type: ignore[no-untyped-def]
     """Start contact c from its percussion in the last step; `memory` walks along both sorted lists."""
     body, key = contacts.body[c], contacts.key[c]
@@ -123,7 +123,7 @@ def _carry_over(contacts, c, memory):  # type: ignore[no-untyped-def]
     return memory
 
 
-@kernel
+@inner
 def _sort_walls_by_key(near, kept, found):  # type: ignore[no-untyped-def]
     """Return the kept wall of `near` that comes first by wall number; the caller clears its bit."""
     best = -1
@@ -133,7 +133,7 @@ def _sort_walls_by_key(near, kept, found):  # type: ignore[no-untyped-def]
     return best
 
 
-@kernel
+@inner
 def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-def]
     """Fill `contacts` with every pair and wall whose gap is below the reach; return 0 or a full status.
 
@@ -201,7 +201,7 @@ def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-de
     return 0
 
 
-@kernel
+@inner
 def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
     """Return the normal velocity of contact c, positive when it opens [m/s]."""
     i = contacts.body[c]
@@ -213,14 +213,14 @@ def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
     return w
 
 
-@kernel
+@inner
 def set_approach(bodies, contacts):  # type: ignore[no-untyped-def]
     """Set the normal velocities before the step, w-."""
     for c in range(contacts.count[0]):
         contacts.approach[c] = normal_velocity(bodies.velocity, contacts, c)
 
 
-@kernel
+@inner
 def keep_impulses(contacts):  # type: ignore[no-untyped-def]
     """Remember the percussions of this step for the start of the next."""
     for c in range(contacts.count[0]):
@@ -230,7 +230,7 @@ def keep_impulses(contacts):  # type: ignore[no-untyped-def]
     contacts.count[1] = contacts.count[0]
 
 
-@kernel
+@inner
 def keep_only_meeting(bodies, contacts, h):  # type: ignore[no-untyped-def]
     """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
     used = 0
@@ -249,7 +249,7 @@ def keep_only_meeting(bodies, contacts, h):  # type: ignore[no-untyped-def]
     contacts.count[0] = used
 
 
-@kernel
+@inner
 def report_contact_force(bodies, contacts, weight):  # type: ignore[no-untyped-def]
     """Sum the contact forces, `weight` times the percussions, on each body [N]."""
     for i in range(bodies.count[0]):

@@ -3,11 +3,11 @@
 import math
 
 from evac.directions.sampling import sample_direction
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics.seams import reaches
 
 
-@kernel
+@inner
 def desired_speed(world, bodies, i, ex, ey):  # type: ignore[no-untyped-def]
     """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
     level = bodies.level[i]
@@ -20,7 +20,7 @@ def desired_speed(world, bodies, i, ex, ey):  # type: ignore[no-untyped-def]
     return bodies.speed[i, kind] * bodies.speed_factor[i] * world.cosine[level]
 
 
-@kernel
+@inner
 def desired_direction(world, bodies, i):  # type: ignore[no-untyped-def]
     """Return the unit desired direction of body i, (0, 0) where no way leads out."""
     level = bodies.level[i]
@@ -46,7 +46,7 @@ def desired_direction(world, bodies, i):  # type: ignore[no-untyped-def]
     return ex, ey
 
 
-@kernel
+@inner
 def set_desired(world, bodies):  # type: ignore[no-untyped-def]
     """Set the unit desired direction of every body from its place, and clear the forces."""
     for i in range(bodies.count[0]):
@@ -58,7 +58,7 @@ def set_desired(world, bodies):  # type: ignore[no-untyped-def]
             bodies.desired[i, 1] = ey
 
 
-@kernel
+@inner
 def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-def]
     """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``."""
     for i in range(bodies.count[0]):
@@ -97,7 +97,7 @@ def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-
                 bodies.push[j, 1] += fy
 
 
-@kernel
+@inner
 def unit_normal(nx, ny, square):  # type: ignore[no-untyped-def]
     """Return the unit vector and the length; coincident centres are parted along x, body i to the right."""
     distance = math.sqrt(square)
@@ -106,7 +106,7 @@ def unit_normal(nx, ny, square):  # type: ignore[no-untyped-def]
     return 1.0, 0.0, 0.0
 
 
-@kernel
+@inner
 def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
     """Set ``bodies.free``, the velocity after a step of `h` if nobody touched; return the greatest speed.
 
@@ -140,7 +140,7 @@ def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
     return math.sqrt(fastest)
 
 
-@kernel
+@inner
 def drive_overdamped(world, bodies, time):  # type: ignore[no-untyped-def]
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
     fastest = 0.0

@@ -2,7 +2,7 @@
 
 import math
 
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics.contacts import normal_velocity, wall_acts
 from evac.physics.neighbours import segment_distance
 from evac.physics.seams import crossing
@@ -15,7 +15,7 @@ PORTAL = 0
 EXIT = 1
 
 
-@kernel
+@inner
 def save(bodies):  # type: ignore[no-untyped-def]
     """Remember positions, velocities and levels at the start of a step."""
     for i in range(bodies.count[0]):
@@ -27,7 +27,7 @@ def save(bodies):  # type: ignore[no-untyped-def]
         bodies.old_distance[i] = bodies.distance[i]
 
 
-@kernel
+@inner
 def restore(bodies, lists):  # type: ignore[no-untyped-def]
     """Go back to the start of the step."""
     for i in range(bodies.count[0]):
@@ -41,7 +41,7 @@ def restore(bodies, lists):  # type: ignore[no-untyped-def]
             lists.stale[0] = 1
 
 
-@kernel
+@inner
 def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Say whether the path a-b of body i passes through a wall that acts on it."""
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
@@ -61,7 +61,7 @@ def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):  # type: ignore[no-u
     return False
 
 
-@kernel
+@inner
 def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # type: ignore[no-untyped-def]
     """Follow body i over the portals and exits on its path a-b; return 0 or EVENTS_FULL."""
     passed = 0.0
@@ -95,7 +95,7 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # t
     return 0
 
 
-@kernel
+@inner
 def move(world, bodies, lists, events, time, h, midpoint, full):  # type: ignore[no-untyped-def]
     """Move everybody by ``bodies.solved`` (or by its mean with the old velocity); return 0 or a status."""
     for i in range(bodies.count[0]):
@@ -128,7 +128,7 @@ def move(world, bodies, lists, events, time, h, midpoint, full):  # type: ignore
     return 0
 
 
-@kernel
+@inner
 def add_work(bodies, contacts, sums):  # type: ignore[no-untyped-def]
     """Add driving work, and what contacts took from and gave to the kinetic energy [J], to three sums.
 

@@ -5,7 +5,7 @@ half the skin, has changed level or has left. What a kernel takes from them is d
 distances of the moment, so results do not depend on when they were built.
 """
 
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics.bundles import Bodies, Lists, World
 
 OK = 0
@@ -13,7 +13,7 @@ PAIRS_FULL = 1
 WALLS_FULL = 2
 
 
-@kernel
+@inner
 def lists_are_stale(bodies, lists):  # type: ignore[no-untyped-def]
     """Say whether the lists must be built again before they are used."""
     if lists.stale[0]:
@@ -27,7 +27,7 @@ def lists_are_stale(bodies, lists):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@inner
 def segment_distance(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
     """Return the distance of p from a segment, and the nearest point."""
     dx = x2 - x1
@@ -41,7 +41,7 @@ def segment_distance(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
     return ((px - nx) ** 2 + (py - ny) ** 2) ** 0.5, nx, ny
 
 
-@kernel
+@inner
 def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
     """Build both lists for the reach and skin in ``lists.span``; return OK, PAIRS_FULL or WALLS_FULL."""
     status = _build_pairs(world, bodies, lists)
@@ -57,7 +57,7 @@ def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
     return OK
 
 
-@kernel
+@inner
 def _fill_cells(bodies, lists, size):  # type: ignore[no-untyped-def]
     """Sort the bodies into square cells by counting; return origin, size and numbers of cells."""
     n = bodies.count[0]
@@ -102,7 +102,7 @@ def _fill_cells(bodies, lists, size):  # type: ignore[no-untyped-def]
     return nx, ny
 
 
-@kernel
+@inner
 def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
     n = bodies.count[0]
     greatest = 0.0
@@ -151,7 +151,7 @@ def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
     return OK
 
 
-@kernel
+@inner
 def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
     capacity = lists.wall_item.shape[0]
     span = lists.span[0] + lists.span[1]
@@ -187,7 +187,7 @@ def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
     return OK
 
 
-@kernel
+@inner
 def _flag_links(world, bodies, lists):  # type: ignore[no-untyped-def]
     """Mark the bodies that can reach a portal or exit before the lists are built again."""
     limit = 1.5 * lists.span[1]

@@ -2,7 +2,7 @@
 
 import math
 
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics import stepping
 from evac.physics.motion import move
 from evac.physics.neighbours import OK
@@ -12,7 +12,7 @@ from evac.physics.solvers import solve
 ITERATIONS = 300
 
 
-@kernel
+@inner
 def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, tolerance):  # type: ignore[no-untyped-def]
     """Push bodies apart where an overlap exceeds half the tolerance; return a status.
 
@@ -60,7 +60,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
     return status
 
 
-@kernel
+@inner
 def _deepest(contacts):  # type: ignore[no-untyped-def]
     """Return the greatest overlap among the contacts [m]."""
     deepest = 0.0
@@ -69,7 +69,7 @@ def _deepest(contacts):  # type: ignore[no-untyped-def]
     return deepest
 
 
-@kernel
+@inner
 def _displace(world, bodies, lists, events, clock, time, limit):  # type: ignore[no-untyped-def]
     """Move everybody by the displacement in ``bodies.solved``, at most `limit` [m]; velocities stay."""
     n = bodies.count[0]

@@ -1,18 +1,18 @@
 """What reaches across portals: the rule that makes seams invisible and floors above one another apart."""
 
-from evac.jit import kernel
+from evac.jit import inner
 
 #: Tolerance of positions on portal lines [m].
 SEAM = 1e-9
 
 
-@kernel
+@inner
 def side_of(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
     """Twice the area of (1, 2, p): positive where p is left of the segment, inside the level."""
     return (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
 
 
-@kernel
+@inner
 def crossing(segment, s, ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
     """Return how far along a-b the inside-left segment `s` is crossed outwards, or -1.
 
@@ -35,7 +35,7 @@ def crossing(segment, s, ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
     return share
 
 
-@kernel
+@inner
 def reaches(world, level_a, ax, ay, level_b, bx, by):  # type: ignore[no-untyped-def]
     """Say whether the straight segment from a, followed through portals, ends on b's level.
 

@@ -12,7 +12,7 @@ The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap 
 
 import math
 
-from evac.jit import kernel
+from evac.jit import inner
 from evac.physics.contacts import normal_velocity
 
 UZAWA = 0
@@ -23,7 +23,7 @@ ACCELERATED = 2
 SOLVERS = ("uzawa", "gauss_seidel", "accelerated")
 
 
-@kernel
+@inner
 def local_percussion(a, approach, omega, bias, elastic, compliance):  # type: ignore[no-untyped-def]
     """Return the percussion that makes one contact obey its law; `compliance` is 2/K_N [1/kg]."""
     percussion = max(0.0, -(a + bias) / omega)
@@ -32,7 +32,7 @@ def local_percussion(a, approach, omega, bias, elastic, compliance):  # type: ig
     return percussion
 
 
-@kernel
+@inner
 def apply_percussions(velocity, inverse_mass, contacts):  # type: ignore[no-untyped-def]
     """Add M^-1 sum_c P_c n_c (and the tangential percussions) to `velocity`."""
     for c in range(contacts.count[0]):
@@ -41,7 +41,7 @@ def apply_percussions(velocity, inverse_mass, contacts):  # type: ignore[no-unty
             push_sideways(velocity, inverse_mass, contacts, c, contacts.friction[c])
 
 
-@kernel
+@inner
 def push(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-untyped-def]
     """Apply a normal percussion to the bodies of contact c."""
     i = contacts.body[c]
@@ -55,7 +55,7 @@ def push(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-un
         velocity[j, 1] -= inverse_mass[j] * py
 
 
-@kernel
+@inner
 def push_sideways(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-untyped-def]
     """Apply a tangential percussion along (-ny, nx) to the bodies of contact c."""
     i = contacts.body[c]
@@ -69,7 +69,7 @@ def push_sideways(velocity, inverse_mass, contacts, c, percussion):  # type: ign
         velocity[j, 1] -= inverse_mass[j] * py
 
 
-@kernel
+@inner
 def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
     """Return the velocity of contact c along (-ny, nx) [m/s]."""
     i = contacts.body[c]
@@ -81,7 +81,7 @@ def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
     return w
 
 
-@kernel
+@inner
 def residual(velocity, contacts, elastic, compliance, tangential):  # type: ignore[no-untyped-def]
     """Return max_c omega_c |P_c - P_c^local| [m/s], tangential percussions included."""
     worst = 0.0
@@ -97,7 +97,7 @@ def residual(velocity, contacts, elastic, compliance, tangential):  # type: igno
     return worst
 
 
-@kernel
+@inner
 def relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential):  # type: ignore[no-untyped-def]
     """Make contact c obey its law with all others held; return the change of velocity [m/s]."""
     omega = contacts.omega[c]
@@ -118,7 +118,7 @@ def relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential):
     return change
 
 
-@kernel
+@inner
 def gauss_seidel(velocity, inverse_mass, contacts, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Projected Gauss-Seidel in the contacts' order; return (iterations, residual)."""
     found = residual(velocity, contacts, elastic, compliance, tangential)
@@ -133,7 +133,7 @@ def gauss_seidel(velocity, inverse_mass, contacts, elastic, compliance, tangenti
     return limit, residual(velocity, contacts, elastic, compliance, tangential)
 
 
-@kernel
+@inner
 def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
 
@@ -186,7 +186,7 @@ def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, t
     return limit, residual(velocity, contacts, elastic, compliance, tangential)
 
 
-@kernel
+@inner
 def _go_on(velocity, contacts, work, image, bodies, beta):  # type: ignore[no-untyped-def]
     """Renew the conjugate direction and its velocity image, and step along the old one by beta."""
     for c in range(contacts.count[0]):
@@ -204,7 +204,7 @@ def _go_on(velocity, contacts, work, image, bodies, beta):  # type: ignore[no-un
             velocity[i, k] += step
 
 
-@kernel
+@inner
 def constraint_norm(contacts, image, bodies):  # type: ignore[no-untyped-def]
     """Return lambda_max(G^T G) by power iteration, to a per cent: |C|^2 of the paper's bound."""
     n = contacts.count[0]
@@ -243,7 +243,7 @@ def constraint_norm(contacts, image, bodies):  # type: ignore[no-untyped-def]
     return value
 
 
-@kernel
+@inner
 def uzawa(velocity, free, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
 
@@ -279,7 +279,7 @@ def uzawa(velocity, free, inverse_mass, contacts, bodies, elastic, compliance, t
     return limit, found
 
 
-@kernel
+@inner
 def solve(method, bodies, inverse_mass, free, velocity, contacts, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Solve the contact problem from the percussions in `contacts`; return (iterations, residual).
 

@@ -12,7 +12,7 @@
 import numpy as np
 
 from evac.directions.sampling import sample_travel_time
-from evac.jit import kernel
+from evac.jit import inner, kernel
 from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
 from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
 from evac.physics.motion import EVENTS_FULL, WALL_CROSSED, add_work, move, restore, save
@@ -93,7 +93,7 @@ def scatter(crowd, bodies):  # type: ignore[no-untyped-def]
         crowd.contact_force[p] = bodies.contact_force[i]
 
 
-@kernel
+@inner
 def refresh(world, bodies, lists, tally, needed):  # type: ignore[no-untyped-def]
     """Build the lists again if they are stale or do not reach far enough."""
     if lists.span[0] < needed:
@@ -105,7 +105,7 @@ def refresh(world, bodies, lists, tally, needed):  # type: ignore[no-untyped-def
     return OK
 
 
-@kernel
+@inner
 def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped):  # type: ignore[no-untyped-def]
     """Set ``bodies.free``; return (status, greatest speed [m/s])."""
     set_desired(world, bodies)
@@ -122,7 +122,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
     return OK, fastest
 
 
-@kernel
+@inner
 def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # type: ignore[no-untyped-def]
     """Find the contacts within `share` of the free paths (at least `floor`) beyond touching; return a status."""
     set_reach(bodies, h, share, floor)
@@ -132,7 +132,7 @@ def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # ty
     return seek(world, bodies, lists, contacts, tally)
 
 
-@kernel
+@inner
 def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
     """Find the contacts within the reaches as they are set; return a status."""
     status = find_contacts(world, bodies, lists, contacts)
@@ -146,7 +146,7 @@ def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
     return OK
 
 
-@kernel
+@inner
 def is_too_fast(bodies, h, limit):  # type: ignore[no-untyped-def]
     """Say whether a free path in the step is longer than `limit` [m], and note the body."""
     for i in range(bodies.count[0]):
@@ -160,7 +160,7 @@ def is_too_fast(bodies, h, limit):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@inner
 def tally_contacts(contacts, tally):  # type: ignore[no-untyped-def]
     """Count the contacts and their overlaps at the start of the step."""
     for c in range(contacts.count[0]):
@@ -171,7 +171,7 @@ def tally_contacts(contacts, tally):  # type: ignore[no-untyped-def]
             tally[0, 6] += 1.0
 
 
-@kernel
+@inner
 def take_free(bodies):  # type: ignore[no-untyped-def]
     """Let the free velocity be the velocity after the step, as it is without contacts."""
     for i in range(bodies.count[0]):
@@ -179,7 +179,7 @@ def take_free(bodies):  # type: ignore[no-untyped-def]
         bodies.solved[i, 1] = bodies.free[i, 1]
 
 
-@kernel
+@inner
 def finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint):  # type: ignore[no-untyped-def]
     """Sum the work, keep the percussions for a warm start, move; return a status."""
     add_work(bodies, contacts, tally[0, 13:16])
@@ -188,14 +188,14 @@ def finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoi
     return move(world, bodies, lists, events, time, h, midpoint, clock.full)
 
 
-@kernel
+@inner
 def report_force(bodies, contacts, clock, step, part, parts, weight):  # type: ignore[no-untyped-def]
     """Sum the contact forces at the last sub-step before an output."""
     if clock.report_force and step == clock.last - 1 and part == parts - 1:
         report_contact_force(bodies, contacts, weight)
 
 
-@kernel
+@inner
 def begin_step(events, tally):  # type: ignore[no-untyped-def]
     """Remember the sums and the number of events at the start of a step."""
     for k in range(tally.shape[1]):
@@ -203,7 +203,7 @@ def begin_step(events, tally):  # type: ignore[no-untyped-def]
     return events.count[0]
 
 
-@kernel
+@inner
 def undo(bodies, lists, contacts, events, tally, fired):  # type: ignore[no-untyped-def]
     """Go back to the start of the step after a part of it failed."""
     restore(bodies, lists)
@@ -213,7 +213,7 @@ def undo(bodies, lists, contacts, events, tally, fired):  # type: ignore[no-unty
         tally[0, k] = tally[1, k]
 
 
-@kernel
+@inner
 def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
     """Return the number of parts to try next, 0 if cutting the step further does not help."""
     if status == WALL_CROSSED:
@@ -225,3 +225,43 @@ def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
     tally[0, entry] += 1.0
     tally[1, entry] += 1.0
     return 2 * parts if parts < GREATEST_PARTS else 0
+
+
+# The same parts, bundled for contact models that are written in numpy and call them from Python.
+
+
+@kernel
+def open_step(bodies, events, tally):  # type: ignore[no-untyped-def]
+    """Remember the state at the start of a step; return the number of events so far."""
+    save(bodies)
+    return begin_step(events, tally)
+
+
+@kernel
+def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, share, overdamped):  # type: ignore[no-untyped-def]
+    """Set the free velocities and find the contacts of a sub-step; return a status."""
+    status, fastest = free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
+    if status != OK:
+        return status
+    smallest = 1e300
+    for i in range(bodies.count[0]):
+        smallest = min(smallest, bodies.radius[i])
+    if is_too_fast(bodies, h, 0.5 * smallest):
+        return TOO_FAST
+    return meet(world, bodies, lists, contacts, tally, h, share, 0.0, fastest)
+
+
+@kernel
+def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint, is_last):  # type: ignore[no-untyped-def]
+    """Report forces, count overlaps, sum work and move after a sub-step; return a status."""
+    if clock.report_force and is_last:
+        report_contact_force(bodies, contacts, 1.0 / h)
+    tally_contacts(contacts, tally)
+    return finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint)
+
+
+@kernel
+def cut(bodies, lists, contacts, events, tally, fired, status, parts):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step; return the number of parts to try next, 0 to give up."""
+    undo(bodies, lists, contacts, events, tally, fired)
+    return more_parts(status, parts, tally)
