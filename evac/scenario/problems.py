@@ -74,13 +74,8 @@ def _problem(details: ErrorDetails) -> Problem:
         return Problem(key, f"must be a table, got {got}")
     if kind == "tuple_type":
         return Problem(key, f"must be a list, got {got}")
-    text = (
-        details["msg"]
-        .replace("Input should be", "must be")
-        .replace("Tuple should have", "must have")
-        .replace(" after validation", "")
-    )
-    text = text.replace("String should have", "must have")
+    text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
+    text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):
         words = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         return Problem(key, f"{text}, got {got}; {did_you_mean(details['input'], words)}")

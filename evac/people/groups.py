@@ -1,0 +1,85 @@
+"""What the groups of a case ask of the building: areas, levels and exits, routes and reference speeds."""
+
+import math
+from typing import TYPE_CHECKING
+
+from evac.building.model import Building
+from evac.directions.routes import Route
+from evac.errors import ScenarioError
+from evac.parameters import did_you_mean
+from evac.people.distributions import Distribution
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import Case, People
+
+
+def route_of(people: "People") -> Route:
+    """Return the route a group starts with."""
+    return Route(people.exits, people.strategy)
+
+
+def routes_of(case: "Case") -> tuple[Route, ...]:
+    """Return the routes of all groups, each once, in the order of the groups."""
+    return tuple(dict.fromkeys(route_of(people) for people in case.people))
+
+
+def reference_speeds(case: "Case") -> tuple[float, float, float]:
+    """Return the speeds on the flat, up and down stairs that travel times are computed with, over that on the flat.
+
+    Where ``directions.stairs_up`` or ``stairs_down`` is not given, it is the mean of the people's speed there
+    over their mean speed on the flat.
+
+    Raises
+    ------
+    ScenarioError
+        The mean that is needed is zero.
+    """
+    flat = math.fsum(people.count * people.speed.mean() for people in case.people)
+    factors = []
+    for key, quantity in (("stairs_up", "speed_up"), ("stairs_down", "speed_down")):
+        given = getattr(case.directions, key)
+        if given is None:
+            means = (people.count * _mean_on_stairs(people, quantity) for people in case.people)
+            total = math.fsum(means)
+            if flat <= 0 or total <= 0:
+                raise ScenarioError(
+                    f"{case.source}: directions.{key}: nobody walks (people's speed or {quantity} is 0 on average), "
+                    f"so there is no mean to take; set directions.{key}"
+                )
+            given = total / flat
+        factors.append(given)
+    return 1.0, factors[0], factors[1]
+
+
+def check_people(case: "Case", building: Building) -> None:
+    """Check the names that groups use against the building.
+
+    Raises
+    ------
+    ScenarioError
+        One line for each unknown area, level or exit, with the closest one there is.
+    """
+    areas = [area.name for area in building.areas]
+    problems: list[str] = []
+    for people in case.people:
+        key = f"{case.source}: people.{people.name}"
+        if people.area is not None and areas.count(people.area) != 1:
+            if people.area in areas:
+                problems.append(f"{key}.area: {areas.count(people.area)} areas are named {people.area!r}; rename them")
+            else:
+                problems.append(f"{key}.area: unknown area {people.area!r}; {did_you_mean(people.area, areas)}")
+        if people.level is not None and building.level_named(people.level) is None:
+            levels = [level.name for level in building.levels]
+            problems.append(f"{key}.level: unknown level {people.level!r}; {did_you_mean(people.level, levels)}")
+        exits = [exit_.name for exit_ in building.exits]
+        for name in people.exits:
+            if name not in exits:
+                problems.append(f"{key}.exits: unknown exit {name!r}; {did_you_mean(name, exits)}")
+    if problems:
+        raise ScenarioError("\n".join(problems))
+
+
+def _mean_on_stairs(people: "People", quantity: str) -> float:
+    """Return a group's mean speed on stairs; a factor is independent of the flat speed it multiplies."""
+    given = getattr(people, quantity)
+    return given.mean() if isinstance(given, Distribution) else given.factor.mean() * people.speed.mean()

@@ -1,0 +1,289 @@
+"""Everybody: the arrays of all people, who belongs to which group, who got out when."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.building.elevation import elevation
+from evac.building.model import Building
+from evac.errors import ScenarioError
+from evac.people.distributions import Distribution, generator_for
+from evac.people.groups import check_people, route_of
+from evac.people.placement import clearance, place
+from evac.physics.bundles import Crowd, Events
+from evac.physics.motion import EXIT
+
+if TYPE_CHECKING:
+    from evac.directions.fields import Fields
+    from evac.scenario.schema import Case, People
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+#: How far a height given for positions may be from that of the level [m].
+HEIGHT_TOLERANCE = 0.25
+
+#: How far outside a level, or into a wall, rounding may put a position that was written down [m].
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Group:
+    """Some people under one name.
+
+    Attributes
+    ----------
+    name : str
+    rows : (k,) int32
+        Their rows in `Crowd`.
+    settings : mapping
+        What the group sets for behaviours: behaviour name -> keys. In `Population.groups_for` the keys of one.
+    area : str or None
+        Area they started in.
+    """
+
+    name: str
+    rows: IntArray
+    settings: Mapping[str, Any]
+    area: str | None = None
+
+
+class Population:
+    """The arrays of everybody, and the log of who crossed what.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        Owned by the population; each array has one writer, see docs/architecture.md.
+    groups : tuple of Group
+    n_portals : int
+        Links from this number on are exits.
+    """
+
+    def __init__(self, crowd: Crowd, groups: tuple[Group, ...], n_portals: int) -> None:
+        self.crowd = crowd
+        self.groups = groups
+        self._n_portals = n_portals
+        self._log: list[tuple[IntArray, IntArray, FloatArray]] = []
+
+    @property
+    def inside(self) -> int:
+        """Number of people who are not out yet."""
+        return int(np.count_nonzero(np.isnan(self.crowd.exit_time)))
+
+    @property
+    def crossings(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Person (m,) int32, portal (m,) int32 and time (m,) float64 [s] of every portal crossed, in order."""
+        empty = (np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0))
+        rows, links, times = zip(empty, *self._log, strict=True)
+        return np.concatenate(rows), np.concatenate(links), np.concatenate(times)
+
+    def groups_for(self, behaviour: str) -> tuple[Group, ...]:
+        """Return the groups with the settings of one behaviour only, as its `BehaviourScene` holds them."""
+        return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
+
+    def settle(self, events: Events) -> None:
+        """Take up the crossings of a tick: exit times and exits used, and the log of portals.
+
+        Parameters
+        ----------
+        events : Events
+            The first ``count[0]`` are new; ``link`` counts portals first, then exits.
+        """
+        count = int(events.count[0])
+        row, link, time = events.row[:count], events.link[:count], events.time[:count]
+        is_exit = events.kind[:count] == EXIT
+        self.crowd.exit_time[row[is_exit]] = time[is_exit]
+        self.crowd.exit_used[row[is_exit]] = link[is_exit] - self._n_portals
+        if not is_exit.all():
+            self._log.append((row[~is_exit].copy(), link[~is_exit].copy(), time[~is_exit].copy()))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of all arrays, and the log, to go on from here."""
+        row, link, time = self.crossings
+        log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
+        return {name: array.copy() for name, array in self.crowd._asdict().items()} | log
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Take up what `state` returned, in the arrays that exist."""
+        for name, array in self.crowd._asdict().items():
+            array[...] = state[name]
+        self._log = [(state["crossing_row"].copy(), state["crossing_link"].copy(), state["crossing_time"].copy())]
+
+
+def build_population(case: "Case", building: Building, fields: "Fields", seed: int) -> Population:
+    """Draw everybody and put them in their places.
+
+    Each quantity of each group is drawn by a generator of its own, spawned from (seed, group, quantity), so
+    it depends neither on other groups nor on the contact model, the step or what else is drawn. People
+    at given positions stand first; those in areas keep clear of them. Given positions may overlap each
+    other, but no wall.
+
+    Parameters
+    ----------
+    case : Case
+    building : Building
+    fields : Fields
+        Holds every route of `evac.people.groups.routes_of`.
+    seed : int
+
+    Raises
+    ------
+    ScenarioError
+        An unknown area, level or exit; a position outside its level or in a wall; more people than fit; people who
+        cannot reach an exit they may take.
+    """
+    check_people(case, building)
+    counts = [people.count for people in case.people]
+    crowd = _empty_crowd(sum(counts))
+    ends = np.cumsum(counts)
+    groups = tuple(
+        Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours, people.area)
+        for people, end in zip(case.people, ends, strict=True)
+    )
+    for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):
+        crowd.group[group.rows] = index
+        crowd.route[group.rows] = _route_index(case, people, fields)
+        _draw_quantities(crowd, people, group.rows, seed)
+    for people, group in zip(case.people, groups, strict=True):
+        if people.positions is not None:
+            _take_positions(case, building, crowd, people, group.rows)
+    for people, group in zip(case.people, groups, strict=True):
+        if people.positions is None:
+            _take_area(case, building, crowd, people, group.rows, seed)
+    _check_reach(case, building, fields, crowd, groups)
+    return Population(crowd, groups, len(building.portals))
+
+
+def _empty_crowd(n: int) -> Crowd:
+    return Crowd(
+        position=np.zeros((n, 2)),
+        velocity=np.zeros((n, 2)),
+        level=np.full(n, -1, dtype=np.int32),
+        radius=np.zeros(n),
+        mass=np.zeros(n),
+        tau=np.zeros(n),
+        speed=np.zeros((n, 3)),
+        group=np.zeros(n, dtype=np.int32),
+        start_time=np.zeros(n),
+        route=np.zeros(n, dtype=np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, dtype=np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
+
+
+def _route_index(case: "Case", people: "People", fields: "Fields") -> int:
+    route = route_of(people)
+    if route not in fields.routes:
+        raise ScenarioError(
+            f"{case.source}: people.{people.name}: the fields hold no {route}; build them for routes_of(case)"
+        )
+    return fields.routes.index(route)
+
+
+def _draw_quantities(crowd: Crowd, people: "People", rows: IntArray, seed: int) -> None:
+    """Draw what the people of one group differ in."""
+
+    def drawn(quantity: str, distribution: Distribution) -> FloatArray:
+        return distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
+
+    crowd.radius[rows] = drawn("radius", people.radius)
+    crowd.mass[rows] = drawn("mass", people.mass)
+    crowd.tau[rows] = drawn("tau", people.tau)
+    flat = drawn("speed", people.speed)
+    crowd.speed[rows, 0] = flat
+    for use, quantity in ((1, "speed_up"), (2, "speed_down")):
+        given = getattr(people, quantity)
+        own = isinstance(given, Distribution)
+        crowd.speed[rows, use] = drawn(quantity, given) if own else flat * drawn(quantity, given.factor)
+
+
+def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "People", rows: IntArray) -> None:
+    """Put a group where the case says, or refuse the first place that cannot be."""
+    position = np.array(people.positions, dtype=np.float64)
+    level = _levels_of(case, building, people, position)
+    crowd.position[rows] = position
+    crowd.level[rows] = level
+    if people.velocity is not None:
+        crowd.velocity[rows] = people.velocity
+    for index in np.unique(level):
+        here = np.flatnonzero(level == index)
+        distance = clearance(position[here], building.walls[building.wall_level == index])
+        stuck = np.flatnonzero(distance < crowd.radius[rows[here]] - ROUNDING)
+        if stuck.size:
+            row = here[stuck[0]]
+            x, y = position[row]
+            raise ScenarioError(
+                f"{case.source}: people.{people.name}.positions.{row}: ({x:g}, {y:g}) on level "
+                f"{building.levels[index].name!r} is {distance[stuck[0]]:.3f} m from a wall, less than the body "
+                f"radius {crowd.radius[rows[row]]:.3f} m; move it, or make the radius smaller"
+            )
+
+
+def _levels_of(case: "Case", building: Building, people: "People", position: FloatArray) -> IntArray:
+    """Return the level (k,) of each given position."""
+    x, y = position.T
+    points = shapely.points(x, y)
+    named = building.level_named(people.level) if people.level is not None else None
+    candidates = building.levels if named is None else (named,)
+    found = np.full(len(position), -1, dtype=np.int32)
+    least = np.full(len(position), np.inf)
+    for level in candidates:
+        shapely.prepare(level.polygon)
+        is_on = shapely.dwithin(level.polygon, points, ROUNDING)
+        off = np.zeros(len(position))
+        if people.z is not None:
+            off = np.abs(elevation(building, np.full(len(position), level.index), position) - people.z)
+            is_on &= off <= HEIGHT_TOLERANCE
+        better = is_on & (off < least)
+        found[better], least[better] = level.index, off[better]
+    if (found < 0).any():
+        row = int(np.argmax(found < 0))
+        where = f"outside level {named.name!r}" if named else f"on no level at height z = {people.z:g} m"
+        raise ScenarioError(
+            f"{case.source}: people.{people.name}.positions.{row}: ({x[row]:g}, {y[row]:g}) is {where}; "
+            "move it, or name another level"
+        )
+    return found
+
+
+def _take_area(case: "Case", building: Building, crowd: Crowd, people: "People", rows: IntArray, seed: int) -> None:
+    """Put a group at random places of its area, clear of walls, portals, exits and whoever stands there."""
+    area = next(area for area in building.areas if area.name == people.area)
+    links = [
+        *(portal.segments for portal in building.portals if area.level in portal.levels),
+        *(exit_.segments for exit_ in building.exits if exit_.level == area.level),
+    ]
+    there = np.flatnonzero(crowd.level == area.level)
+    crowd.position[rows] = place(
+        area.polygon,
+        crowd.radius[rows],
+        np.concatenate([building.walls[building.wall_level == area.level], *links]),
+        np.column_stack((crowd.position[there], crowd.radius[there])),
+        generator_for(seed, "people", people.name, "position"),
+        f"{case.source}: people.{people.name}.number: area {area.name!r} on level {building.levels[area.level].name!r}",
+    )
+    crowd.level[rows] = area.level
+
+
+def _check_reach(case: "Case", building: Building, fields: "Fields", crowd: Crowd, groups: tuple[Group, ...]) -> None:
+    """Refuse people who stand where no exit they may take can be reached."""
+    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route)
+    for people, group in zip(case.people, groups, strict=True):
+        lost = group.rows[~np.isfinite(time[group.rows])]
+        if lost.size:
+            x, y = crowd.position[lost[0]]
+            exits = ", ".join(people.exits) or "any exit"
+            raise ScenarioError(
+                f"{case.source}: people.{people.name}: {lost.size} of {len(group.rows)} people cannot reach {exits}, "
+                f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[lost[0]]].name!r}; "
+                "put them elsewhere, allow other exits, or open a way in the mesh"
+            )

@@ -1,0 +1,107 @@
+"""The reference of case.toml as Markdown, generated from the schema."""
+
+import types
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from evac.people.distributions import KINDS, Distribution
+from evac.scenario.keys import Factor, Section
+from evac.scenario.problems import section_of
+from evac.scenario.schema import Case
+
+#: Words for the types of single values.
+WORDS: dict[Any, str] = {
+    float: "number",
+    int: "whole number",
+    bool: "true or false",
+    str: "text",
+    Distribution: "number or distribution",
+    Factor: "number or distribution",
+}
+
+
+def reference() -> str:
+    """Return every key of case.toml with its type, unit, default and meaning, as Markdown tables by section."""
+    parts = [_section(Case, "", "At the top of the file")]
+    for name, field in Case.model_fields.items():
+        section = section_of(field.annotation)
+        if section is not None:
+            parts += _sections(section, name, is_list=get_origin(field.annotation) is tuple)
+    return "\n\n".join([*parts, _distributions()]) + "\n"
+
+
+def _sections(section: type[Section], path: str, *, is_list: bool) -> list[str]:
+    """Return the table of a section and of the sections in it."""
+    title = f"`[[{path}]]`" if is_list else f"`[{path}]`"
+    parts = [_section(section, path, title)]
+    for name, field in section.model_fields.items():
+        inner = section_of(field.annotation)
+        if inner is not None:
+            parts += _sections(inner, f"{path}.{name}", is_list=get_origin(field.annotation) is tuple)
+    return parts
+
+
+def _section(section: type[Section], path: str, title: str) -> str:
+    rows = [_row(name, field) for name, field in section.model_fields.items() if section_of(field.annotation) is None]
+    if path == "contact":
+        rows.append("| `NAME` | table |  | none | parameters of contact model NAME, in use or not |")
+    head = "| key | type | unit | default | meaning |\n|---|---|---|---|---|"
+    return f"### {title}\n\n" + "\n".join([head, *rows])
+
+
+def _row(name: str, field: FieldInfo) -> str:
+    extra = field.json_schema_extra
+    unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+    doc = (field.description or "").replace("|", "\\|")
+    return f"| `{name}` | {_type(field.annotation)} | {unit} | {_default(field)} | {doc} |"
+
+
+def _type(annotation: Any) -> str:
+    """Return a type in the words of a user."""
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type(arguments[0])
+    if origin is Literal:
+        return " or ".join(f"`{_toml(word)}`" for word in arguments)
+    if origin in (Union, types.UnionType):
+        words = [_type(argument) for argument in arguments if argument is not type(None)]
+        return " or ".join(dict.fromkeys(words))
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return f"list of {_type(arguments[0])}"
+    if origin is tuple:
+        return f"[{', '.join(_type(argument) for argument in arguments)}]"
+    if origin is dict:
+        return "table"
+    return WORDS[annotation]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.default
+    if isinstance(value, Distribution):
+        value = value.to_value()
+    return "none" if value is None else f"`{_toml(value)}`"
+
+
+def _toml(value: Any) -> str:
+    """Return a plain value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
+    return repr(value)
+
+
+def _distributions() -> str:
+    rows = [f"| `{name}` | {', '.join(numbers)} |" for name, numbers in KINDS.items()]
+    return (
+        "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. `minimum` "
+        "and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken in order, and there "
+        "must be one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
+    )
