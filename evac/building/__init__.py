@@ -1,0 +1,1 @@
+"""Mesh file to frozen `Building`: see ``evac.building.reading.read_building``."""

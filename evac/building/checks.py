@@ -1,0 +1,147 @@
+"""What a building must fulfil before anything is computed on it."""
+
+import itertools
+
+import networkx
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.building.edges import segment_lengths
+from evac.building.model import Building, Level, Portal
+from evac.errors import BuildingError
+
+FloatArray = NDArray[np.float64]
+
+#: Least depth of a level between two portals that face each other [m].
+LEAST_DEPTH = 1.0
+#: Segments face each other if their insides point against each other by more than 120 degrees.
+FACING = -0.5
+#: Rounding allowed to lengths [m] and areas [m2].
+ROUNDING = 1e-6
+
+
+def check_overlap(building: Building) -> None:
+    """Refuse a level that lies over itself in plan.
+
+    Raises
+    ------
+    BuildingError
+        Naming the level and a place where it is double.
+    """
+    for level in building.levels:
+        cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
+        if shapely.area(cells).sum() <= level.polygon.area + ROUNDING * max(level.polygon.area, 1.0):
+            continue
+        one, other = shapely.STRtree(cells).query(cells, predicate="intersects")
+        both = shapely.intersection(cells[one[one < other]], cells[other[one < other]])
+        x, y = both[shapely.area(both).argmax()].centroid.coords[0]
+        raise BuildingError(
+            f"{building.source}: level {level.name!r} lies over itself in plan at ({x:.2f}, {y:.2f}); "
+            "divide it by a landing or a floor tag, or remove the double cells"
+        )
+
+
+def check_depth(building: Building) -> None:
+    """Refuse a level less than 1 m deep between two portals that face each other.
+
+    Portals side by side, or at right angles on a quarter landing, may touch.
+
+    Raises
+    ------
+    BuildingError
+        Naming the level, the portals and the place.
+    """
+    for level in building.levels:
+        own = [portal for portal in building.portals if level.index in portal.levels]
+        for one, other in itertools.combinations(own, 2):
+            for a, b in itertools.product(_seen_from(one, level), _seen_from(other, level)):
+                line = shapely.shortest_line(shapely.LineString(a.reshape(2, 2)), shapely.LineString(b.reshape(2, 2)))
+                if line.length < LEAST_DEPTH - ROUNDING and _face(a, b):
+                    x, y = line.centroid.coords[0]
+                    raise BuildingError(
+                        f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
+                        f"{one.name!r} and {other.name!r} at ({x:.2f}, {y:.2f}); it must be at least {LEAST_DEPTH:g} m: "
+                        "make it deeper or join it to a neighbour"
+                    )
+
+
+def check_stairs(building: Building) -> None:
+    """Refuse a stair that does not join two levels, or a level and an exit.
+
+    Raises
+    ------
+    BuildingError
+        Naming the stair and its heights.
+    """
+    for name, members in building.stairs.items():
+        ends: set[tuple[str, int]] = {("exit", way.index) for way in building.exits if way.level in members}
+        for portal in building.portals:
+            one, other = portal.levels
+            if (one in members) != (other in members):
+                ends.add(("level", other if one in members else one))
+        if len(ends) < 2:
+            own = [building.levels[index] for index in members]
+            x, y = own[0].polygon.representative_point().coords[0]
+            found = f"only {building.levels[next(iter(ends))[1]].name!r}" if ends else "nothing"
+            raise BuildingError(
+                f"{building.source}: stair {name!r} at ({x:.2f}, {y:.2f}), z = {min(lv.z_min for lv in own):.2f} to "
+                f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "
+                "(within building.weld)"
+            )
+
+
+def check_exits(building: Building) -> None:
+    """Refuse a building without an exit.
+
+    Raises
+    ------
+    BuildingError
+        Saying how to add one, on the longest free edge of the lowest level.
+    """
+    if building.exits:
+        return
+    own = building.walls[building.wall_level == building.wall_level.min()] if len(building.walls) else building.walls
+    example = ""
+    if len(own):
+        x1, y1, x2, y2 = own[np.argmax(segment_lengths(own).round(6))].tolist()
+        level = building.levels[building.wall_level.min()]
+        example = (
+            f'; in case.toml, for example: [[building.exits]] name = "exit", segment = [[{x1:.2f}, {y1:.2f}], '
+            f'[{x2:.2f}, {y2:.2f}]], level = "{level.name}"'
+        )
+    raise BuildingError(
+        f"{building.source}: the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"
+    )
+
+
+def isolated_parts(building: Building) -> tuple[str, ...]:
+    """Warn of levels from which no exit can be reached."""
+    graph = networkx.Graph()
+    graph.add_nodes_from(range(len(building.levels)))
+    graph.add_edges_from(portal.levels for portal in building.portals)
+    open_levels = {way.level for way in building.exits}
+    notes = []
+    for part in sorted(networkx.connected_components(graph), key=min):
+        if not part & open_levels:
+            names = ", ".join(repr(building.levels[index].name) for index in sorted(part))
+            notes.append(f"no exit can be reached from {names}: nobody can leave from there")
+    return tuple(notes)
+
+
+def _seen_from(portal: Portal, level: Level) -> FloatArray:
+    """Segments of a portal with the level's inside on their left."""
+    return portal.segments if portal.levels[0] == level.index else portal.segments[:, [2, 3, 0, 1]]
+
+
+def _face(a: FloatArray, b: FloatArray) -> bool:
+    """Tell whether two segments look at each other: insides opposed, and each at least partly on the other's inside."""
+    step_a, step_b = a[2:] - a[:2], b[2:] - b[:2]
+    opposed = float(step_a @ step_b) < FACING * float(np.hypot(*step_a) * np.hypot(*step_b))
+    return opposed and _is_ahead(a, b) and _is_ahead(b, a)
+
+
+def _is_ahead(a: FloatArray, b: FloatArray) -> bool:
+    """Tell whether any end of segment b is on the left of segment a."""
+    (dx, dy), to_b = a[2:] - a[:2], b.reshape(2, 2) - a[:2]
+    return bool((dx * to_b[:, 1] - dy * to_b[:, 0] > ROUNDING).any())

@@ -1,0 +1,116 @@
+"""Edges of a triangle mesh: who shares them, and how they chain into portals, exits and walls."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.errors import BuildingError
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+#: Corners that lie no farther off the straight line between their neighbours are merged away [m].
+COLLINEAR = 1e-5
+
+
+@dataclass(frozen=True)
+class EdgeTable:
+    """Every side of every triangle: the cell is on its left.
+
+    Attributes
+    ----------
+    ends : (3 t, 2) int64
+    cell : (3 t,) int64
+    partner : (3 t,) int64
+        Cell on the other side; -1 at a free edge.
+    """
+
+    ends: IndexArray
+    cell: IndexArray
+    partner: IndexArray
+
+
+def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> EdgeTable:
+    """Find the cell across every edge.
+
+    Raises
+    ------
+    BuildingError
+        If an edge has three cells, or two on the same side in plan.
+    """
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    cell = np.tile(np.arange(len(triangles)), 3)
+    least = np.sort(ends, axis=1)
+    order = np.lexsort((cell, least[:, 1], least[:, 0]))
+    same = (least[order[1:]] == least[order[:-1]]).all(axis=1)
+
+    triple = np.flatnonzero(same[1:] & same[:-1])
+    if len(triple):
+        place = edge_place(vertices, least[order[triple[0]]])
+        raise BuildingError(
+            f"{source}: more than two cells share the edge {place}; an edge joins two cells, so cut out a floor "
+            "where it passes under the foot of a stair"
+        )
+    one, other = order[:-1][same], order[1:][same]
+    folded = (ends[one] == ends[other]).all(axis=1)
+    if folded.any():
+        place = edge_place(vertices, ends[one[folded][0]])
+        raise BuildingError(
+            f"{source}: the surface folds over itself at the edge {place}: both its cells are on the same side in "
+            "plan; put a landing there"
+        )
+    partner = np.full(len(ends), -1, dtype=np.int64)
+    partner[one], partner[other] = cell[other], cell[one]
+    return EdgeTable(ends, cell, partner)
+
+
+def chains(ends: IndexArray) -> list[IndexArray]:
+    """Join directed edges (e, 2) to chains of vertices.
+
+    A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its least
+    vertex, which is a corner. Chains are sorted by their vertices.
+    """
+    following: dict[int, list[int]] = defaultdict(list)
+    arriving: dict[int, int] = defaultdict(int)
+    for a, b in sorted(map(tuple, ends.tolist())):
+        following[a].append(b)
+        arriving[b] += 1
+    passed = {a for a, next_ in following.items() if len(next_) == 1 and arriving[a] == 1}
+    found = [_walk(a, b, following, passed) for a in following if a not in passed for b in following[a]]
+    left = passed.difference(*found)
+    for a in sorted(left):
+        if a in left:
+            loop = _walk(a, following[a][0], following, passed - {a})
+            left.difference_update(loop)
+            found.append(loop)
+    return [np.array(chain, dtype=np.int64) for chain in sorted(found)]
+
+
+def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> list[int]:
+    """Follow edges from a over b to the first vertex that is not just passed."""
+    chain = [a, b]
+    while chain[-1] in passed:
+        chain.append(following[chain[-1]][0])
+    return chain
+
+
+def straight_segments(vertices: FloatArray, chain: IndexArray) -> FloatArray:
+    """Turn a chain into plan segments (s, 4), collinear neighbours merged (Douglas-Peucker)."""
+    line = shapely.simplify(shapely.LineString(vertices[chain, :2]), COLLINEAR, preserve_topology=False)
+    corners = shapely.get_coordinates(line)
+    return np.concatenate([corners[:-1], corners[1:]], axis=1)
+
+
+def segment_lengths(segments: FloatArray) -> FloatArray:
+    """Lengths of segments (s, 4) [m]."""
+    length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    return length
+
+
+def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
+    """Word the place of an edge."""
+    return " - ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in vertices[ends])

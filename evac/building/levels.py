@@ -1,0 +1,223 @@
+"""Cells to levels: which cells belong together, what each level is called, which stair it is part of."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import networkx
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from evac.building.edges import EdgeTable
+from evac.building.model import Level
+from evac.building.surface import Surface
+from evac.errors import BuildingError
+
+IndexArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """The levels of a surface, and the level of each of its cells."""
+
+    levels: tuple[Level, ...]
+    level_of_cell: IndexArray
+    stairs: dict[str, tuple[int, ...]]
+    warnings: tuple[str, ...]
+
+
+def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
+    """Divide a surface into levels: maximal edge-connected sets of cells of one slope class and one tag.
+
+    Sloped neighbours that rise against each other (a ridge or a trough) are divided too. Levels are
+    ordered by mid height, then by plan position.
+
+    Raises
+    ------
+    BuildingError
+        If a cell carries two tags of floors or stairs.
+    """
+    names = sorted(name for name in surface.cell_tags if name.startswith(("floor:", "stair:")))
+    group = _groups(source, surface, names)
+    label = _order(surface, _connected_cells(surface, table, group, names))
+    is_tagged_area = np.zeros(label.max() + 1, dtype=bool)
+    for name, mask in surface.cell_tags.items():
+        if name.startswith("area:"):
+            is_tagged_area[label[mask]] = True
+    tag_of = {level: names[g] for level, g in zip(label.tolist(), group.tolist(), strict=True) if g >= 0}
+    levels = [_level(surface, label, index, tag_of.get(index)) for index in range(label.max() + 1)]
+
+    neighbours = networkx.Graph()
+    neighbours.add_nodes_from(range(len(levels)))
+    shared = table.partner >= 0
+    pairs = np.column_stack([label[table.cell[shared]], label[table.partner[shared]]])
+    neighbours.add_edges_from(np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist())
+
+    levels = _mark_landings(levels, neighbours, is_tagged_area)
+    levels = _name_stairs(levels, neighbours)
+    levels = _name_levels(levels, tag_of)
+    stairs: dict[str, tuple[int, ...]] = {}
+    for level in sorted(levels, key=lambda level: -(level.z_min + level.z_max)):
+        if level.stair is not None:
+            stairs[level.stair] = (*stairs.get(level.stair, ()), level.index)
+    stairs = {name: stairs[name] for name in sorted(stairs, key=lambda name: (min(stairs[name]), name))}
+    return LevelSet(tuple(levels), label, stairs, _uneven_flights(surface, label, levels))
+
+
+def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
+    """Row of `names` that each cell carries, -1 for none."""
+    group = np.full(len(surface.triangles), -1, dtype=np.int64)
+    for row, name in enumerate(names):
+        mask = surface.cell_tags[name]
+        twice = np.flatnonzero(mask & (group >= 0))
+        if len(twice):
+            x, y, z = surface.vertices[surface.triangles[twice[0]]].mean(axis=0)
+            raise BuildingError(
+                f"{source}: the cell at ({x:.2f}, {y:.2f}, {z:.2f}) carries both {names[group[twice[0]]]!r} and "
+                f"{name!r}; a cell belongs to one floor or stair"
+            )
+        group[mask] = row
+    return group
+
+
+def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, names: list[str]) -> IndexArray:
+    """Label of each cell's level, in no particular order; flat cells without a group join a floor (in `group` too)."""
+    shared = (table.partner >= 0) & (table.cell < table.partner)
+    one, other, ends = table.cell[shared], table.partner[shared], table.ends[shared]
+    sloped = surface.is_sloped
+    same_class = sloped[one] == sloped[other]
+    same_way = ~sloped[one] | ((surface.gradient[one] * surface.gradient[other]).sum(axis=1) > 0)
+
+    def components() -> IndexArray:
+        joined = same_class & same_way & (group[one] == group[other])
+        links = coo_array((np.ones(joined.sum()), (one[joined], other[joined])), shape=(len(group), len(group)))
+        found: IndexArray = connected_components(links, directed=False)[1].astype(np.int64)
+        return found
+
+    label = components()
+    is_floor = np.array([name.startswith("floor:") for name in names] + [False])
+    length = np.linalg.norm(surface.vertices[ends[:, 1]] - surface.vertices[ends[:, 0]], axis=1)
+    common: Counter[tuple[int, int]] = Counter()
+    for a, b in ((one, other), (other, one)):
+        for row in np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b]):
+            common[int(label[a[row]]), int(group[b[row]])] += length[row]
+    best: dict[int, tuple[float, int]] = {}
+    for (component, row), total in common.items():
+        best[component] = max(best.get(component, (0.0, 0)), (round(total, 6), -row))
+    if best:
+        for component, (_, negative_row) in best.items():
+            group[label == component] = -negative_row
+        label = components()
+    return label
+
+
+def _order(surface: Surface, label: IndexArray) -> IndexArray:
+    """Renumber labels by mid height, then by the middle of the plan extent, then by least cell."""
+    keys = []
+    for index in range(label.max() + 1):
+        cells = np.flatnonzero(label == index)
+        corners = surface.vertices[surface.triangles[cells]].reshape(-1, 3)
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        keys.append((*np.round(middle[[2, 0, 1]], 6).tolist(), int(cells[0])))
+    rank = np.empty(len(keys), dtype=np.int64)
+    rank[sorted(range(len(keys)), key=keys.__getitem__)] = np.arange(len(keys))
+    return rank[label]
+
+
+def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> Level:
+    """Measure one level; its names come later."""
+    cells = np.flatnonzero(label == index)
+    corners = surface.vertices[surface.triangles[cells]]
+    uphill, slope = np.zeros(2), 0.0
+    is_sloped = bool(surface.is_sloped[cells[0]])
+    if is_sloped:
+        plan_area = shapely.area(shapely.polygons(corners[:, :, :2]))
+        gradient = (plan_area[:, None] * surface.gradient[cells]).sum(axis=0) / plan_area.sum()
+        rise = float(np.hypot(*gradient))
+        uphill, slope = gradient / rise, float(np.arctan(rise))
+    stair = tag.removeprefix("stair:") if tag and tag.startswith("stair:") else None
+    return Level(
+        index=index,
+        name="",
+        kind="flight" if is_sloped else "landing" if stair else "floor",
+        stair=stair,
+        triangles=surface.triangles[cells].astype(np.int32),
+        polygon=shapely.union_all(shapely.polygons(corners[:, :, :2])).normalize(),
+        uphill=uphill,
+        slope=slope,
+        z_min=float(corners[:, :, 2].min()),
+        z_max=float(corners[:, :, 2].max()),
+    )
+
+
+def _mark_landings(levels: list[Level], neighbours: networkx.Graph, is_area: BoolArray) -> list[Level]:
+    """Call a flat level a landing if it leads to flights only, up and down, and is no larger than they are."""
+    marked = list(levels)
+    for level in levels:
+        around = [levels[other] for other in neighbours[level.index]]
+        height = level.z_min + level.z_max
+        if (
+            level.kind == "floor"
+            and not is_area[level.index]
+            and all(other.kind == "flight" for other in around)
+            and any(other.z_min + other.z_max < height for other in around)
+            and any(other.z_min + other.z_max > height for other in around)
+            and level.polygon.area <= sum(other.polygon.area for other in around)
+        ):
+            marked[level.index] = replace(level, kind="landing")
+    return marked
+
+
+def _name_stairs(levels: list[Level], neighbours: networkx.Graph) -> list[Level]:
+    """Number the chains of flights and landings that no tag names: ``stair 1`` has the least level."""
+    untagged = [level.index for level in levels if level.kind != "floor" and level.stair is None]
+    taken = {level.stair for level in levels}
+    named = list(levels)
+    number = 0
+    for members in sorted(networkx.connected_components(neighbours.subgraph(untagged)), key=min):
+        number += 1
+        while f"stair {number}" in taken:
+            number += 1
+        for index in members:
+            named[index] = replace(levels[index], stair=f"stair {number}")
+    return named
+
+
+def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
+    """Name levels by their floor tag, or by kind and height; equal names are numbered from the second on."""
+    used: set[str] = set()
+    named = []
+    for level in levels:
+        tag = tag_of.get(level.index, "")
+        if tag.startswith("floor:"):
+            name = tag.removeprefix("floor:")
+        else:
+            heights = f"z={level.z_min:.2f}" + (f"..{level.z_max:.2f}" if level.kind == "flight" else "")
+            prefix = f"{level.stair} " if tag.startswith("stair:") else ""
+            name = f"{prefix}{level.kind} {heights}"
+        unique, number = name, 1
+        while unique in used:
+            number += 1
+            unique = f"{name} ({number})"
+        used.add(unique)
+        named.append(replace(level, name=unique))
+    return named
+
+
+def _uneven_flights(surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[str, ...]:
+    """Warn of flights whose cells differ from the one slope and direction a level has."""
+    notes = []
+    for level in levels:
+        if level.kind == "flight":
+            gradient = surface.gradient[label == level.index]
+            worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
+            if worst > 0.1:
+                notes.append(
+                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise from its "
+                    "mean slope, which stands for all of it"
+                )
+    return tuple(notes)

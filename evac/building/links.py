@@ -1,0 +1,115 @@
+"""Edges to portals, tagged exits and walls."""
+
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
+from evac.building.levels import LevelSet
+from evac.building.model import Exit, Level, Portal
+from evac.building.surface import Surface
+from evac.errors import BuildingError
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+LevelArray = NDArray[np.int32]
+
+
+def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tuple[Portal, ...]:
+    """Make a portal of each chain of edges that two levels share, ordered by levels and place."""
+    shared = np.flatnonzero(table.partner >= 0)
+    pairs = np.column_stack([table.cell[shared], table.partner[shared]])
+    pairs = level_set.level_of_cell[pairs]
+    portals: list[Portal] = []
+    for first, second in np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0).tolist():
+        between = shared[(pairs == (first, second)).all(axis=1)]
+        title = f"{level_set.levels[first].name} - {level_set.levels[second].name}"
+        for number, chain in enumerate(chains(table.ends[between]), start=1):
+            segments = straight_segments(surface.vertices, chain)
+            name = title if number == 1 else f"{title} ({number})"
+            width = float(segment_lengths(segments).sum())
+            portals.append(Portal(len(portals), name, (first, second), segments, width))
+    return tuple(portals)
+
+
+def find_exits_and_walls(
+    source: Path, surface: Surface, table: EdgeTable, level_set: LevelSet
+) -> tuple[tuple[Exit, ...], FloatArray, LevelArray]:
+    """Divide the free edges into tagged exits, ordered by name, and walls with their levels.
+
+    Raises
+    ------
+    BuildingError
+        If an edge of an exit is no free edge, has two exits, or an exit lies on two levels.
+    """
+    free = np.flatnonzero(table.partner < 0)
+    level = level_set.level_of_cell[table.cell]
+    row_of = {(min(a, b), max(a, b)): row for row, (a, b) in zip(free, table.ends[free].tolist(), strict=True)}
+    exits: list[Exit] = []
+    taken: dict[int, str] = {}
+    for tag in sorted(surface.exit_edges):
+        rows = []
+        for a, b in sorted({(min(edge), max(edge)) for edge in surface.exit_edges[tag].tolist()}):
+            row = row_of.get((a, b))
+            if row is None or row in taken:
+                place = edge_place(surface.vertices, np.array([a, b]))
+                cause = "is not a free edge of the walkable surface" if row is None else f"is also {taken[row]!r}"
+                near = "" if row is not None else _nearest_free_edge(surface, table.ends[free], (a, b))
+                raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}{near}")
+            rows.append(row)
+            taken[row] = tag
+        exits.append(_tagged_exit(source, surface, table, level_set, len(exits), tag, np.array(rows, dtype=np.int64)))
+
+    walls, wall_level = [], []
+    is_wall = np.isin(free, list(taken), invert=True)
+    for index in range(len(level_set.levels)):
+        for chain in chains(table.ends[free[is_wall & (level[free] == index)]]):
+            segments = straight_segments(surface.vertices, chain)
+            walls.append(segments)
+            wall_level.append(np.full(len(segments), index, dtype=np.int32))
+    return tuple(exits), *sorted_walls(np.concatenate(walls or [np.empty((0, 4))]), np.concatenate(wall_level or [[]]))
+
+
+def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, LevelArray]:
+    """Put walls (w, 4) in the order of level, x1, y1, x2, y2."""
+    order = np.lexsort((*walls.T[::-1], wall_level))
+    return np.ascontiguousarray(walls[order]), wall_level[order].astype(np.int32)
+
+
+def nearest_wall(walls: FloatArray, wall_level: LevelArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
+    """Word which wall is nearest to some plan points (n, 2), where it is and how far away."""
+    if not len(walls):
+        return "there is no free edge"
+    distance = shapely.distance(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.multipoints(plan))
+    row = int(distance.argmin())
+    x1, y1, x2, y2 = walls[row]
+    return (
+        f"the nearest free edge is ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) of level "
+        f"{levels[wall_level[row]].name!r}, {distance[row]:.2f} m away"
+    )
+
+
+def _tagged_exit(
+    source: Path, surface: Surface, table: EdgeTable, level_set: LevelSet, index: int, tag: str, rows: IndexArray
+) -> Exit:
+    """Make the exit of one tag from its rows of the edge table."""
+    if not len(rows):
+        raise BuildingError(f"{source}: the edges of {tag!r} have no length")
+    on = np.unique(level_set.level_of_cell[table.cell[rows]])
+    if len(on) > 1:
+        names = " and ".join(repr(level_set.levels[level].name) for level in on)
+        raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part a name of its own")
+    parts = [straight_segments(surface.vertices, chain) for chain in chains(table.ends[rows])]
+    segments = np.concatenate(parts)
+    return Exit(index, tag.removeprefix("exit:"), int(on[0]), segments, float(segment_lengths(segments).sum()))
+
+
+def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]) -> str:
+    """Word the free edge whose middle is nearest to that of an edge."""
+    middle = surface.vertices[list(edge)].mean(axis=0)
+    distance = np.linalg.norm(surface.vertices[free].mean(axis=1) - middle, axis=1)
+    if not len(free):
+        return ""
+    return f"; the nearest free edge is {edge_place(surface.vertices, free[distance.argmin()])}"

@@ -1,0 +1,275 @@
+"""Exits, areas and obstacles that a case adds to a building: segments and polygons on a level."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.edges import COLLINEAR, segment_lengths
+from evac.building.elevation import level_elevation
+from evac.building.links import nearest_wall, sorted_walls
+from evac.building.model import Area, Building, Exit, Level
+from evac.errors import BuildingError
+
+FloatArray = NDArray[np.float64]
+
+#: An exit may be drawn this far off the free edge that it is snapped to [m].
+EXIT_REACH = 0.05
+#: A height given for a level may differ this much from the level's own [m].
+HEIGHT_REACH = 0.5
+#: Remainders of walls and exits shorter than this are dropped [m].
+LEAST_LENGTH = 1e-3
+
+
+def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
+    """Open an exit on the free edges of a level along a segment, which is snapped to them.
+
+    Parameters
+    ----------
+    item : mapping
+        ``name``, ``segment`` ((2, 2) [m]) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If the name is taken, the level is not found, or part of the segment is farther than
+        `EXIT_REACH` from every free edge of the level.
+    """
+    name, what = item["name"], f"exit {item['name']!r}"
+    if any(other.name == name for other in building.exits):
+        raise BuildingError(f"{building.source}: there are two exits named {name!r}")
+    ends = _coordinates(building, item, what, "segment", 2)
+    level = find_level(building, item, what, shapely.LineString(ends))
+    kept, opened = [], []
+    for row in np.flatnonzero(building.wall_level == level.index):
+        rest, piece = _cut(building.walls[row], ends)
+        kept += rest
+        opened += piece
+    if _uncovered(ends, opened) > EXIT_REACH:
+        own = building.wall_level == level.index
+        near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
+        (x1, y1), (x2, y2) = ends
+        raise BuildingError(
+            f"{building.source}: {what}, ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) on level {level.name!r}, does not "
+            f"lie on a free edge (within {EXIT_REACH} m all along); {near}"
+        )
+    segments = np.array(opened)
+    width = float(segment_lengths(segments).sum())
+    new = Exit(len(building.exits), name, level.index, segments, width)
+    return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))
+
+
+def add_area(building: Building, item: Mapping[str, Any]) -> Building:
+    """Add an area, clipped to the polygon of its level.
+
+    Parameters
+    ----------
+    item : mapping
+        ``name``, ``polygon`` ((k, 2) [m]) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If the name is taken, or no part of the polygon is on the level.
+    """
+    name, what = item["name"], f"area {item['name']!r}"
+    if any(other.name == name for other in building.areas):
+        raise BuildingError(f"{building.source}: there are two areas named {name!r}")
+    drawn = _polygon(building, item, what)
+    level = find_level(building, item, what, drawn)
+    polygon = _plane_part(drawn.intersection(level.polygon))
+    if polygon.is_empty:
+        raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
+    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)))
+
+
+def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:
+    """Take obstacles out of the polygons of levels and areas; their outlines become walls.
+
+    Parameters
+    ----------
+    items : sequence of mappings
+        Each with ``name``, ``polygon`` ((k, 2) [m] or a shapely geometry) and ``level`` (name) or ``z`` [m].
+
+    Raises
+    ------
+    BuildingError
+        If an obstacle is outside its level, or covers part of a portal or an exit.
+    """
+    on_level: dict[int, list[BaseGeometry]] = {}
+    for item in items:
+        what = f"obstacle {item['name']!r}"
+        polygon = _polygon(building, item, what)
+        level = find_level(building, item, what, polygon)
+        if polygon.intersection(level.polygon).area <= LEAST_LENGTH**2:
+            raise BuildingError(f"{building.source}: {what} is not on level {level.name!r}{_extent(level)}")
+        _check_open(building, level, polygon, what)
+        on_level.setdefault(level.index, []).append(polygon)
+    for index, polygons in on_level.items():
+        building = _take_out(building, building.levels[index], shapely.union_all(polygons))
+    return building
+
+
+def find_level(building: Building, item: Mapping[str, Any], what: str, geometry: BaseGeometry) -> Level:
+    """Find the level that ``level`` names, or the one nearest to `geometry` at about the height ``z``.
+
+    Raises
+    ------
+    BuildingError
+        If there is none, naming those there are.
+    """
+    known = ", ".join(f"{level.name!r}" for level in building.levels)
+    if item.get("level") is not None:
+        found = building.level_named(item["level"])
+        if found is None:
+            close = difflib.get_close_matches(item["level"], [level.name for level in building.levels], n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            raise BuildingError(f"{building.source}: {what}: no level is named {item['level']!r}{hint} Levels: {known}")
+        return found
+    if item.get("z") is None:
+        raise BuildingError(f"{building.source}: {what}: give its level by name (level = ...) or by height (z = ...)")
+    z = float(item["z"])
+    centre = shapely.get_coordinates(geometry.centroid)
+    near = []
+    for level in building.levels:
+        distance = float(level.polygon.distance(geometry))
+        point = shapely.get_coordinates(shapely.shortest_line(level.polygon, shapely.points(centre))[0])[:1]
+        height_error = abs(float(level_elevation(building.vertices, level, point)[0]) - z)
+        if height_error <= HEIGHT_REACH:
+            near.append((max(distance - EXIT_REACH, 0.0), height_error, level.index))
+    if not near:
+        raise BuildingError(f"{building.source}: {what}: no level is at the height z = {z:g} m there; levels: {known}")
+    return building.levels[min(near)[2]]
+
+
+def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: str, least: int) -> FloatArray:
+    """Check and return the plan coordinates (k, 2) under a key; a segment has exactly two different ends."""
+    try:
+        plan = np.array(item.get(key, ()), dtype=np.float64)
+    except (TypeError, ValueError):
+        plan = np.empty(0)
+    is_right = plan.ndim == 2 and plan.shape[1] == 2 and len(plan) >= least and np.isfinite(plan).all()
+    if key == "segment":
+        is_right = is_right and len(plan) == 2 and np.hypot(*(plan[1] - plan[0])) > LEAST_LENGTH
+    if not is_right:
+        wanted = "two different points [[x1, y1], [x2, y2]]" if key == "segment" else "three or more points [[x, y], ...]"
+        raise BuildingError(f"{building.source}: {what}: {key} must be {wanted}, not {item.get(key)!r}")
+    return plan
+
+
+def _polygon(building: Building, item: Mapping[str, Any], what: str) -> BaseGeometry:
+    """Check and return the polygon of an item."""
+    if isinstance(item.get("polygon"), BaseGeometry):
+        return item["polygon"]
+    polygon = shapely.Polygon(_coordinates(building, item, what, "polygon", 3))
+    if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
+        cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
+        raise BuildingError(f"{building.source}: {what}: its polygon is no simple outline: {cause}")
+    return polygon
+
+
+def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Divide a wall into what remains and the piece (at most one) that lies along the segment `ends`."""
+    start, end = wall[:2], wall[2:]
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    reach = np.sort((ends - start) @ along)
+    low, high = max(reach[0], 0.0), min(reach[1], length)
+    if low < LEAST_LENGTH:
+        low = 0.0
+    if length - high < LEAST_LENGTH:
+        high = length
+    segment = shapely.LineString(ends)
+    piece = np.array([start + low * along, start + high * along])
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    is_beside = abs(float(direction @ along)) > 0.9 and high - low > LEAST_LENGTH
+    if not is_beside or shapely.distance(shapely.points(piece), segment).max() > EXIT_REACH:
+        return [wall], []
+    rest = [np.concatenate([start, piece[0]])] if low > 0.0 else []
+    rest += [np.concatenate([piece[1], end])] if high < length else []
+    return rest, [piece.ravel()]
+
+
+def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> float:
+    """Longest part of the segment `ends` that no piece lies along [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    along = (ends[1] - ends[0]) / length
+    spans = sorted(sorted(((piece.reshape(2, 2) - ends[0]) @ along).tolist()) for piece in pieces)
+    covered, gap = 0.0, 0.0
+    for low, high in [*spans, [length, length]]:
+        gap = max(gap, low - covered)
+        covered = max(covered, high)
+    return gap
+
+
+def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:
+    """Refuse an obstacle over a way through."""
+    ways = [("portal", portal.name, portal.segments) for portal in building.portals if level.index in portal.levels]
+    ways += [("exit", way.name, way.segments) for way in building.exits if way.level == level.index]
+    for kind, name, segments in ways:
+        covered = shapely.multilinestrings(segments.reshape(-1, 2, 2)).intersection(polygon)
+        if covered.length > LEAST_LENGTH:
+            x, y = covered.centroid.coords[0]
+            raise BuildingError(
+                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at ({x:.2f}, {y:.2f}) "
+                f"on level {level.name!r}; move it off"
+            )
+
+
+def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Building:
+    """Subtract an obstacle from a level and its areas, and put walls along its outline."""
+    polygon = _plane_part(level.polygon.difference(obstacle))
+    if polygon.is_empty:
+        raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}")
+    new, old = _sides(polygon), level.polygon.boundary
+    middle = shapely.points((new[:, :2] + new[:, 2:]) / 2)
+    is_new = shapely.distance(middle, old) > COLLINEAR
+    own = building.walls[building.wall_level == level.index]
+    kept = own[~shapely.covers(obstacle, shapely.linestrings(own.reshape(-1, 2, 2)))]
+    levels = list(building.levels)
+    levels[level.index] = replace(level, polygon=polygon.normalize())
+    areas = [
+        replace(area, polygon=_plane_part(area.polygon.difference(obstacle))) if area.level == level.index else area
+        for area in building.areas
+    ]
+    gone = [area.name for area in areas if area.polygon.is_empty]
+    if gone:
+        raise BuildingError(f"{building.source}: obstacles cover all of the area {gone[0]!r} on level {level.name!r}")
+    building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
+    return replace(building, levels=tuple(levels), areas=tuple(areas))
+
+
+def _sides(polygon: BaseGeometry) -> FloatArray:
+    """Sides (s, 4) of a polygon or multipolygon, its inside on their left."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def _plane_part(geometry: BaseGeometry) -> BaseGeometry:
+    """Drop the points and lines that an overlay may leave beside polygons."""
+    parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
+    return shapely.union_all(parts) if parts else shapely.Polygon()
+
+
+def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
+    """Exchange the walls of one level."""
+    other = building.wall_level != level.index
+    walls, wall_level = sorted_walls(
+        np.concatenate([building.walls[other], own]),
+        np.concatenate([building.wall_level[other], np.full(len(own), level.index)]),
+    )
+    return replace(building, walls=walls, wall_level=wall_level)
+
+
+def _extent(level: Level) -> str:
+    """Word the plan extent of a level."""
+    x1, y1, x2, y2 = level.polygon.bounds
+    return f", which reaches from ({x1:.2f}, {y1:.2f}) to ({x2:.2f}, {y2:.2f})"

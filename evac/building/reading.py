@@ -1,0 +1,120 @@
+"""Mesh file to `Building`: the one way in."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts
+from evac.building.edges import COLLINEAR, edge_table
+from evac.building.elevation import level_elevation
+from evac.building.levels import LevelSet, find_levels
+from evac.building.links import find_exits_and_walls, find_portals
+from evac.building.meshfile import read_mesh
+from evac.building.model import Area, Building
+from evac.building.places import HEIGHT_REACH, add_area, add_exit, add_obstacles
+from evac.building.surface import Surface, clean_surface
+from evac.errors import BuildingError
+
+
+def read_building(
+    path: str | Path,
+    *,
+    weld: float = 0.001,
+    flat_angle: float = 3.0,
+    walkable_angle: float = 50.0,
+    scale: float = 1.0,
+    exits: Sequence[Mapping[str, Any]] = (),
+    areas: Sequence[Mapping[str, Any]] = (),
+    obstacles: Sequence[Mapping[str, Any]] = (),
+) -> Building:
+    """Read a building from a mesh file, tagged or bare (see ``evac.building.meshfile``).
+
+    The result depends on the geometry alone, not on the order of vertices or cells or their winding.
+    Walls have the inside of their level on their left.
+
+    Parameters
+    ----------
+    weld : float [m]
+        Vertices no farther apart are the same.
+    flat_angle, walkable_angle : float [degrees]
+        Cells with a slope below the first are flat, above the second not walkable.
+    scale : float
+        Metres per unit of the file.
+    exits : sequence of mappings
+        To add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
+    areas, obstacles : sequences of mappings
+        To add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
+
+    Raises
+    ------
+    BuildingError
+        If the file cannot be read, a setting is out of range, or the building cannot be used: no walkable cell,
+        an edge of three cells, a level over itself in plan or less than 1 m deep between facing portals,
+        a stair that joins nothing, an exit off the edge, no exit.
+    """
+    source = Path(path)
+    if not (weld > 0.0 and scale > 0.0 and 0.0 < flat_angle <= walkable_angle < 90.0):
+        raise BuildingError(
+            f"{source}: weld and scale must be positive and 0 < flat_angle <= walkable_angle < 90 degrees, not "
+            f"weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
+        )
+    surface = clean_surface(read_mesh(source), weld, flat_angle, walkable_angle, scale)
+    table = edge_table(source, surface.vertices, surface.triangles)
+    level_set = find_levels(source, surface, table)
+    tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
+    building = Building(
+        source=source,
+        vertices=surface.vertices,
+        levels=level_set.levels,
+        portals=find_portals(surface, table, level_set),
+        exits=tagged_exits,
+        areas=_tagged_areas(source, surface, level_set),
+        walls=walls,
+        wall_level=wall_level,
+        stairs=level_set.stairs,
+        warnings=(*surface.warnings, *level_set.warnings),
+    )
+    check_overlap(building)
+    check_depth(building)
+    for item in exits:
+        building = add_exit(building, item)
+    check_exits(building)
+    check_stairs(building)
+    for item in areas:
+        building = add_area(building, item)
+    building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
+    return replace(building, warnings=(*building.warnings, *isolated_parts(building)))
+
+
+def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[Area, ...]:
+    """Make the areas of the tags ``area:NAME``, in the order of their names."""
+    areas = []
+    for tag in sorted(name for name in surface.cell_tags if name.startswith("area:")):
+        cells = np.flatnonzero(surface.cell_tags[tag])
+        on = np.unique(level_set.level_of_cell[cells])
+        if len(on) != 1:
+            names = " and ".join(repr(level_set.levels[level].name) for level in on) or "no walkable level"
+            raise BuildingError(f"{source}: {tag!r} lies on {names}; an area is on one level")
+        plan = shapely.polygons(surface.vertices[surface.triangles[cells]][:, :, :2])
+        areas.append(Area(tag.removeprefix("area:"), int(on[0]), shapely.union_all(plan).normalize()))
+    return tuple(areas)
+
+
+def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, Any]]:
+    """Find tagged obstacles drawn on top of a floor; those cut out of it have their walls already."""
+    found = []
+    for tag, corners in sorted(surface.obstacles.items()):
+        outline = shapely.union_all(shapely.polygons(corners[:, :, :2])).simplify(COLLINEAR)
+        z = float(corners[:, :, 2].min())
+        for level in building.levels:
+            on = outline.intersection(level.polygon)
+            if on.area <= 1e-6:
+                continue
+            height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]
+            if abs(height - z) <= HEIGHT_REACH:
+                found.append({"name": tag.removeprefix("obstacle:"), "polygon": on, "level": level.name})
+    return found

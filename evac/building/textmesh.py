@@ -1,0 +1,83 @@
+"""Readers of the two plain text formats OBJ and OFF: vertices and polygons, nothing else."""
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def read_obj(path: Path) -> tuple[FloatArray, list[IndexArray]]:
+    """Read the ``v`` and ``f`` lines of a Wavefront OBJ file.
+
+    Texture and normal indices (``f 1/2/3``) and every other line are passed over; negative indices
+    count from the last vertex read.
+
+    Returns
+    -------
+    points : (v, 3) float64
+    blocks : list of (n, k) int64
+        Faces with k corners.
+
+    Raises
+    ------
+    ValueError
+        If a line cannot be read; names its number.
+    """
+    points: list[list[float]] = []
+    faces: list[list[int]] = []
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
+    for number, line in enumerate(text.splitlines(), start=1):
+        word, *rest = line.partition("#")[0].split() or [""]
+        try:
+            if word == "v":
+                x, y, z = rest[:3]
+                points.append([float(x), float(y), float(z)])
+            elif word == "f":
+                corners = [int(corner.partition("/")[0]) for corner in rest]
+                faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
+        except ValueError as error:
+            raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
+    return np.array(points, dtype=np.float64).reshape(-1, 3), _blocks(faces)
+
+
+def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
+    """Read an OFF file (also COFF, NOFF, STOFF: what follows x, y, z is passed over).
+
+    Returns
+    -------
+    points : (v, 3) float64
+    blocks : list of (n, k) int64
+
+    Raises
+    ------
+    ValueError
+        If the header, a count or a line is wrong.
+    """
+    lines = [line.partition("#")[0].split() for line in path.read_text(encoding="utf-8").splitlines()]
+    lines = [line for line in lines if line]
+    if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][0]):
+        raise ValueError("the first word must be OFF")
+    counts, *rest = [lines[0][1:], *lines[1:]] if len(lines[0]) > 1 else lines[1:] or [[]]
+    if len(counts) < 2:
+        raise ValueError("the numbers of vertices and faces are missing")
+    n_points, n_faces = int(counts[0]), int(counts[1])
+    if len(rest) < n_points + n_faces:
+        raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but only {len(rest)} lines follow")
+    points = np.array([[float(value) for value in line[:3]] for line in rest[:n_points]], dtype=np.float64)
+    faces = [[int(corner) for corner in line[1 : 1 + int(line[0])]] for line in rest[n_points : n_points + n_faces]]
+    return points.reshape(-1, 3), _blocks(faces)
+
+
+def _blocks(faces: list[list[int]]) -> list[IndexArray]:
+    """Gather faces of equal length, in the order of their lengths."""
+    by_length: dict[int, list[list[int]]] = defaultdict(list)
+    for face in faces:
+        if len(face) < 3:
+            raise ValueError(f"a face has only {len(face)} corners")
+        by_length[len(face)].append(face)
+    return [np.array(by_length[length], dtype=np.int64) for length in sorted(by_length)]

@@ -1,0 +1,75 @@
+"""Polygons to triangles, the same ones whatever corner a polygon starts at and however it is wound."""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Cut polygons of k corners into triangles.
+
+    Polygons that are convex in plan become fans about their first corner in the order of (x, y, z);
+    others constrained Delaunay triangles.
+
+    Parameters
+    ----------
+    points : (v, 3) float64
+    polygons : (n, k) int64
+
+    Returns
+    -------
+    triangles : (t, 3) int64
+    owner : (t,) int64
+        Row of `polygons` that each triangle was cut from.
+
+    Raises
+    ------
+    ValueError
+        If the outline of a polygon crosses itself in plan.
+    """
+    n, k = polygons.shape
+    if k == 3:
+        return polygons, np.arange(n)
+    polygons = _start_at_least(points, polygons)
+    plan = points[polygons][:, :, :2]
+    step = np.roll(plan, -1, axis=1) - plan
+    following = np.roll(step, -1, axis=1)
+    turn = step[..., 0] * following[..., 1] - step[..., 1] * following[..., 0]
+    rounding = 1e-9 * np.square(step).sum(axis=2).max(axis=1, keepdims=True)
+    is_convex = (turn >= -rounding).all(axis=1) | (turn <= rounding).all(axis=1)
+
+    fans = np.stack([polygons[:, [0, i, i + 1]] for i in range(1, k - 1)], axis=1)[is_convex]
+    triangles = [fans.reshape(-1, 3)]
+    owner = [np.repeat(np.flatnonzero(is_convex), k - 2)]
+    for row in np.flatnonzero(~is_convex):
+        pieces = _delaunay(points, polygons[row])
+        triangles.append(pieces)
+        owner.append(np.full(len(pieces), row))
+    return np.concatenate(triangles), np.concatenate(owner)
+
+
+def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
+    """Turn and flip each polygon so that its least corner comes first and its lesser neighbour second."""
+    n, k = polygons.shape
+    rank = np.empty(len(points), dtype=np.int64)
+    rank[np.lexsort(points.T[::-1])] = np.arange(len(points))
+    first = rank[polygons].argmin(axis=1)
+    turned = np.take_along_axis(polygons, (first[:, None] + np.arange(k)) % k, axis=1)
+    flip = rank[turned[:, 1]] > rank[turned[:, -1]]
+    turned[flip, 1:] = turned[flip, :0:-1]
+    return turned
+
+
+def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
+    """Cut one polygon that is not convex."""
+    plan = points[polygon, :2]
+    outline = shapely.Polygon(plan)
+    if not outline.is_valid:
+        x, y, z = points[polygon[0]]
+        raise ValueError(f"the outline of the polygon at ({x:.2f}, {y:.2f}, {z:.2f}) crosses itself in plan")
+    corner_at = {(x, y): corner for (x, y), corner in zip(plan.tolist(), polygon.tolist(), strict=True)}
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
+    return np.array([[corner_at[xy] for xy in piece.exterior.coords[:3]] for piece in pieces], dtype=np.int64)
