@@ -17,8 +17,8 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
-#: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about 0.8 clearances.
-BEND = 4.0
+#: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
+BEND = 8.0
 
 
 def build_fields(
@@ -195,29 +195,22 @@ def _lengths(
     """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
     building = grids.building
     lengths = np.full((grids.size, 3), math.inf)
-    nodes, levels, strides = [], [], []
-    for grid in grids.levels:
-        for exit_ in exits:
-            if exit_.level == grid.level:
-                behind = grid.offset + np.flatnonzero(grid.sheet == 1 + grids.exit_link(exit_))
-                use = use_towards(building.levels[grid.level], exit_.segments)
-                lengths[behind] = 0.0
-                lengths[behind, use] = cost[behind] / rates[use]
-        own = grid.offset + np.flatnonzero((grid.sheet == OWN).ravel() & np.isfinite(cost[grid.packed]))
-        nodes.append(own)
-        levels.append(np.full(len(own), grid.level, dtype=np.int32))
-        strides.append(np.full(len(own), grid.window.shape[1], dtype=np.int32))
-    node = np.concatenate(nodes)
-    by_cost = np.argsort(cost[node], kind="stable")
-    source = np.concatenate([grid.source.ravel() for grid in grids.levels])
-    uphill = np.array([level.uphill for level in building.levels], dtype=np.float64)
+    for exit_ in exits:
+        grid = grids.levels[exit_.level]
+        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + grids.exit_link(exit_))
+        use = use_towards(building.levels[exit_.level], exit_.segments)
+        lengths[behind] = 0.0
+        lengths[behind, use] = cost[behind] / rates[use]
+    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
+    node = np.flatnonzero(own & np.isfinite(cost))
+    node = node[np.argsort(cost[node], kind="stable")]
     add_lengths(
-        node[by_cost],
-        np.concatenate(levels)[by_cost],
-        np.concatenate(strides)[by_cost],
-        source,
+        node,
+        np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
+        np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
+        np.concatenate([grid.source.ravel() for grid in grids.levels]),
         cost,
-        uphill,
+        np.array([level.uphill for level in building.levels], dtype=np.float64),
         cosine,
         grids.lattice.spacing,
         lengths,

@@ -76,27 +76,28 @@ def add_lengths(
     ----------
     order : (n,) int64
         Own nodes with a finite cost, cheapest first.
-    level_of, stride : (n,) int32
-        Level, and distance in packed arrays of two neighbours along x, of each of them.
+    level_of : (nodes,) int32
+    stride : (levels,) int32
+        Distance in packed arrays of two neighbours along x.
     source : (nodes,) int64
         The node that each node stands for; -1 for none.
     cost : (nodes,) float64
     uphill : (levels, 2) float64
     cosine : (levels,) float64
     lengths : (nodes, 3) float64 [m]
-        Written at these nodes; inf before.
+        Written at the nodes of `order`; inf before.
     """
     # Twice: where costs of two levels differ in the last digits a node can come before one that it depends on.
     for _ in range(2):
-        for k in range(len(order)):
-            _add_lengths_at(order[k], level_of[k], stride[k], source, cost, uphill, cosine, spacing, lengths)
+        for node in order:
+            _add_lengths_at(node, level_of, stride, source, cost, uphill, cosine, spacing, lengths)
 
 
 @kernel
 def _add_lengths_at(
     node: int,
-    level: int,
-    stride: int,
+    level_of: IntArray,
+    stride: IntArray,
     source: NDArray[np.int64],
     cost: FloatArray,
     uphill: FloatArray,
@@ -104,14 +105,15 @@ def _add_lengths_at(
     spacing: float,
     lengths: FloatArray,
 ) -> None:
-    fall = 0.0
+    total = 0.0
+    greatest = 0.0
     squares = 0.0
-    rise = 0.0
-    flat = 0.0
-    up = 0.0
-    down = 0.0
+    flat, up, down = 0.0, 0.0, 0.0
+    step_x, step_y = 0.0, 0.0
+    # The cell walked through counts as the level it leads to: a node on a portal stands on two.
+    level = level_of[node]
     for axis in range(2):
-        step = stride if axis == 0 else 1
+        step = stride[level_of[node]] if axis == 0 else 1
         sign = 1.0
         if cost[node - step] < cost[node + step]:
             step = -step
@@ -119,19 +121,30 @@ def _add_lengths_at(
         drop = cost[node] - cost[node + step]
         if not (drop > 0.0 and drop < math.inf):
             continue
-        rise += sign * drop * uphill[level, axis]
         origin = source[node + step]
         if lengths[origin, 0] == math.inf:
             continue
-        fall += drop
+        if axis == 0:
+            step_x = sign * drop
+        else:
+            step_y = sign * drop
+        if drop > greatest:
+            greatest = drop
+            level = level_of[origin]
+        total += drop
         squares += drop * drop
         flat += drop * lengths[origin, 0]
         up += drop * lengths[origin, 1]
         down += drop * lengths[origin, 2]
-    if fall == 0.0:
+    if total == 0.0:
         return
     walked = spacing * math.sqrt(squares) / cosine[level]
-    sloped = uphill[level, 0] != 0.0 or uphill[level, 1] != 0.0
-    lengths[node, 0] = (flat + (0.0 if sloped else walked)) / fall
-    lengths[node, 1] = (up + (walked if sloped and rise > 0.0 else 0.0)) / fall
-    lengths[node, 2] = (down + (walked if sloped and rise <= 0.0 else 0.0)) / fall
+    if uphill[level, 0] == 0.0 and uphill[level, 1] == 0.0:
+        flat += walked
+    elif step_x * uphill[level, 0] + step_y * uphill[level, 1] > 0.0:
+        up += walked
+    else:
+        down += walked
+    lengths[node, 0] = flat / total
+    lengths[node, 1] = up / total
+    lengths[node, 2] = down / total

@@ -11,7 +11,16 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.model import Building, Exit, Level, Portal
-from evac.directions.lattice import BoolArray, FloatArray, Lattice, Links, Window, wall_distance, walkable_nodes
+from evac.directions.lattice import (
+    SLACK,
+    BoolArray,
+    FloatArray,
+    Lattice,
+    Links,
+    Window,
+    wall_distance,
+    walkable_nodes,
+)
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
 NOTHING, OWN = -1, 0
@@ -38,6 +47,9 @@ class LevelGrid:
         Packed index of node (0, 0).
     distance : (nx, ny) float64
         Distance of own nodes to the nearest wall, at most the clearance [m].
+    seams : dict of int to (2, s) int64
+        Packed indices of the own nodes that lie exactly on a portal, by portal: here, and on the
+        grid of the neighbour, whose own nodes they are as well.
     """
 
     level: int
@@ -46,6 +58,7 @@ class LevelGrid:
     source: NDArray[np.int64]
     offset: int
     distance: FloatArray
+    seams: dict[int, NDArray[np.int64]]
 
     @property
     def packed(self) -> slice:
@@ -127,7 +140,12 @@ def build_grids(
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
         distance = _distances(building, level.index, window, sheet, walls, clearance, link_open)
-        found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance))
+        seams = {
+            p.index: _seam(p, level.index, grids, offsets)
+            for p in building.portals
+            if level.index in p.levels and link_open[p.index]
+        }
+        found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance, seams))
     return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]))
 
 
@@ -273,6 +291,32 @@ def _sources(
         halo = sheet[here] == 1 + portal.index
         source[here][halo] = packed[halo]
     return np.ascontiguousarray(source, dtype=np.int64)
+
+
+def _seam(
+    portal: Portal, level: int, grids: list[tuple[Window, NDArray[np.int32]]], offsets: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the packed indices (2, s) of the nodes on a portal, on the grids of both of its levels."""
+    window, sheet = grids[level]
+    neighbour = other_level(portal, level)
+    other_window, other_sheet = grids[neighbour]
+    here, there = window.overlap(other_window)
+    shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
+    ours = shared + [here[0].start, here[1].start]
+    theirs = shared + [there[0].start, there[1].start]
+    chain = _chain(portal.segments)
+    shapely.prepare(chain)
+    spacing = window.lattice.spacing
+    on_portal = shapely.dwithin(chain, shapely.points(window.origin + spacing * ours), 2.0 * SLACK * spacing)
+    return np.stack(
+        [
+            offset + np.ravel_multi_index(tuple(nodes[on_portal].T), shape)
+            for offset, nodes, shape in (
+                (offsets[level], ours, window.shape),
+                (offsets[neighbour], theirs, other_window.shape),
+            )
+        ]
+    )
 
 
 def _distances(

@@ -175,6 +175,9 @@ class _March:
         neighbour_cost = self.cost[neighbour.packed].reshape(neighbour.window.shape)
         ours = (grid.sheet[here] == OWN) & (neighbour.sheet[there] == 1 + portal.index)
         phi[here][ours] = neighbour_cost[there][ours] - start
+        on_portal, theirs = grid.seams[portal.index]
+        on_portal = on_portal - grid.offset
+        phi.ravel()[on_portal] = self.cost[theirs] - start
         level = self.grids.building.levels[grid.level]
         walkable = (grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals))
         below = walkable & (phi <= 0.0)
@@ -185,6 +188,7 @@ class _March:
             return False
         found += start
         found[below] = cost_below
+        found.ravel()[on_portal] = np.minimum(found.ravel()[on_portal], self.cost[theirs])
         return self._lower(grid, found)
 
     def _solve(
@@ -194,7 +198,12 @@ class _March:
         inside = phi[walkable]
         if not ((inside < 0.0).any() and (inside > 0.0).any()):
             return None
-        slowness = self._slowness_by_sheet(grid, use, through)[grid.sheet]
+        by_sheet = self._slowness_by_sheet(grid, use, through)
+        slowness = by_sheet[grid.sheet]
+        if through is not None:
+            # A wave that grazes the portal runs along it at the greater of the two speeds.
+            on_portal = grid.seams[through.index][0] - grid.offset
+            slowness.ravel()[on_portal] = min(by_sheet[OWN], by_sheet[1 + through.index])
         slowness[walkable] *= self.metric.factor[grid.source[walkable]]
         cost = skfmm.travel_time(
             np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order
