@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.building.reading import read_building
+
 CASES = Path(__file__).parents[2] / "buildings"
 
 
@@ -108,3 +110,23 @@ def test_the_school_has_six_classes_of_130_pupils_that_follow_six_teachers():
     assert {group["behaviours"]["teacher_following"]["teacher"] for group in classes.values()} == teachers
     areas = {tag.removeprefix("area:") for tag in plans("primary_school") if tag.startswith("area:")}
     assert {group["area"] for group in groups.values()} == areas
+
+
+def test_the_reader_finds_the_schools_levels_stairs_and_exit():
+    school = read_building(CASES / "primary_school" / "primary_school.msh")
+    kinds = [level.kind for level in school.levels]
+    assert [kinds.count(kind) for kind in ("floor", "flight", "landing")] == [3, 4, 2]
+    assert [portal.width for portal in school.portals] == pytest.approx([1.5] * 8)
+    assert [(exit_.name, exit_.width) for exit_ in school.exits] == [("main_door", pytest.approx(1.8))]
+    assert {name: len(levels) for name, levels in school.stairs.items()} == {"lower": 3, "upper": 3}
+    assert {area.name for area in school.areas} == {
+        f"{who}_{storey}{letter}" for who in ("class", "teacher") for storey in range(3) for letter in "ab"
+    }
+    assert school.warnings == ()
+
+
+@pytest.mark.parametrize(("name", "width"), [("square_room", 0.82), ("classroom", 0.5)])
+def test_the_reader_finds_one_level_and_one_door(name, width):
+    room = read_building(CASES / name / f"{name}.msh")
+    assert (len(room.levels), len(room.portals), len(room.exits)) == (1, 0, 1)
+    assert room.exits[0].width == pytest.approx(width)
