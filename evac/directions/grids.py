@@ -24,7 +24,7 @@ from evac.directions.lattice import (
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
 NOTHING, OWN = -1, 0
-#: Nodes around a level, into its walls and behind its exits.
+#: Least number of nodes around a level, into its walls and behind its exits.
 MARGIN = 4
 
 #: How a level is used on the way to a link.
@@ -46,7 +46,7 @@ class LevelGrid:
     offset : int
         Packed index of node (0, 0).
     distance : (nx, ny) float64
-        Distance of own nodes to the nearest wall, at most the clearance [m].
+        Distance of own nodes and strips to the nearest wall, at most the clearance [m].
     seams : dict of int to (2, s) int64
         Packed indices of the own nodes that lie exactly on a portal, by portal: here, and on the
         grid of the neighbour, whose own nodes they are as well.
@@ -76,6 +76,8 @@ class BuildingGrids:
     link_open : (portals + exits,) uint8
     size : int
         Nodes of all grids.
+    margin : int
+        Nodes around each level; the strips behind exits are one less deep.
     """
 
     building: Building
@@ -83,6 +85,7 @@ class BuildingGrids:
     levels: tuple[LevelGrid, ...]
     link_open: NDArray[np.uint8]
     size: int
+    margin: int
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""
@@ -128,12 +131,14 @@ def build_grids(
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     walls = [_walls_of(building, level.index, link_open) for level in building.levels]
-    own_windows = [lattice.window(level.polygon.bounds, MARGIN) for level in building.levels]
+    # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
+    margin = max(MARGIN, math.ceil(clearance / spacing) + 3)
+    own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
     own_nodes = [
         walkable_nodes(window, level.polygon, walls[level.index])
         for level, window in zip(building.levels, own_windows, strict=True)
     ]
-    layers = _Layers(building, own_windows, own_nodes, walls, link_open)
+    layers = _Layers(building, own_windows, own_nodes, walls, link_open, margin)
     grids: list[tuple[Window, NDArray[np.int32]]] = [layers.grid(level) for level in building.levels]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
@@ -146,7 +151,7 @@ def build_grids(
             if level.index in p.levels and link_open[p.index]
         }
         found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance, seams))
-    return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]))
+    return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]), margin)
 
 
 def _walls_of(building: Building, level: int, link_open: NDArray[np.uint8]) -> FloatArray:
@@ -171,6 +176,7 @@ class _Layers:
     nodes: list[BoolArray]
     walls: list[FloatArray]
     link_open: NDArray[np.uint8]
+    margin: int
 
     def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
         """Return the window of a level's grid and the sheet of each node."""
@@ -180,7 +186,7 @@ class _Layers:
             [level.polygon.bounds]
             + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
         )
-        window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), MARGIN)
+        window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), self.margin)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
         here, there = window.overlap(self.windows[level.index])
         sheet[here][self.nodes[level.index][there]] = OWN
@@ -189,7 +195,7 @@ class _Layers:
         for exit_ in self.building.exits:
             link = len(self.building.portals) + exit_.index
             if exit_.level == level.index and self.link_open[link]:
-                sheet[(sheet == NOTHING) & _behind(window, exit_.segments)] = 1 + link
+                sheet[(sheet == NOTHING) & _behind(window, exit_.segments, self.margin - 1)] = 1 + link
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
 
@@ -259,10 +265,10 @@ def _ends_of(links: Links) -> BoolArray:
     return ends
 
 
-def _behind(window: Window, segments: FloatArray) -> BoolArray:
-    """Return the nodes within a strip behind exit segments."""
+def _behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
+    """Return the nodes within a strip some rows of nodes deep behind exit segments."""
     x, y = window.coordinates()
-    depth = (MARGIN - 1) * window.lattice.spacing
+    depth = rows * window.lattice.spacing
     found = np.zeros(window.shape, dtype=np.bool_)
     for x1, y1, x2, y2 in segments:
         length = math.hypot(x2 - x1, y2 - y1)
@@ -328,7 +334,7 @@ def _distances(
     clearance: float,
     link_open: NDArray[np.uint8],
 ) -> FloatArray:
-    """Return the distance of own nodes to the walls of the level and to those just behind its portals."""
+    """Return the distance of nodes to the walls of the level and to those just behind its portals."""
     near_walls = [walls[level]]
     for portal in building.portals:
         if level in portal.levels and link_open[portal.index] and clearance > 0.0:
@@ -339,7 +345,8 @@ def _distances(
             near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
     edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)
-    return wall_distance(window, edge & (sheet == OWN), np.concatenate(near_walls), clearance)
+    strips = sheet > len(building.portals)
+    return wall_distance(window, (edge & (sheet == OWN)) | strips, np.concatenate(near_walls), clearance)
 
 
 def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:

@@ -176,7 +176,8 @@ def _on_slits(window: Window, polygon: BaseGeometry, walls: FloatArray, inside: 
         return on_slit
     x, y = window.coordinates()
     shapely.prepare(slits)
-    on_slit[inside] = shapely.dwithin(slits, shapely.points(x[inside], y[inside]), slack)
+    # Also where a slit meets the outline, whose neighbourhood was taken off it.
+    on_slit[inside] = shapely.dwithin(slits, shapely.points(x[inside], y[inside]), 10.0 * slack)
     return on_slit
 
 

@@ -15,7 +15,7 @@ from evac.directions.lattice import FloatArray
 
 #: Greatest difference left at a portal, in the time of one cell.
 TOLERANCE = 0.25
-#: Radius of the ring around an exit that plain fields start from, in cells.
+#: Radius of the ring around an exit that a plain field starts from, in cells.
 RING = 3
 
 
@@ -121,13 +121,14 @@ class _March:
             self._queue_portals(level)
 
     def _march_from_exits(self, grid: LevelGrid, use: int, exits: list[Exit]) -> None:
-        """March from the lines of exits: the plain field from the exact ring around them.
+        """March from the lines of exits.
 
-        Across the ends of a line the field has a kink, which the stencil of second order takes badly.
+        The plain field starts from the exact ring around them: across the ends of a line it has a kink,
+        which the stencil of second order takes badly. A bent field starts behind them.
         """
         behind = np.isin(grid.sheet, [1 + self.grids.exit_link(exit_) for exit_ in exits])
         walkable = behind | ((grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals)))
-        ring = RING * self.spacing if self.is_plain else 0.0
+        ring = (RING if self.is_plain else 2 - self.grids.margin) * self.spacing
         distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)
@@ -135,7 +136,7 @@ class _March:
         if found is not None:
             slowness = self.metric.slowness[grid.level, use]
             found += ring * slowness
-            exact = walkable & (behind | (phi <= 0.0))
+            exact = walkable & (phi <= 0.0)
             found[exact] = distance[exact] * slowness
             self._lower(grid, found)
 
