@@ -8,11 +8,11 @@ import pytest
 from shapely.geometry import box
 
 from evac.building.model import Area, Building, Exit, Level, Portal
+from evac.directions.routes import Route
 from evac.output.header import building_to_json
+from evac.output.results import Results
 from evac.output.trajectory import FILE_NAME, TrajectoryWriter
 from evac.physics.bundles import Crowd
-
-FLOORS = 3
 
 
 def rectangle(x1, x2, y1, y2, z_at_x1, z_at_x2):
@@ -133,3 +133,42 @@ def descent(tmp_path):
         return SimpleNamespace(path=path, building=building, crowds=crowds)
 
     return write
+
+
+@pytest.fixture
+def results(building):
+    """Five people of two groups, two crossings of a flight each for two of them; the last person stays.
+
+    Person 0: storey 0, out at 4 s. Person 1: storey 1, down the lower flight from 2 to 6 s, out at 9 s.
+    Person 2: storey 2, down the upper flight from 1 to 5 s, stays on storey 1. Persons 3 and 4: storey 2;
+    person 4 steps onto the upper flight at 3 s and back at 3.5 s.
+    """
+    log = [(2, 3, 1.0), (1, 1, 2.0), (4, 3, 3.0), (4, 3, 3.5), (2, 2, 5.0), (1, 0, 6.0)]
+    position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 2.0], [9.0, 3.0]]
+    return Results(
+        case=SimpleNamespace(title="Three storeys"),
+        building=building,
+        crowd=crowd_at(position, [-1, -1, 2, 4, 4], exit_time=[4.0, 9.0, np.nan, np.nan, np.nan]),
+        groups=(
+            SimpleNamespace(name="low", rows=np.array([0, 1], np.int32)),
+            SimpleNamespace(name="high", rows=np.array([2, 4], np.int32)),
+        ),
+        routes=(Route(exits=("door",), strategy="shortest"),),
+        start_position=np.arange(10.0).reshape(5, 2),
+        start_level=np.array([0, 2, 4, 4, 4], np.int32),
+        crossings=(
+            np.array([row for row, _, _ in log], np.int32),
+            np.array([link for _, link, _ in log], np.int32),
+            np.array([time for _, _, time in log]),
+        ),
+        ended="no progress",
+        time=20.0,
+        steps=2000,
+        seed=7,
+        stuck=(3,),
+        report={"greatest_overlap": np.float64(1e-4), "residual": np.nan, "unconverged_steps": 0},
+        phases={"contact": 1.5},
+        plan=(("social force", "out", "no force is in use"),),
+        plugins=("dem",),
+        metrics={"density": {"greatest": np.float64(3.0)}},
+    )

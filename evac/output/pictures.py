@@ -1,0 +1,47 @@
+"""The egress picture: people out over time."""
+
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from evac.errors import ResultError
+from evac.output.results import Results
+
+#: Up to so many groups get a line of their own.
+MOST_GROUPS = 12
+
+
+def draw_egress(results: Results, path: Path) -> None:
+    """Draw the egress curve of everybody, and of each group where there are not too many, to a PNG file.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    end = results.time
+    if 1 < len(results.groups) <= MOST_GROUPS:
+        for k, group in enumerate(results.groups):
+            time, number = results.egress(group.rows)
+            style = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--", "linewidth": 1.0}
+            axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)
+    time, number = results.egress()
+    axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color="#1f2933", label="everybody")
+    axes.axhline(results.people, lw=0.8, ls=":", color="#7b8794")
+    axes.set(xlabel="time [s]", ylabel="people out", xlim=(0.0, max(end, 1e-9)), ylim=(0.0, 1.06 * results.people))
+    axes.set_title(results.case.title, fontsize=11, loc="left", wrap=True)
+    last = "nobody is out" if results.last_out is None else f"last one out after {results.last_out:.1f} s"
+    note = f"{results.evacuated} of {results.people} out, {last}"
+    axes.annotate(note, (0.01, 0.965), xycoords="axes fraction", va="top", fontsize=9, color="#52606d")
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    if axes.get_legend_handles_labels()[1] != ["everybody"]:
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot write the picture: {error}") from error

@@ -1,0 +1,87 @@
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evac.directions.routes import Route
+from evac.errors import ResultError
+from evac.output.results import plain, route_text, versions
+
+
+def test_counts_and_exit_status(results):
+    assert (results.people, results.evacuated, results.last_out, results.exit_status) == (5, 2, 9.0, 3)
+    everybody = results.crowd._replace(exit_time=np.arange(5.0))
+    assert replace(results, crowd=everybody).exit_status == 0
+    nobody = results.crowd._replace(exit_time=np.full(5, np.nan))
+    assert replace(results, crowd=nobody).last_out is None
+
+
+def test_egress_counts_exit_times_in_order(results):
+    time, number = results.egress()
+    assert (time.tolist(), number.tolist()) == ([0.0, 4.0, 9.0], [0, 1, 2])
+    time, number = results.egress(results.groups[1].rows)
+    assert (time.tolist(), number.tolist()) == ([0.0], [0])
+
+
+def test_folder_holds_summary_egress_and_people(results, tmp_path):
+    results.write(tmp_path / "new" / "result")
+    folder = tmp_path / "new" / "result"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["title"] == "Three storeys"
+    assert (summary["people"], summary["evacuated"], summary["last_out"]) == (5, 2, 9.0)
+    assert (summary["ended"], summary["exit_status"], summary["seed"]) == ("no progress", 3, 7)
+    assert (summary["simulated_time"], summary["steps"]) == (20.0, 2000)
+    assert summary["stuck"] == [{"person": 3, "level": "floor 2", "x": 2.0, "y": 2.0}]
+    assert summary["exits"] == {"door": {"people": 2, "last_out": 9.0}}
+    assert summary["contact"] == {"greatest_overlap": 1e-4, "residual": None, "unconverged_steps": 0}
+    assert summary["wall_time"] == {"contact": 1.5}
+    assert summary["plan"] == [{"part": "social force", "state": "out", "why": "no force is in use"}]
+    assert summary["plugins"] == ["dem"]
+    assert summary["metrics"] == {"density": {"greatest": 3.0}}
+    assert summary["versions"] == versions()
+    with (folder / "egress.csv").open() as file:
+        assert list(csv.reader(file)) == [["time", "number_out"], ["0.0", "0"], ["4.0", "1"], ["9.0", "2"]]
+    with (folder / "people.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["person"] for row in rows] == ["0", "1", "2", "3", "4"]
+    assert [row["group"] for row in rows] == ["low", "low", "high", "", "high"]
+    assert rows[1] == {
+        "person": "1",
+        "group": "low",
+        "start_x": "2.0",
+        "start_y": "3.0",
+        "start_level": "floor 1",
+        "response_time": "1.5",
+        "route": "shortest to door",
+        "exit": "door",
+        "exit_time": "9.0",
+        "distance": "10.0",
+    }
+    assert (rows[2]["exit"], rows[2]["exit_time"]) == ("", "")
+
+
+def test_summary_tells_the_use_of_levels_and_stairs(results):
+    summary = results.summary()
+    assert summary["levels"]["floor 0"] == {"people": 2, "greatest_number": 1, "last_left": 9.0}
+    assert summary["levels"]["floor 1"] == {"people": 2, "greatest_number": 1, "last_left": None}
+    assert summary["levels"]["floor 2"] == {"people": 3, "greatest_number": 3, "last_left": None}
+    assert summary["stairs"]["lower"] == {"people": 1, "greatest_number": 1, "last_left": 6.0}
+    assert summary["stairs"]["upper"] == {"people": 2, "greatest_number": 2, "last_left": 5.0}
+
+
+def test_route_in_words():
+    assert route_text(Route(exits=("north", "south"), strategy="fastest")) == "fastest to north|south"
+    assert route_text(Route()) == "fastest to any exit"
+
+
+def test_plain_makes_json_of_numpy():
+    value = {"a": np.float32(0.5), "b": np.array([1.0, np.inf]), "c": (np.int32(2), np.bool_(True)), 3: None}
+    assert plain(value) == {"a": 0.5, "b": [1.0, None], "c": [2, True], "3": None}
+
+
+def test_unwritable_folder_is_named(results, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(ResultError, match="taken: cannot write the results"):
+        results.write(tmp_path / "taken")

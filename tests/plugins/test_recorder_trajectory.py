@@ -1,0 +1,109 @@
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
+from shapely.geometry import box
+
+from evac.building.model import Building, Level
+from evac.output.results import versions
+from evac.output.trajectory import FILE_NAME, read_trajectory
+
+CORNER = np.array([3.0e6, 5.0e6])
+
+
+@pytest.fixture
+def simulation(tmp_path):
+    """Three people in a square room of 10 m; the last one belongs to no group."""
+    square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]]) + CORNER
+    floor = Level(
+        index=0,
+        name="room",
+        kind="floor",
+        stair=None,
+        triangles=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        polygon=box(*square[0], *square[2]),
+        uphill=np.zeros(2),
+        slope=0.0,
+        z_min=1.5,
+        z_max=1.5,
+    )
+    building = Building(
+        source=Path("room.msh"),
+        vertices=np.column_stack([square, np.full(4, 1.5)]),
+        levels=(floor,),
+        portals=(),
+        exits=(),
+        areas=(),
+        walls=np.column_stack([square, np.roll(square, -1, axis=0)]),
+        wall_level=np.zeros(4, np.int32),
+        stairs={},
+    )
+    crowd = SimpleNamespace(
+        level=np.zeros(3, np.int32),
+        radius=np.array([0.2, 0.21, 0.22]),
+        position=np.array([[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]) + CORNER,
+        velocity=np.ones((3, 2)),
+        contact_force=np.zeros(3),
+    )
+    groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
+    return SimpleNamespace(
+        case=SimpleNamespace(title="A room"),
+        building=building,
+        population=SimpleNamespace(crowd=crowd, groups=groups),
+        time=0.0,
+        seed=11,
+        folder=tmp_path / "result",
+    )
+
+
+def run(simulation, times):
+    recorder = TrajectoryRecorder()
+    recorder.start(simulation)
+    for simulation.time in times:
+        simulation.population.crowd.position[:, 1] = CORNER[1] + 1.0 + simulation.time
+        recorder.record(simulation)
+    return recorder
+
+
+def test_file_tells_all_that_a_picture_needs(simulation):
+    run(simulation, [0.0, 0.5]).finish(simulation, None)
+    trajectory = read_trajectory(simulation.folder)
+    assert trajectory.header["title"] == "A room"
+    assert trajectory.header["seed"] == 11
+    assert trajectory.header["versions"] == versions()
+    assert trajectory.groups == ("pair",)
+    assert trajectory.group.tolist() == [0, 0, -1]
+    assert trajectory.radius.tolist() == [0.2, 0.21, 0.22]
+    assert trajectory.time.tolist() == [0.0, 0.5]
+    np.testing.assert_array_equal(trajectory.building.vertices, simulation.building.vertices)
+    expected = np.array([[1.0, 1.5], [2.0, 1.5], [3.0, 1.5]]) + CORNER
+    np.testing.assert_allclose(trajectory.position[1], expected, rtol=0.0, atol=1e-6)
+    assert (trajectory.z == 1.5).all()
+
+
+def test_frames_can_be_read_while_the_run_goes_on(simulation):
+    recorder = run(simulation, [0.0, 0.5, 1.0])
+    assert len(read_trajectory(simulation.folder)) == 3
+    recorder.finish(simulation, None)
+
+
+def test_end_between_two_output_times_is_kept_once(simulation):
+    recorder = run(simulation, [0.0, 0.5])
+    simulation.time = 0.73
+    simulation.population.crowd.level[:] = -1
+    recorder.finish(simulation, None)
+    trajectory = read_trajectory(simulation.folder)
+    assert trajectory.time.tolist() == [0.0, 0.5, 0.73]
+    assert (trajectory.level[-1] == -1).all()
+
+
+def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
+    simulation.folder = None
+    run(simulation, [0.0]).finish(simulation, None)
+    assert list(tmp_path.rglob(FILE_NAME)) == []
+
+
+def test_hook_offers_the_recorder():
+    assert [recorder.name for recorder in evac_recorders()] == ["trajectory"]
