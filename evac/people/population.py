@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evac.building.elevation import elevation
 from evac.building.model import Building
+from evac.building.places import HEIGHT_REACH
 from evac.errors import ScenarioError
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-
-#: How far a height given for positions may be from that of the level [m].
-HEIGHT_TOLERANCE = 0.25
 
 #: How far outside a level, or into a wall, rounding may put a position that was written down [m].
 ROUNDING = 1e-6
@@ -242,7 +240,7 @@ def _levels_of(case: "Case", building: Building, people: "People", position: Flo
         off = np.zeros(len(position))
         if people.z is not None:
             off = np.abs(elevation(building, np.full(len(position), level.index), position) - people.z)
-            is_on &= off <= HEIGHT_TOLERANCE
+            is_on &= off <= HEIGHT_REACH
         better = is_on & (off < least)
         found[better], least[better] = level.index, off[better]
     if (found < 0).any():

@@ -77,6 +77,10 @@ class Building(Section):
     areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", ())
     obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
 
+    def options(self) -> dict[str, Any]:
+        """Return the keyword arguments of ``evac.building.read_building``."""
+        return self.model_dump(exclude={"mesh"}, exclude_none=True)
+
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:
         if self.flat_angle >= self.walkable_angle:
@@ -91,11 +95,13 @@ class Directions(Section):
 
     spacing: Real = key("distance of the grid's nodes", "m", 0.1, gt=0)
     clearance: Real | None = key(
-        "width kept clear of walls where there is room; the greatest body radius", "m", None, ge=0
+        "width kept clear of walls where there is room; if not given, the greatest body radius", "m", None, ge=0
     )
-    stairs_up: Real | None = key("reference speed up stairs over that on the flat; the people's mean", "", None, gt=0)
+    stairs_up: Real | None = key(
+        "reference speed up stairs over that on the flat; if not given, the people's mean", "", None, gt=0
+    )
     stairs_down: Real | None = key(
-        "reference speed down stairs over that on the flat; the people's mean", "", None, gt=0
+        "reference speed down stairs over that on the flat; if not given, the people's mean", "", None, gt=0
     )
     comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", 3.0, ge=1)
     order: Literal[1, 2] = key("order of the fast marching scheme", "", 2)
@@ -105,12 +111,14 @@ class People(Section):
     """`[[people]]`: one group; each quantity is a number or a distribution."""
 
     name: str = key("name of the group", min_length=1)
-    number: Whole | None = key("how many people; that of `positions` if they are given", "", None, ge=1)
+    number: Whole | None = key("how many people; with `positions` not needed", "", None, ge=1)
     area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
     positions: tuple[Point, ...] | None = key(
         "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
     )
-    velocity: tuple[Point, ...] | None = key("velocity each one starts with, beside `positions`; zero", "m/s", None)
+    velocity: tuple[Point, ...] | None = key(
+        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
+    )
     z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
     level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
     radius: Positive = key("body radius", "m", Distribution("uniform", (0.2, 0.25)))
@@ -247,8 +255,12 @@ class Case(Section):
     directions: Directions = key("travel times and directions", "", Directions())
     people: tuple[People, ...] = key("the groups", "", min_length=1)
     contact: Contact = key("contact between bodies")
-    forces: dict[str, Parameters] = key("parameters of each force at a distance in use; false: not in use", "", {})
-    behaviours: dict[str, Parameters] = key("parameters of each behaviour in use; false: not in use", "", {})
+    forces: dict[str, Parameters] = key(
+        "`[forces.NAME]`: parameters of a force at a distance; there: in use; false: not in use", "", {}
+    )
+    behaviours: dict[str, Parameters] = key(
+        "`[behaviours.NAME]`: parameters of a behaviour; there: in use; false: not in use", "", {}
+    )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
     output: Output = key("what is written", "", Output())
     plugins: Plugins = key("plugin files", "", Plugins())

@@ -1,0 +1,158 @@
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from evac.errors import PluginError
+from evac.registry import BUILTIN_PLUGINS, KINDS, Registry
+
+SPRING = """
+    from evac.hookspecs import hookimpl
+    from evac.parameters import Configurable, Parameter
+
+    class Spring(Configurable):
+        '''A spring.'''
+        name = "spring"
+        stiffness = Parameter(1.0, "stiffness", unit="N/m", above=0)
+
+    @hookimpl
+    def evac_contact_models():
+        return [Spring]
+"""
+
+
+def written(folder, name, text):
+    path = folder / name
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    return path
+
+
+def bare(*files):
+    return Registry(files, builtins=())
+
+
+def test_built_in_plugins_fill_every_table():
+    registry = Registry()
+    assert {"dem", "nsm1", "nsm2"} <= set(registry.contact_models)
+    assert set(registry.forces) >= {"social"}
+    assert {"response_time", "teacher_following", "route_choice"} <= set(registry.behaviours)
+    assert "trajectory" in registry.recorders
+    assert {"square_room", "classroom", "primary_school"} <= set(registry.cases)
+    assert [row.plugin for row in registry.provenance[: len(BUILTIN_PLUGINS)]] == list(BUILTIN_PLUGINS)
+    for kind in KINDS:
+        for name in registry._tables[kind]:
+            assert registry.get(kind, name) is registry._tables[kind][name]
+
+
+def test_a_file_is_registered_and_described(tmp_path):
+    path = written(tmp_path, "spring.py", SPRING)
+    registry = bare(path)
+    spring = registry.get("contact_model", "spring")
+    assert spring(stiffness=2).stiffness == 2.0
+    assert sys.modules[spring.__module__].__file__ == str(path)
+    (row,) = registry.describe()
+    assert (row["source"], row["origin"]) == ("file", str(path))
+    assert len(row["version"]) == 16
+    assert row["provides"] == [
+        {
+            "kind": "contact_model",
+            "name": "spring",
+            "doc": "A spring.",
+            "parameters": {"stiffness": {"default": 1.0, "unit": "N/m", "doc": "stiffness"}},
+        }
+    ]
+
+
+def test_a_file_named_twice_is_registered_once(tmp_path):
+    path = written(tmp_path, "spring.py", SPRING)
+    registry = bare(path, path)
+    registry.add_file(path)
+    assert len(registry.provenance) == 1
+    assert bare(path).contact_models["spring"] is registry.contact_models["spring"]
+
+
+def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
+    monkeypatch.setenv("EVAC_CACHE_DIR", str(tmp_path / "cache"))
+    path = written(
+        tmp_path,
+        "kernels.py",
+        """
+        from evac.jit import kernel
+
+        @kernel
+        def twice(values):
+            for i in range(len(values)):
+                values[i] *= 2.0
+        """,
+    )
+    bare(path)
+    module = next(module for name, module in sys.modules.items() if name.startswith("evac_plugin_kernels_"))
+    values = np.array([1.0, 2.0])
+    module.twice(values)
+    assert values.tolist() == [2.0, 4.0]
+    assert list((tmp_path / "cache").rglob("*.nbi"))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_contact_model():\n    return []\n",
+         ["there is no hook 'evac_contact_model'", "did you mean 'evac_contact_models'?"]),
+        ("def evac_forces():\n    return []\n", ["evac_forces is not marked", "put @hookimpl"]),
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces(scene):\n    return []\n",
+         ["scene", "see evac.hookspecs"]),
+        ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
+         ["evac_forces() cannot be loaded", "ZeroDivisionError"]),
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
+         ["evac_forces() must return a list, not 'social'"]),
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return [int]\n",
+         ["is no force class; derive it from the base class"]),
+        ("from evac.hookspecs import hookimpl\nfrom evac.parameters import Configurable\n"
+         "class A(Configurable):\n    name = 'a b'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
+         ["A.name must be a plain word, not 'a b'"]),
+        ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
+         ["folder /nowhere of a case has no case.toml"]),
+    ],
+)  # fmt: skip
+def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
+    path = tmp_path / "broken.py"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(PluginError) as caught:
+        bare(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_a_module_that_failed_is_not_kept(tmp_path):
+    path = written(tmp_path, "half.py", "x = 1\nraise RuntimeError('half way')\n")
+    for _ in range(2):
+        with pytest.raises(PluginError, match="half way"):
+            bare(path)
+
+
+def test_one_name_claimed_twice_names_both(tmp_path):
+    first, second = written(tmp_path, "first.py", SPRING), written(tmp_path, "second.py", SPRING)
+    with pytest.raises(PluginError) as caught:
+        bare(first, second)
+    message = str(caught.value)
+    assert "contact model 'spring' is registered twice" in message
+    assert str(first) in message
+    assert str(second) in message
+
+
+def test_an_unknown_name_gets_the_closest_one(tmp_path):
+    registry = bare(written(tmp_path, "spring.py", SPRING))
+    with pytest.raises(PluginError, match=r"^unknown contact model 'sprig'; did you mean 'spring'\?$"):
+        registry.get("contact_model", "sprig")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(PluginError, match=r"none\.py: no such file"):
+        bare(tmp_path / "none.py")
+
+
+def test_an_unknown_built_in_is_named():
+    with pytest.raises(PluginError, match=r"built-in plugin evac_plugins\.none cannot be loaded"):
+        Registry(builtins=("evac_plugins.none",))
