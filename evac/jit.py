@@ -71,7 +71,12 @@ def inner(function: Callable[..., Any]) -> Any:
     """
     return _cached(
         numba.njit(
-            cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+            cache=True,
+            nogil=True,
+            error_model="numpy",
+            no_cpython_wrapper=True,
+            no_cfunc_wrapper=True,
+            _nrt=False,
         ),
         function,
     )
