@@ -1,5 +1,6 @@
 """The egress picture: people out over time."""
 
+import textwrap
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -33,10 +34,9 @@ def draw_egress(results: Results, path: Path) -> None:
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color="#1f2933", label="everybody")
     axes.axhline(results.people, lw=0.8, ls=":", color="#7b8794")
     axes.set(xlabel="time [s]", ylabel="people out", xlim=(0.0, max(end, 1e-9)), ylim=(0.0, 1.06 * results.people))
-    axes.set_title(results.case.title, fontsize=11, loc="left", wrap=True)
     last = "nobody is out" if results.last_out is None else f"last one out after {results.last_out:.1f} s"
     note = f"{results.evacuated} of {results.people} out, {last}"
-    axes.annotate(note, (0.01, 0.965), xycoords="axes fraction", va="top", fontsize=9, color="#52606d")
+    axes.set_title(f"{textwrap.fill(results.case.title, 90)}\n{note}", fontsize=11, loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     if axes.get_legend_handles_labels()[1] != ["everybody"]:

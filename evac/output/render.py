@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-import imageio.v3 as imageio
+import imageio.v2 as imageio
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -97,7 +97,7 @@ def render_animation(
         if path.suffix == ".gif":
             _write_gif(path, images, fps)
         else:
-            imageio.imwrite(path, np.stack(list(images)), fps=fps, codec="libx264", macro_block_size=2)
+            _write_mp4(path, images, fps)
     except OSError as error:
         raise ResultError(f"{path}: cannot write the film: {error}") from error
     finally:
@@ -114,7 +114,13 @@ def _check(trajectory: Trajectory, path: Path, endings: tuple[str, ...], colour_
 
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    """Write with one palette for all pictures: small differences, no flicker."""
-    first = Image.fromarray(next(images)).quantize(255, dither=Image.Dither.NONE)
+    """Write with one palette for all pictures, so that nothing flickers; legend and scale bring in every colour."""
+    first = Image.fromarray(next(images)).quantize(255, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (Image.fromarray(image).quantize(palette=first, dither=Image.Dither.NONE) for image in images)
     first.save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
+
+
+def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
+    with imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2) as film:
+        for image in images:
+            film.append_data(image)

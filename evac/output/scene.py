@@ -237,7 +237,7 @@ def _pawn() -> pyvista.PolyData:
 
 def _group_colours(count: int) -> NDArray[np.uint8]:
     """Return one colour for each group and, last, grey for people of none: (count + 1, 3)."""
-    table = np.array(matplotlib.colormaps["tab10" if count <= 10 else "tab20"].colors)
+    table = np.array(matplotlib.color_sequences["tab10" if count <= 10 else "tab20"])
     colours = np.vstack([table[np.arange(count) % len(table)], [[0.5, 0.5, 0.5]]])
     return (255 * colours).round().astype(np.uint8)
 

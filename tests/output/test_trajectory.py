@@ -1,5 +1,8 @@
 import json
+import signal
 import struct
+import subprocess
+import sys
 import time
 import zlib
 
@@ -180,3 +183,34 @@ def test_a_frame_of_140_people_costs_little(descent):
     spent = (time.perf_counter() - started) / 500
     writer.close()
     assert spent < 1e-3  # a bound that a busy machine keeps too; 30 us were measured on an idle one
+
+
+def test_killed_writer_leaves_every_frame_it_announced(descent, tmp_path):
+    run = descent(people=140, frames=2)
+    path = tmp_path / "killed.evac"
+    code = f"""
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+import numpy as np
+from evac.output.trajectory import TrajectoryWriter, read_trajectory
+header = read_trajectory(Path({str(run.path)!r})).header
+crowd = SimpleNamespace(
+    level=np.zeros(140, np.int32), position=np.ones((140, 2)), velocity=np.ones((140, 2)), contact_force=np.ones(140)
+)
+writer = TrajectoryWriter(Path({str(path)!r}), header, np.zeros(2))
+for k in range(10**9):
+    writer.append(0.5 * k, crowd)
+    print(k, flush=True)
+"""
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    for line in child.stdout:
+        if int(line) >= 50:
+            break
+    child.kill()
+    announced = max([50, *(int(line) for line in child.stdout.read().split() if line.isdigit())])
+    child.stdout.close()
+    assert child.wait() == -signal.SIGKILL
+    trajectory = read_trajectory(path)
+    assert len(trajectory) >= announced
+    assert (trajectory.position == 1.0).all()
