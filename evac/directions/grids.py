@@ -18,8 +18,8 @@ from evac.directions.lattice import (
     Lattice,
     Links,
     Window,
-    wall_distance,
     walkable_nodes,
+    wall_distance,
 )
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
@@ -308,8 +308,8 @@ def _seam(
     other_window, other_sheet = grids[neighbour]
     here, there = window.overlap(other_window)
     shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
-    ours = shared + [here[0].start, here[1].start]
-    theirs = shared + [there[0].start, there[1].start]
+    ours = shared + np.array([here[0].start, here[1].start])
+    theirs = shared + np.array([there[0].start, there[1].start])
     chain = _chain(portal.segments)
     shapely.prepare(chain)
     spacing = window.lattice.spacing

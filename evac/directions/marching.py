@@ -87,8 +87,8 @@ class _March:
             if by_use:
                 self._queue_portals(grid.level)
         while self.pending:
-            _, portal, level = heapq.heappop(self.pending)
-            self._enter(self.grids.building.portals[portal], level)
+            _, portal, entered = heapq.heappop(self.pending)
+            self._enter(self.grids.building.portals[portal], entered)
         return self.cost
 
     def _queue_portals(self, level: int) -> None:
@@ -143,7 +143,10 @@ class _March:
     def _distance_from(
         self, grid: LevelGrid, exits: list[Exit], nodes: NDArray[np.bool_], seen_to: float
     ) -> FloatArray:
-        """Return the distance of nodes from exit lines; inf for others, and for those behind a wall nearer than `seen_to`."""
+        """Return the distance of nodes from exit lines; inf for others, and for those near it but behind a wall.
+
+        Walls are looked at up to the distance `seen_to`.
+        """
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
         lines = shapely.multilinestrings(

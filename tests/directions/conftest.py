@@ -1,5 +1,6 @@
 """Buildings drawn by hand, so that exact answers are known."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -58,7 +59,7 @@ class Drawing:
                 outline = outline.difference(shapely.LineString(segments.reshape(-1, 2)).buffer(1e-9, cap_style="flat"))
             for part in shapely.get_parts(outline):
                 points = shapely.get_coordinates(part)
-                for start, end in zip(points[:-1], points[1:], strict=True):
+                for start, end in itertools.pairwise(points):
                     if math.dist(start, end) > 1e-6:
                         walls.append((*start, *end))
                         wall_level.append(level.index)

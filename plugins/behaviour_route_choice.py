@@ -1,0 +1,237 @@
+"""Route choice: each person takes the way of least cost by its own speeds, and may change its mind."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.directions.fields import Fields, FloatArray
+from evac.directions.routes import STRATEGIES, Route
+from evac.errors import PluginError, ScenarioError
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter, did_you_mean
+from evac.physics.bundles import Crowd
+
+IntArray = NDArray[np.int32]
+
+#: Slack of times, which are sums of steps [s].
+INSTANT = 1e-9
+
+
+@dataclass(frozen=True)
+class _Choosers:
+    """People who choose between the same routes.
+
+    ``strategies`` and ``changed_to`` are what they go by before and after ``change_at`` [s];
+    ``exits`` are the exits that they may end at, each a tuple of names.
+    """
+
+    rows: IntArray
+    exits: tuple[tuple[str, ...], ...]
+    strategies: tuple[str, ...]
+    change_at: float
+    changed_to: tuple[str, ...]
+
+    def offered(self, changed: bool) -> list[Route]:
+        """Return the routes they choose between."""
+        strategies = self.changed_to if changed else self.strategies
+        return [Route(exits, strategy) for strategy in strategies for exits in self.exits]
+
+
+class RouteChoice(Behaviour):
+    """People compare routes with their own speeds on the flat, up and down stairs.
+
+    The fields are marched at reference speeds, the same for everybody; the lengths of their ways (flat,
+    up, down) are known everywhere. So a person slow on stairs can prefer another exit, or the way that
+    avoids stairs. The cost of a route is
+
+    - flat + up + down, if "shortest" is the only strategy offered;
+    - flat / v_flat + c (up / v_up + down / v_down), if it is "comfortable", c the case's comfort factor;
+    - flat / v_flat + up / v_up + down / v_down, if it is "fastest", or if there are several.
+
+    A person whose group names exits in the case chooses among these only.
+
+    Raises
+    ------
+    PluginError
+        A strategy does not exist, or `exits` or `strategies` is no list of words.
+    ScenarioError
+        From `prepare`: a group asks for an exit or a strategy that this behaviour does not offer.
+
+    Examples
+    --------
+    >>> RouteChoice(exits=["north", "south"], strategies=["fastest"]).routes()
+    (Route(exits=('north',), strategy='fastest'), Route(exits=('south',), strategy='fastest'))
+    """
+
+    name = "route_choice"
+    reads = ("position", "level", "speed", "route")
+    writes = ("route",)
+    group_keys = ("exits", "strategies", "change_at")
+
+    exits: Any = Parameter((), "exits to choose between one by one; none: any exit, as the strategy finds it")
+    strategies: Any = Parameter(("fastest",), f"strategies to choose between, of {', '.join(STRATEGIES)}")
+    every: Any = Parameter(0.0, "period of choosing again; 0: only at the start", "s", minimum=0.0)
+    change_at: Any = Parameter(math.inf, "time at which `change_to` replaces the strategies", "s", 0.0, infinite=True)
+    change_to: Any = Parameter("", "strategy from `change_at` on; none: no change", choices=("", *STRATEGIES))
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self.exits = _words("route_choice.exits", self.exits)
+        self.strategies = _words("route_choice.strategies", self.strategies)
+        if not self.strategies:
+            raise PluginError("route_choice.strategies: at least one is needed; known: " + ", ".join(STRATEGIES))
+        for strategy in self.strategies:
+            if strategy not in STRATEGIES:
+                raise PluginError(
+                    f"route_choice.strategies: unknown value {strategy!r}; {did_you_mean(strategy, STRATEGIES)}"
+                )
+        if math.isfinite(self.change_at) and not self.change_to:
+            raise PluginError("route_choice.change_at: nothing to change to; set change_to to a strategy")
+        self._groups: tuple[_Choosers, ...] = ()
+        self._changed = np.zeros(0, dtype=np.uint8)
+        self._next = np.array([math.inf])
+
+    def routes(self) -> tuple[Route, ...]:
+        """Return every exit of `exits` with every strategy it can give."""
+        strategies = dict.fromkeys((*self.strategies, *([self.change_to] if self.change_to else [])))
+        return tuple(Route(exits, strategy) for strategy in strategies for exits in self._single_exits())
+
+    def prepare(self, scene: BehaviourScene) -> None:
+        """Let everybody choose."""
+        self._fields = scene.fields
+        self._index = {route: index for index, route in reversed(list(enumerate(scene.fields.routes)))}
+        self._groups = tuple(
+            choosers for group in scene.groups for choosers in self._choosers_of(group, scene.crowd.route)
+        )
+        self._changed = np.zeros(len(self._groups), dtype=np.uint8)
+        self._next = np.array([self.every if self.every > 0.0 else math.inf])
+        for choosers in self._groups:
+            self._choose(scene.crowd, choosers, False)
+
+    def act(self, crowd: Crowd, time: float) -> None:
+        """Let those choose again whose strategy changes now, and everybody once a period."""
+        again = time >= self._next[0] - INSTANT
+        if again:
+            self._next[0] = self.every * (math.floor(time / self.every + INSTANT) + 1)
+        for index, choosers in enumerate(self._groups):
+            changes = not self._changed[index] and time >= choosers.change_at - INSTANT
+            self._changed[index] |= changes
+            if again or changes:
+                self._choose(crowd, choosers, bool(self._changed[index]))
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Return False if there is only one route in the scene."""
+        return len(scene.fields.routes) > 1
+
+    def acts_at_ticks(self) -> bool:
+        """Return False if people choose at the start only."""
+        return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return who has changed strategy, and when all choose next."""
+        return {"changed": self._changed.copy(), "next": self._next.copy()}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Take up what `state` returned."""
+        self._changed = state["changed"].copy()
+        self._next = state["next"].copy()
+
+    def _single_exits(self) -> tuple[tuple[str, ...], ...]:
+        return tuple((name,) for name in self.exits) or ((),)
+
+    def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
+        """Return the people of a group by the exits that their route in the case allows."""
+        settings: Mapping[str, Any] = group.settings
+        where = f"people.{group.name}.behaviours.route_choice"
+        strategies = self._among(f"{where}.strategies", settings, "strategies", self.strategies)
+        exits = self._among(f"{where}.exits", settings, "exits", self.exits)
+        change_at = RouteChoice.declared()["change_at"].check(
+            f"{where}.change_at", settings.get("change_at", self.change_at)
+        )
+        if math.isfinite(change_at) and not self.change_to:
+            raise ScenarioError(f"{where}.change_at: set behaviours.route_choice.change_to to a strategy")
+        found = []
+        for index in np.unique(route[group.rows]):
+            allowed = self._fields.routes[index].exits
+            possible: tuple[tuple[str, ...], ...] = tuple((name,) for name in exits if not allowed or name in allowed)
+            if not exits and not allowed:
+                possible = ((),)
+            if not possible:
+                raise ScenarioError(
+                    f"people.{group.name}.exits: none of {', '.join(allowed)} is among behaviours.route_choice.exits "
+                    f"({', '.join(exits) or 'none'}); add them there"
+                )
+            rows = group.rows[route[group.rows] == index]
+            changed_to = (self.change_to,) if self.change_to else strategies
+            found.append(_Choosers(rows, possible, strategies, change_at, changed_to))
+        return found
+
+    @staticmethod
+    def _among(key: str, settings: Mapping[str, Any], name: str, offered: tuple[str, ...]) -> tuple[str, ...]:
+        """Return a group's own list, which must be part of what the behaviour offers."""
+        chosen = _words(key, settings.get(name, offered))
+        for word in chosen:
+            if word not in offered:
+                raise ScenarioError(
+                    f"{key}: {word!r} is not among behaviours.route_choice.{name}; {did_you_mean(word, offered)}"
+                )
+        return chosen or offered
+
+    def _choose(self, crowd: Crowd, choosers: _Choosers, changed: bool) -> None:
+        """Give people inside the building the route of least cost; without any way they keep theirs."""
+        rows = choosers.rows[crowd.level[choosers.rows] >= 0]
+        if not len(rows):
+            return
+        routes = choosers.offered(changed)
+        strategies = {route.strategy for route in routes}
+        measure = strategies.pop() if len(strategies) == 1 else "fastest"
+        cost = route_costs(self._fields, crowd, rows, [self._index[route] for route in routes], measure)
+        best = np.argmin(cost, axis=1)
+        reached = np.isfinite(cost[np.arange(len(rows)), best])
+        chosen = np.array([self._index[route] for route in routes], dtype=np.int32)[best]
+        crowd.route[rows[reached]] = chosen[reached]
+
+
+def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[int], measure: str) -> FloatArray:
+    """Return the cost (len(rows), len(routes)) of routes for people, by their own speeds.
+
+    Parameters
+    ----------
+    fields : Fields
+    crowd : Crowd
+    rows : (k,) int32
+        People inside the building.
+    routes : sequence of int
+        Rows of ``fields.routes``.
+    measure : {"shortest", "fastest", "comfortable"}
+        Metres for the first, seconds for the others; inf where there is no way.
+    """
+    weight = np.ones((len(rows), 3)) if measure == "shortest" else 1.0 / crowd.speed[rows]
+    if measure == "comfortable":
+        weight[:, 1:] *= fields.comfort
+    level = crowd.level[rows]
+    position = crowd.position[rows]
+    cost = np.full((len(rows), len(routes)), math.inf)
+    for column, route in enumerate(routes):
+        lengths = fields.lengths_at(level, position, route)
+        reached = np.isfinite(lengths[:, 0])
+        cost[reached, column] = (lengths[reached] * weight[reached]).sum(axis=1)
+    return cost
+
+
+def _words(key: str, value: Any) -> tuple[str, ...]:
+    """Return a list of words as a tuple."""
+    if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
+        raise PluginError(f"{key}: expected a list of words, got {value!r}")
+    return tuple(dict.fromkeys(value))
+
+
+@hookimpl
+def evac_behaviours() -> Sequence[type[Behaviour]]:
+    """Return the behaviour of this module."""
+    return [RouteChoice]
