@@ -1,5 +1,6 @@
 """Where people start: discs in a polygon, clear of walls and of each other."""
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -105,7 +106,7 @@ def _at_random(
     n_placed = 0
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
-        points = np.ascontiguousarray(points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])])
+        points = np.ascontiguousarray(points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])])
         n_placed = _add(points, radii[order], n_placed, len(occupied), segments, *_unpacked(cells))
         if n_placed == n:
             break
@@ -126,44 +127,45 @@ def _on_lattice(
     cells = _cells(polygon, np.array([radius]), occupied, 0)
 
     def standing(points: FloatArray) -> FloatArray:
-        points = points[shapely.contains_xy(polygon, points[:, 0], points[:, 1])]
+        points = points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])]
         fits = np.zeros(len(points), dtype=np.bool_)
         _are_clear(np.ascontiguousarray(points), radius, segments, *_unpacked(cells), fits)
         return points[fits]
 
     closest = 2 * (radius + MARGIN)
     corner = radius + 2 * MARGIN
-    frames = [(turned, phase) for turned in (False, True) for phase in (corner, 0.0, 0.5 * radius, 1.5 * radius)]
-    turned, phase = max(frames, key=lambda frame: len(standing(_nodes(polygon, closest, *frame))))
-    n_fitting = len(standing(_nodes(polygon, closest, turned, phase)))
+    phases = (corner, 0.0, 0.5 * radius)
+    frames = list(itertools.product((False, True), phases, phases))
+    frame = max(frames, key=lambda frame: len(standing(_nodes(polygon, closest, *frame))))
+    n_fitting = len(standing(_nodes(polygon, closest, *frame)))
     if n_fitting < n:
         return None, n_fitting
     width, too_wide = closest, 2 * closest + math.sqrt(polygon.area)
     for _ in range(20):
         middle = (width + too_wide) / 2
-        if len(standing(_nodes(polygon, middle, turned, phase))) >= n:
+        if len(standing(_nodes(polygon, middle, *frame))) >= n:
             width = middle
         else:
             too_wide = middle
-    points = standing(_nodes(polygon, width, turned, phase))
+    points = standing(_nodes(polygon, width, *frame))
     points = points[generator.permutation(len(points))[:n]]
     length = (width - closest) / 2 * np.sqrt(generator.random(n))
     angle = 2 * np.pi * generator.random(n)
     moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     fits = np.zeros(n, dtype=np.bool_)
     _are_clear(moved, radius, segments, *_unpacked(cells), fits)
-    fits &= shapely.contains_xy(polygon, moved[:, 0], moved[:, 1])
+    fits &= shapely.intersects_xy(polygon, moved[:, 0], moved[:, 1])
     return np.where(fits[:, None], moved, points), n_fitting
 
 
-def _nodes(polygon: BaseGeometry, width: float, turned: bool, phase: float) -> FloatArray:
+def _nodes(polygon: BaseGeometry, width: float, turned: bool, first: float, first_row: float) -> FloatArray:
     """Return the nodes (k, 2) of a hexagonal lattice over the bounds of a polygon, rows along x or turned along y."""
     left, bottom, right, top = polygon.bounds
     along, across = (top - bottom, right - left) if turned else (right - left, top - bottom)
     rows = np.arange(int(across / (width * math.sqrt(0.75))) + 1)
     columns = np.arange(int(along / width) + 1)
-    x = phase + width * (columns[None, :] + 0.5 * (rows[:, None] % 2))
-    y = phase + width * math.sqrt(0.75) * np.broadcast_to(rows[:, None], x.shape)
+    x = first + width * (columns[None, :] + 0.5 * (rows[:, None] % 2))
+    y = first_row + width * math.sqrt(0.75) * np.broadcast_to(rows[:, None], x.shape)
     plan = (y, x) if turned else (x, y)
     return np.column_stack((left + plan[0].ravel(), bottom + plan[1].ravel()))
 

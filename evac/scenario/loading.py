@@ -233,6 +233,6 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
 
 def _line(problem: Problem, content: dict[str, Any], source: Path, overridden: list[Key]) -> str:
     """Return one line of the error: file, dotted key, what is wrong, and whether an override did it."""
-    by_override = any(problem.key[: len(key)] == key for key in overridden)
+    by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
     note = " (set by an override)" if by_override else ""
     return f"{source}: {dotted(problem.key, content)}: {problem.text}{note}"

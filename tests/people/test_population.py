@@ -1,0 +1,182 @@
+import numpy as np
+import pytest
+
+from evac.directions.routes import Route
+from evac.errors import ScenarioError
+from evac.people.population import build_population
+from evac.physics.bundles import Events
+
+
+def group(name="all", **keys):
+    return {"name": name, "number": 20, "area": "room 0", **keys}
+
+
+def standing(name="one", **keys):
+    return {"name": name, "positions": [[1.0, 1.0]], "level": "west 0", "radius": 0.2, **keys}
+
+
+def events(*rows):
+    row, kind, link, time = zip(*rows, strict=True)
+    # Two places more than events, as in a buffer: what lies beyond the count is of no interest.
+    return Events(
+        np.array([len(rows)], np.int32),
+        np.array([*row, 0, 0], np.int32),
+        np.array([*kind, 1, 1], np.int32),
+        np.array([*link, 9, 9], np.int32),
+        np.array([*time, -1.0, -1.0]),
+    )
+
+
+def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_case, house, fields):
+    case = make_case(group("a"), group("b", number=5, area="room 3", mass=70, speed_up={"factor": 0.5}))
+    population = build_population(case, house, fields(), seed=1)
+    crowd = population.crowd
+    assert [members.rows.tolist() for members in population.groups] == [list(range(20)), list(range(20, 25))]
+    assert crowd.group.tolist() == [0] * 20 + [1] * 5
+    assert crowd.level.tolist() == [0] * 20 + [3] * 5
+    for name, array in crowd._asdict().items():
+        assert len(array) == 25, name
+        assert array.flags.c_contiguous, name
+        kind = np.int32 if name in ("level", "group", "route", "exit_used") else np.float64
+        assert array.dtype == kind, name
+    assert ((crowd.radius >= 0.2) & (crowd.radius <= 0.25)).all()
+    assert (crowd.mass[20:] == 70).all()
+    assert np.array_equal(crowd.speed[20:, 1], 0.5 * crowd.speed[20:, 0])
+    assert (crowd.velocity == 0).all()
+    assert (crowd.start_time == 0).all()
+    assert (crowd.speed_factor == 1).all()
+    assert np.isnan(crowd.exit_time).all()
+    assert (crowd.exit_used == -1).all()
+    assert population.inside == 25
+
+
+def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fields):
+    first = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
+    other = build_population(
+        make_case(
+            group("c", number=3, area="room 2"), group("b"), contact={"model": "hard"}, simulation={"step": 0.001}
+        ),
+        house,
+        fields(),
+        seed=1,
+    ).crowd
+    for name in ("radius", "mass", "tau", "speed"):
+        assert np.array_equal(getattr(first, name)[20:], getattr(other, name)[3:]), name
+        assert not np.array_equal(getattr(first, name)[:20], getattr(first, name)[20:]), name
+    again = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
+    for name, array in first._asdict().items():
+        assert np.array_equal(array, getattr(again, name), equal_nan=True), name
+    assert not np.array_equal(first.mass, build_population(make_case(group("a")), house, fields(), seed=2).crowd.mass)
+
+
+def test_people_in_areas_keep_off_walls_portals_exits_and_each_other(make_case, house, fields):
+    case = make_case(group("a", number=15, area="room 1"), standing("s", level="east 0", positions=[[5.0, 2.0]]))
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    x, y = crowd.position[:15].T
+    radius = crowd.radius[:15]
+    assert (np.minimum.reduce([x - 4, 6 - x, y, 4 - y]) >= radius).all()
+    gap = np.linalg.norm(crowd.position[:, None] - crowd.position[None], axis=2) - crowd.radius[:, None] - crowd.radius
+    assert gap[~np.eye(16, dtype=bool)].min() >= 0
+
+
+def test_people_above_each_other_do_not_hinder_each_other(make_case, house, fields):
+    case = make_case(group("a", number=60, radius=0.2), group("b", number=60, radius=0.2, area="room 2"))
+    assert (np.bincount(build_population(case, house, fields(), seed=1).crowd.level) == [60, 0, 60]).all()
+
+
+@pytest.mark.parametrize(("z", "level"), [(0.0, 0), (3.0, 2), (2.8, 2)])
+def test_a_position_finds_its_level_by_height(make_case, house, fields, z, level):
+    case = make_case({"name": "one", "positions": [[1.0, 1.0], [5.0, 1.0]], "z": z, "velocity": [[1, 0], [0, -1]]})
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    assert crowd.level.tolist() == [level, level + 1]
+    assert crowd.position.tolist() == [[1, 1], [5, 1]]
+    assert crowd.velocity.tolist() == [[1, 0], [0, -1]]
+
+
+def test_a_body_may_touch_a_wall_and_stand_across_a_portal(make_case, house, fields):
+    case = make_case(standing(positions=[[0.2, 1.0], [4.0, 2.0]]))
+    assert build_population(case, house, fields(), seed=1).crowd.level.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"positions": [[1, 1], [5, 1]]}, "people.one.positions.1: (5, 1) is outside level 'west 0'; move it"),
+        ({"positions": [[9, 1]], "level": None, "z": 0.0}, "(9, 1) is on no level at height z = 0 m; move it"),
+        ({"positions": [[1, 1]], "level": None, "z": 1.5}, "(1, 1) is on no level at height z = 1.5 m; move it"),
+        (
+            {"positions": [[1, 1], [0.1, 1]]},
+            "people.one.positions.1: (0.1, 1) on level 'west 0' is 0.100 m from a wall, less than the body radius "
+            "0.200 m; move it, or make the radius smaller",
+        ),
+    ],
+)
+def test_a_position_that_cannot_be_is_refused_by_place(make_case, house, fields, keys, message):
+    case = make_case({key: value for key, value in standing(**keys).items() if value is not None})
+    with pytest.raises(ScenarioError) as caught:
+        build_population(case, house, fields(), seed=1)
+    assert str(caught.value).startswith(str(case.source))
+    assert message in str(caught.value)
+
+
+def test_too_many_people_are_refused_by_area_and_level(make_case, house, fields):
+    case = make_case(group("crowd", number=500))
+    with pytest.raises(ScenarioError) as caught:
+        build_population(case, house, fields(), seed=1)
+    message = str(caught.value)
+    assert message.startswith(f"{case.source}: people.crowd.number: area 'room 0' on level 'west 0': ")
+    assert "of 500 people were placed on 16.0 m2" in message
+
+
+def test_people_who_cannot_reach_an_exit_are_refused_by_place(make_case, house, fields):
+    case = make_case(standing(), standing("two", positions=[[5, 1], [5, 2]], level="east 1", exits=["door"]))
+    routes = (Route(), Route(("door",)))
+    with pytest.raises(ScenarioError) as caught:
+        build_population(case, house, fields(routes, closed=(3,)), seed=1)
+    assert str(caught.value) == (
+        f"{case.source}: people.two: 2 of 2 people cannot reach door, the first at (5.00, 1.00) on level 'east 1'; "
+        "put them elsewhere, allow other exits, or open a way in the mesh"
+    )
+
+
+def test_routes_are_rows_of_the_fields(make_case, house, fields):
+    case = make_case(standing("a"), standing("b", strategy="shortest"))
+    routes = (Route(strategy="shortest"), Route())
+    assert build_population(case, house, fields(routes), seed=1).crowd.route.tolist() == [1, 0]
+    with pytest.raises(ScenarioError, match=r"people\.b: the fields hold no Route.*build them for routes_of"):
+        build_population(case, house, fields(), seed=1)
+
+
+def test_groups_hand_a_behaviour_its_own_settings(make_case, house, fields):
+    case = make_case(standing("a"), standing("b", behaviours={"follow": {"leader": "a"}}), behaviours={"follow": {}})
+    population = build_population(case, house, fields(), seed=1)
+    assert [group.settings for group in population.groups_for("follow")] == [{}, {"leader": "a"}]
+    assert [group.settings for group in population.groups_for("other")] == [{}, {}]
+
+
+def test_settling_writes_exits_and_logs_portals_in_order(make_case, house, fields):
+    population = build_population(make_case(group(number=3)), house, fields(), seed=1)
+    assert [len(part) for part in population.crossings] == [0, 0, 0]
+    population.settle(events((2, 0, 0, 0.5), (0, 0, 0, 0.75)))
+    population.settle(events((2, 1, 2, 1.25), (1, 0, 0, 1.5)))
+    population.settle(events((0, 1, 2, 2.0)))
+    row, link, time = population.crossings
+    assert (row.tolist(), link.tolist(), time.tolist()) == ([2, 0, 1], [0, 0, 0], [0.5, 0.75, 1.5])
+    assert population.crowd.exit_used.tolist() == [0, -1, 0]
+    assert population.crowd.exit_time[[0, 2]].tolist() == [2.0, 1.25]
+    assert population.inside == 1
+
+
+def test_state_and_restore_go_back_to_the_same_bits(make_case, house, fields):
+    population = build_population(make_case(group(number=3)), house, fields(), seed=1)
+    population.settle(events((2, 0, 0, 0.5)))
+    state = population.state()
+    arrays = population.crowd
+    population.settle(events((2, 1, 2, 1.25), (1, 0, 0, 1.5)))
+    population.crowd.position[:] = 0
+    population.restore(state)
+    assert population.crowd is arrays
+    assert population.inside == 3
+    for name, array in population.state().items():
+        assert np.array_equal(array, state[name], equal_nan=array.dtype == np.float64), name
+    assert population.crossings[0].tolist() == [2]

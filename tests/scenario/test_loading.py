@@ -1,0 +1,276 @@
+import json
+import math
+import pickle
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+from evac.errors import PluginError, ScenarioError
+from evac.people.distributions import Distribution
+from evac.scenario import case_from, load_case
+
+
+def problems(source, overrides, registry):
+    with pytest.raises(ScenarioError) as caught:
+        load_case(source, overrides, registry=registry)
+    return str(caught.value).splitlines()
+
+
+def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    pupils, teacher = case.people
+    assert case.title == "Two groups in a room"
+    assert (case.source, case.folder, case.mesh) == (case_file, case_file.parent, case_file.parent / "room.msh")
+    assert (pupils.count, pupils.area) == (5, "desks")
+    assert pupils.radius == Distribution("constant", (0.2,))
+    assert pupils.speed_up.factor.mean() == 0.5
+    assert (teacher.count, teacher.positions, teacher.level) == (1, ((1.0, 2.0),), "ground")
+    assert (teacher.strategy, teacher.exits) == ("shortest", ())
+    assert (case.simulation.step, case.simulation.tick, case.simulation.seed) == (0.01, 0.1, 3)
+    assert case.directions.clearance is None
+    assert case.building.options() == {
+        "weld": 0.001, "flat_angle": 3.0, "walkable_angle": 50.0, "scale": 1.0,
+        "exits": (), "areas": (), "obstacles": (),
+    }  # fmt: skip
+
+
+def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monkeypatch):
+    assert load_case(case_file.parent, registry=registry).source == case_file
+    monkeypatch.setitem(registry.cases, "two_groups", case_file.parent)
+    assert load_case("two_groups", registry=registry).source == case_file
+    with pytest.raises(ScenarioError, match=r"^two_group: no such file.*did you mean 'two_groups'\?$"):
+        load_case("two_group", registry=registry)
+    with pytest.raises(ScenarioError, match=r"holds no case\.toml"):
+        load_case(case_file.parent.parent, registry=registry)
+
+
+def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    model = case.make_contact_model(registry)
+    assert (model.name, model.stiffness) == ("soft", 500.0)
+    assert case.change(["contact.model=hard"]).make_contact_model(registry).solver == "gauss_seidel"
+    (push,) = case.make_forces(registry)
+    assert push.strength == 100.0
+    assert case.change(["forces.push=false"]).make_forces(registry) == []
+    assert [behaviour.name for behaviour in case.make_behaviours(registry)] == ["wait"]
+    assert [b.name for b in case.change(["behaviours.follow=true"]).make_behaviours(registry)] == ["wait", "follow"]
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("simulation.stp=0.1", "simulation.stp: unknown key; did you mean 'step'?"),
+        ("duration=3", "duration: unknown key; it belongs to simulation: did you mean 'simulation.duration'?"),
+        ("people.pupils.numbr=3", "people.pupils.numbr: unknown key; did you mean 'number'?"),
+        ("people.0.number=-5", "people.pupils.number: must be greater than or equal to 1, got -5"),
+        ("people.0.number=2.5", "people.pupils.number: must be a valid integer, got 2.5"),
+        ("simulation.duration=0", "simulation.duration: must be greater than 0, got 0"),
+        ("simulation.duration=inf", "simulation.duration: must be a finite number, got inf"),
+        ("simulation.no_progress=nan", "simulation.no_progress: must be greater than 0, got nan"),
+        ("simulation.seed=true", "simulation.seed: must be a valid integer, got True"),
+        (
+            "simulation.tick=0.035",
+            "simulation.tick: 0.035 s is no multiple of simulation.step 0.01 s; "
+            "nearest: tick = 0.03 or 0.04, or step = 0.00875 or 0.0116667",
+        ),
+        ("output.every=0.25", "output.every: 0.25 s is no multiple of simulation.tick 0.1 s; nearest: 0.2 or 0.3"),
+        ("output.animation=1", "output.animation: must be a valid boolean, got 1"),
+        (
+            "people.teacher.strategy=fastes",
+            "people.teacher.strategy: must be 'shortest', 'fastest' or 'comfortable', got 'fastes'; "
+            "did you mean 'fastest'?",
+        ),
+        ("people.pupils.radius=0", "people.pupils.radius: must be greater than 0, got 0"),
+        (
+            "people.pupils.speed={unifrm=[1, 2]}",
+            "people.pupils.speed: unknown distribution 'unifrm'; did you mean 'uniform'?",
+        ),
+        ("people.pupils.speed_up={factor=-1}", "people.pupils.speed_up: must be at least 0, got -1"),
+        (
+            "people.pupils.speed_up={factor=1, minimum=0}",
+            "people.pupils.speed_up: factor stands alone; write { factor = { uniform = [0.4, 0.6] } }",
+        ),
+        (
+            "people.pupils.mass={list=[60.0, 70.0]}",
+            "people.pupils.mass: a list of 2 values for 5 people; give one for each",
+        ),
+        ("people.teacher.number=2", "people.teacher.number: 2 people at 1 positions; remove number or correct it"),
+        ("people.teacher.velocity=[[1,0],[0,1]]",
+         "people.teacher.velocity: 2 velocities for 1 positions; give one for each"),
+        ("people.pupils.level=ground", "people.pupils.level: goes with positions, not with an area; remove it"),
+        ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
+        ("people=[]", "people: must have at least 1 item, not 0, got []"),
+        ("people=3", "people: must be a list, got 3"),
+        ("simulation=3", "simulation: must be a table, got 3"),
+        ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
+        (
+            'building.exits=[{name="door", segment=[[0,0],[0,0]], z=0}]',
+            "building.exits.door.segment: its two ends are the same point [0.0, 0.0]; draw it along the door",
+        ),
+        (
+            'building.areas=[{name="hall", polygon=[[0,0],[1,0],[1,1]]}]',
+            "building.areas.hall.level: give the level by name, or its height z, and not both",
+        ),
+        ("contact.model=sofd", "contact.model: unknown contact model 'sofd'; did you mean 'soft'?"),
+        ("contact.hrad.solver=cg", "contact.hrad: unknown contact model; did you mean 'hard'?"),
+        ("contact.soft.stiffness=-1", "contact.soft.stiffness: must be greater than 0 N/m, got -1"),
+        ("contact.hard.solver=c", "contact.hard.solver: unknown value 'c'; did you mean 'cg'?"),
+        ("contact.hard.xyz=1",
+         "contact.hard.xyz: 'hard' has no such parameter; known: solver"),
+        ("forces.pusch.strength=1", "forces.pusch: unknown force; did you mean 'push'?"),
+        ("forces.push.strenght=1", "forces.push.strenght: 'push' has no such parameter; did you mean 'strength'?"),
+        ("forces.push=3", "forces.push: must be a table of parameters, or false to switch it off, got 3"),
+        ("behaviours.wait.time={uniform=[-1, 1]}", "behaviours.wait.time: must be at least 0, got -1"),
+        ("behaviours.wai.time=1", "behaviours.wai: unknown behaviour; did you mean 'wait'?"),
+        ("people.pupils.behaviours.wait.time=-2", "people.pupils.behaviours.wait.time: must be at least 0, got -2"),
+        ("people.pupils.behaviours.wait.shared=true",
+         "people.pupils.behaviours.wait.shared: 'wait' has no such parameter; known: leader, time"),
+        ("people.pupils.behaviours.wiat.time=2",
+         "people.pupils.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
+        ("plugins.files=[3]", "plugins.files.0: must be a valid string, got 3"),
+    ],
+)  # fmt: skip
+def test_a_fault_is_one_line_with_file_key_and_way_out(case_file, registry, override, line):
+    assert problems(case_file, [override], registry) == [f"{case_file}: {line} (set by an override)"]
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        (
+            "people.pupils.positions=[[0,0]]",
+            "people.pupils.area: say where they start: an area and a number, or positions, and not both",
+        ),
+        (
+            "people.teacher.z=0.0",
+            "people.teacher.level: give the level of the positions by name, or its height z, and not both",
+        ),
+        ("simulation.step=0.2", "simulation.tick: 0.1 s is no multiple of simulation.step 0.2 s; "
+         "nearest: tick = 0.2 or 0.4, or step = 0.05 or 0.1"),
+    ],
+)  # fmt: skip
+def test_keys_that_contradict_each_other_are_refused(case_file, registry, override, line):
+    assert problems(case_file, [override], registry) == [f"{case_file}: {line}"]
+
+
+def test_a_fault_of_the_file_itself_blames_no_override(case_file, registry):
+    case_file.write_text(case_file.read_text().replace("seed = 3", "sed = 3"))
+    assert problems(case_file, (), registry) == [f"{case_file}: simulation.sed: unknown key; did you mean 'seed'?"]
+
+
+def test_a_missing_key_says_what_is_asked_for(case_file, registry):
+    case_file.write_text(case_file.read_text().replace('model = "soft"', ""))
+    assert problems(case_file, (), registry) == [
+        f"{case_file}: contact.model: missing; give name of the contact model in use; `evac plugins` lists them"
+    ]
+
+
+def test_all_faults_are_reported_at_once(case_file, registry):
+    overrides = ["simulation.stp=1", "contact.model=sofd", "people.pupil.number=3", "people.pupils.speed=-1"]
+    assert [line.split(": ")[1] for line in problems(case_file, overrides, registry)] == [
+        "people.pupil", "people.pupils.speed", "simulation.stp", "contact.model",
+    ]  # fmt: skip
+
+
+def test_a_setting_for_a_behaviour_not_in_use_is_refused_but_not_for_one_switched_off(case_file, registry):
+    load_case(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry=registry)
+    case_file.write_text(case_file.read_text().replace("follow = false", ""))
+    (line,) = problems(case_file, ["people.pupils.behaviours.follow.leader=teacher"], registry)
+    assert "people.pupils.behaviours.follow: the behaviour is not in use; add [behaviours.follow]" in line
+
+
+def test_missing_files_are_named(case_file, registry):
+    lines = problems(case_file, {"building.mesh": "rom.msh", "plugins.files": ["none.py"]}, registry)
+    folder = case_file.parent
+    assert lines == [
+        f"{case_file}: plugins.files.0: no such file {folder / 'none.py'}; check the path (set by an override)",
+        f"{case_file}: building.mesh: no such file {folder / 'rom.msh'}; check the path (set by an override)",
+    ]
+
+
+def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
+    case_file.write_text("title = \n")
+    with pytest.raises(ScenarioError, match=r"case\.toml: not valid TOML: .*line 1"):
+        load_case(case_file, registry=registry)
+
+
+def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
+    text = """
+        from evac.hookspecs import hookimpl
+        from evac.parameters import Configurable
+
+        class Odd(Configurable):
+            name = "odd"
+
+        @hookimpl
+        def evac_contact_models():
+            return [Odd]
+    """
+    (case_file.parent / "odd.py").write_text(textwrap.dedent(text))
+    own = type(registry)([row.origin for row in registry.provenance], builtins=())
+    case = load_case(case_file, ["plugins.files=['odd.py']", "contact.model=odd"], registry=own)
+    assert case.plugin_files == (case_file.parent / "odd.py",)
+    assert case.make_contact_model(own).name == "odd"
+    assert case.change(["simulation.seed=1"]).plugin_files == case.plugin_files
+    with pytest.raises(PluginError, match=r"nowhere\.py: no such file"):
+        load_case(case_file, plugin_files=["nowhere.py"], registry=own)
+
+
+def test_change_makes_another_checked_case_and_leaves_the_first(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    other = case.change({"simulation.seed": 9, "people.pupils.number": 2})
+    assert (case.simulation.seed, case.people[0].count) == (3, 5)
+    assert (other.simulation.seed, other.people[0].count) == (9, 2)
+    assert other.change(["title=new"]).simulation.seed == 9
+    with pytest.raises(ScenarioError, match=r"simulation\.seed: must be greater than or equal to 0"):
+        case.change({"simulation.seed": -1})
+
+
+def test_to_dict_is_complete_plain_and_makes_the_same_case_again(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    table = json.loads(json.dumps(case.to_dict()))
+    assert table["contact"] == {"model": "soft", "soft": {"stiffness": 500}, "hard": {"solver": "gauss_seidel"}}
+    assert table["behaviours"]["follow"] is False
+    assert table["behaviours"]["wait"] == {"time": {"uniform": [0.0, 10.0]}, "shared": True}
+    assert table["people"][0]["radius"] == 0.2
+    assert table["people"][0]["speed_up"] == {"factor": 0.5}
+    assert table["people"][1]["radius"] == {"uniform": [0.2, 0.25]}
+    again = case_from(table, case.source, registry=registry)
+    assert again.to_dict() == case.to_dict()
+    assert again.people == case.people
+
+
+def test_a_case_travels_to_another_process(case_file, registry, monkeypatch):
+    files = [row.origin for row in registry.provenance]
+    monkeypatch.setattr("evac.registry.Registry.__init__.__kwdefaults__", {"builtins": ()})
+    case = load_case(case_file, ["simulation.seed=8"], plugin_files=files, registry=registry)
+    copy = pickle.loads(pickle.dumps(case))
+    assert copy.to_dict() == case.to_dict()
+    assert copy.simulation.seed == 8
+
+
+def test_frozen(case_file, registry):
+    case = load_case(case_file, registry=registry)
+    with pytest.raises(ValueError, match="frozen"):
+        case.simulation.seed = 4
+
+
+def test_infinite_patience_is_legal(case_file, registry):
+    assert load_case(case_file, ["simulation.no_progress=inf"], registry=registry).simulation.no_progress == math.inf
+
+
+def test_loading_is_quick(case_file, registry):
+    load_case(case_file, registry=registry)
+    start = time.perf_counter()
+    load_case(case_file, ["simulation.seed=1"], registry=registry)
+    assert time.perf_counter() - start < 0.05
+
+
+def test_importing_pulls_in_nothing_heavy():
+    heavy = "numba", "scipy", "shapely", "pyvista", "matplotlib", "meshio", "networkx"
+    code = f"import sys, evac.scenario; print([name for name in {heavy} if name in sys.modules])"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
