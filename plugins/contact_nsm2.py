@@ -52,6 +52,17 @@ class Nsm2(SolvedContactModel):
     tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
     position_correction = Parameter(False, "push bodies apart where they overlap, without touching velocities")
 
+    def parts(self) -> list[tuple[str, bool, str]]:
+        """Return the tangential law and the position correction."""
+        return [
+            ("tangential contact", self.tangential_dissipation > 0, f"K_T = {self.tangential_dissipation:g} kg"),
+            (
+                "position correction",
+                self.position_correction,
+                f"position_correction = {str(self.position_correction).lower()}",
+            ),
+        ]
+
     def run(self, engine: Engine, clock: Clock) -> tuple[int, int]:
         """Make the steps of `clock` in compiled code."""
         inside = engine.bodies.count[0]
@@ -111,7 +122,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         stepping.tally_contacts(contacts, tally)
         keep_only_meeting(bodies, contacts, h)
         stepping.set_approach(bodies, contacts)
-        _stick(bodies, contacts, law)
+        _stick(bodies, contacts, law, clock.full)
         _strike(bodies, contacts, tally, law)
         if clock.report_force and step == clock.last - 1 and part == parts - 1:
             _report_reaction(bodies, contacts, law, h)
@@ -122,9 +133,9 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
 
 
 @inner
-def _stick(bodies, contacts, law):  # type: ignore[no-untyped-def]
+def _stick(bodies, contacts, law, full):  # type: ignore[no-untyped-def]
     """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
-    if law.tangential <= 0.0:
+    if law.tangential <= 0.0 and not full:
         return
     for c in range(contacts.count[0]):
         if normal_velocity(bodies.free, contacts, c) < 0.0:

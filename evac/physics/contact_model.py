@@ -92,6 +92,10 @@ class ContactModel(Configurable, ABC):
     def check_scene(self, scene: BorderScene) -> None:
         """Refuse a scene that the model cannot step through, with a ScenarioError naming what to change."""
 
+    def parts(self) -> list[tuple[str, bool, str]]:
+        """Return the parts of the model that a scene may not need: name, whether in, why."""
+        return []
+
     def step(self, contacts: StepContacts, h: float) -> FloatArray:
         """Return the velocities (n, 2) after a sub-step of `h` seconds and fill ``contacts.impulse``.
 

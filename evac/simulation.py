@@ -1,0 +1,367 @@
+"""The simulation: everything put together, and the loop."""
+
+import time as wall_clock
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.building.model import Building
+from evac.building.reading import read_building
+from evac.directions.build import build_fields
+from evac.directions.fields import Fields
+from evac.errors import SimulationError
+from evac.output.recorder import Recorder
+from evac.output.results import Results
+from evac.people.distributions import generator_for
+from evac.people.groups import check_people, reference_speeds
+from evac.people.population import Population, build_population
+from evac.physics.contact_model import BorderScene
+from evac.physics.engine import Engine
+from evac.physics.world import make_world
+from evac.plan import explain, needed_forces, needed_routes
+from evac.registry import Registry
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import Case
+
+FloatArray = NDArray[np.float64]
+
+#: A person makes progress when its remaining travel time changes by this much [s].
+PROGRESS = 0.25
+
+#: How often progress is looked at [s].
+PROGRESS_EVERY = 1.0
+
+EVERYBODY_OUT = "everybody out"
+DURATION_OVER = "duration over"
+NO_PROGRESS = "no progress"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a progress display needs, once a tick."""
+
+    time: float  # simulated [s]
+    duration: float  # [s]
+    people: int
+    out: int
+
+
+class Simulation:
+    """A case made ready to run.
+
+    Parameters
+    ----------
+    case : Case
+        Checked; see `evac.load`.
+    folder : Path, optional
+        Result folder for the recorders; None keeps nothing on disk.
+    full : bool
+        Do even what the scene does not need; gives the same bits, slower.
+
+    Raises
+    ------
+    EvacError
+        Where building, directions, people or plugins do not fit together.
+
+    Attributes
+    ----------
+    building, fields, population, contact, behaviours, forces, engine
+        The stations of the main path.
+    step, time : int, float
+        Steps made, and the time reached [s].
+    """
+
+    def __init__(self, case: "Case", folder: Path | None = None, full: bool = False) -> None:
+        self.case = case
+        self.registry: Registry = case.registry
+        self.folder = folder
+        self.full = full
+        self.seed = case.simulation.seed
+        self.step = 0
+        self.phases: dict[str, float] = {}
+        self.ended = ""
+        self.registry.hook.evac_configure(scenario=case, registry=self.registry)
+        self.contact = case.make_contact_model(self.registry)
+        all_forces = case.make_forces(self.registry)
+        self.forces = needed_forces(all_forces, full)
+        all_behaviours = case.make_behaviours(self.registry)
+        with self._phase("building"):
+            self.building = read_case_building(case)
+            check_people(case, self.building)
+        with self._phase("directions"):
+            self.fields = self._build_fields(all_behaviours)
+        with self._phase("people"):
+            self.population = build_population(case, self.building, self.fields, self.seed)
+            scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
+            self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
+        self.contact.check_scene(self._border_scene())
+        world = make_world(self.building, self.fields)
+        self.engine = Engine(world, len(self.population.crowd.level), self.forces, full)
+        self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
+        self.recorders: list[Recorder] = [recorder() for recorder in self.registry.recorders.values()]
+        crowd = self.population.crowd
+        self._start = (crowd.position.copy(), crowd.level.copy())
+        self._seen_time = np.full(len(crowd.level), np.inf)
+        self._moved_at = np.zeros(len(crowd.level))
+        for behaviour, scene in self.behaviours:
+            behaviour.prepare(scene)
+        self.registry.hook.evac_prepare(simulation=self)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]: always step times h, never summed up."""
+        return self.step * self.case.simulation.step
+
+    def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
+        """Run to the end and return the results.
+
+        ::
+
+            while people remain and time < end:
+                for behaviour in due(step): behaviour.act(crowd, time)    # Python, whole arrays, every tick = k h
+                events = engine.advance(contact, crowd, step, k, ...)     # compiled: drive, forces, contact, move
+                population.settle(events)                                 # exits and portals crossed
+                for recorder in due(step): recorder.record(simulation)
+
+        Raises
+        ------
+        SimulationError
+            A step cannot be made; names time, person and place.
+        """
+        results = None
+        error: BaseException | None = None
+        try:
+            for recorder in self.recorders:
+                recorder.start(self)
+                recorder.record(self)
+            while not self.ended:
+                self.advance_tick()
+                if progress is not None:
+                    settings = self.case.simulation
+                    people = len(self.population.crowd.level)
+                    progress(Progress(self.time, settings.duration, people, people - self.population.inside))
+            results = self.results()
+        except BaseException as caught:
+            error = caught
+            raise
+        finally:
+            for recorder in self.recorders:
+                recorder.finish(self, results)
+            self.registry.hook.evac_finish(simulation=self, results=results, error=error)
+        return results
+
+    def advance_tick(self) -> None:
+        """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last."""
+        settings = self.case.simulation
+        per_tick = round(settings.tick / settings.step)
+        last = round(settings.duration / settings.step)
+        steps = min(per_tick, last - self.step)
+        per_record = round(self.case.output.every / settings.tick) * per_tick
+        is_output = (self.step + steps) % per_record == 0
+        with self._phase("behaviours"):
+            self._act()
+        with self._phase("physics"):
+            events = self.engine.advance(
+                self.contact,
+                self.population.crowd,
+                self.step,
+                steps,
+                settings.step,
+                settings.driving == "explicit",
+                is_output,
+            )
+        self.step += steps
+        with self._phase("recording"):
+            if events.count[0]:
+                self.population.settle(events)
+            if is_output:
+                for recorder in self.recorders:
+                    recorder.record(self)
+        self._look_for_end(per_tick, last)
+
+    def results(self) -> Results:
+        """Return the results of what has been run so far."""
+        report: dict[str, Any] = self.engine.report()
+        overlaps = report.pop("overlaps")
+        report["mean_overlap"] = report.pop("overlap_sum") / overlaps if overlaps else 0.0
+        report["energy"] = {
+            key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")
+        }
+        report["model"] = self.contact.name
+        report["parameters"] = self.contact.values()
+        results = Results(
+            case=self.case,
+            building=self.building,
+            crowd=self.population.crowd,
+            groups=self.population.groups,
+            routes=self.fields.routes,
+            start_position=self._start[0],
+            start_level=self._start[1],
+            crossings=self.population.crossings,
+            ended=self.ended,
+            time=self.time,
+            steps=self.step,
+            seed=self.seed,
+            stuck=tuple(np.flatnonzero(self.population.crowd.level >= 0)) if self.ended == NO_PROGRESS else (),
+            report=report,
+            phases=dict(self.phases),
+            plan=[part.as_row() for part in self.plan],
+            plugins=[f"{entry.plugin} {entry.version}" for entry in self.registry.provenance],
+            folder=self.folder,
+        )
+        for hook in self.registry.hook.evac_metrics.get_hookimpls():
+            results.metrics[hook.plugin_name] = hook.function(results)  # type: ignore[index]
+        return results
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of everything that a run needs to go on from this tick to the same bits."""
+        state = {f"population.{key}": value for key, value in self.population.state().items()}
+        for behaviour, scene in self.behaviours:
+            for key, value in behaviour.state().items():
+                state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
+            state[f"generator.{behaviour.name}"] = _generator_state(scene.generator)
+        state["simulation.step"] = np.array([self.step])
+        state["simulation.tally"] = self.engine.tally.copy()
+        state["simulation.span"] = self.engine.lists.span.copy()
+        state["simulation.progress"] = np.stack([self._seen_time, self._moved_at])
+        return state
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Take up what `state` returned, in a simulation of the same case."""
+        self.population.restore(_part(state, "population."))
+        for behaviour, scene in self.behaviours:
+            behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
+            _restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
+        self.step = int(state["simulation.step"][0])
+        self.engine.tally[:] = state["simulation.tally"]
+        self.engine.lists.span[:] = state["simulation.span"]
+        self._seen_time[:], self._moved_at[:] = state["simulation.progress"]
+        self.ended = ""
+
+    def _act(self) -> None:
+        """Let the behaviours act on factors set back to neutral."""
+        acting = [behaviour for behaviour, _ in self.behaviours if self.full or behaviour.acts_at_ticks()]
+        crowd = self.population.crowd
+        if any("speed_factor" in behaviour.writes for behaviour in acting):
+            crowd.speed_factor[:] = 1.0
+        if any("extra_direction" in behaviour.writes for behaviour in acting):
+            crowd.extra_direction[:] = 0.0
+        for behaviour, scene in self.behaviours:
+            if behaviour in acting:
+                behaviour.act(scene.crowd, self.time)
+
+    def _look_for_end(self, per_tick: int, last: int) -> None:
+        if self.population.inside == 0:
+            self.ended = EVERYBODY_OUT
+        elif self.step >= last:
+            self.ended = DURATION_OVER
+        else:
+            between = max(1, round(PROGRESS_EVERY / self.case.simulation.tick)) * per_tick
+            if self.step % between == 0 and self._is_stuck():
+                self.ended = NO_PROGRESS
+
+    def _is_stuck(self) -> bool:
+        """Say whether nobody inside has made progress for ``simulation.no_progress`` seconds."""
+        crowd = self.population.crowd
+        inside = np.flatnonzero(crowd.level >= 0)
+        remaining = self.fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
+        with np.errstate(invalid="ignore"):  # somebody pushed where no way leads out compares inf with inf
+            changed = np.abs(remaining - self._seen_time[inside]) > PROGRESS
+        changed |= crowd.start_time[inside] > self.time
+        self._seen_time[inside[changed]] = remaining[changed]
+        self._moved_at[inside[changed]] = self.time
+        return bool(self.time - self._moved_at[inside].max() >= self.case.simulation.no_progress)
+
+    def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
+        settings = self.case.directions
+        clearance = settings.clearance
+        if clearance is None:
+            clearance = max(people.radius.support()[1] for people in self.case.people)
+            clearance = min(clearance, 2.0 * max(people.radius.mean() for people in self.case.people))
+        return build_fields(
+            self.building,
+            needed_routes(self.case, behaviours, self.full),
+            spacing=settings.spacing,
+            clearance=clearance,
+            speeds=reference_speeds(self.case),
+            comfort=settings.comfort,
+            order=settings.order,
+        )
+
+    def _scene(self, behaviour: Behaviour) -> BehaviourScene:
+        """Return what one behaviour sees: arrays it may not write are read-only views."""
+        crowd = self.population.crowd
+        views = {}
+        for name, array in crowd._asdict().items():
+            views[name] = array.view()
+            views[name].flags.writeable = name in behaviour.writes
+        return BehaviourScene(
+            crowd=type(crowd)(**views),
+            building=self.building,
+            fields=self.fields,
+            groups=self.population.groups_for(behaviour.name),
+            generator=generator_for(self.seed, "behaviour", behaviour.name),
+            tick=self.case.simulation.tick,
+        )
+
+    def _border_scene(self) -> BorderScene:
+        crowd = self.population.crowd
+        settings = self.case.simulation
+        return BorderScene(
+            step=settings.step,
+            explicit=settings.driving == "explicit",
+            radius=crowd.radius,
+            mass=crowd.mass,
+            tau=crowd.tau,
+            speed=float(crowd.speed.max()),
+        )
+
+    @contextmanager
+    def _phase(self, name: str) -> Iterator[None]:
+        """Add the wall time of a phase."""
+        start = wall_clock.perf_counter()
+        try:
+            yield
+        finally:
+            self.phases[name] = self.phases.get(name, 0.0) + wall_clock.perf_counter() - start
+
+
+def read_case_building(case: "Case") -> Building:
+    """Read the building of a case: by the first plugin that takes the file, or from a mesh."""
+    options = case.building.options()
+    building = case.registry.hook.evac_read_building(path=case.mesh, options=options)
+    if building is None:
+        return read_building(case.mesh, **options)
+    if not isinstance(building, Building):
+        raise SimulationError(f"{case.mesh}: a plugin's evac_read_building returned {type(building).__name__}")
+    return building
+
+
+def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
+
+
+def _generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
+    """Return the state of a PCG64 generator as numbers."""
+    state: Any = generator.bit_generator.state
+    words = []
+    for value in (state["state"]["state"], state["state"]["inc"]):
+        words.extend([value >> 64, value & (2**64 - 1)])
+    return np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
+
+
+def _restore_generator(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
+    numbers = [int(word) for word in words]
+    generator.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": numbers[0] << 64 | numbers[1], "inc": numbers[2] << 64 | numbers[3]},
+        "has_uint32": numbers[4],
+        "uinteger": numbers[5],
+    }
