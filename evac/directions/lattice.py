@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -142,43 +143,45 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
     from the wall, and no door closes.
     """
     x, y = window.coordinates()
-    grown = shapely.buffer(polygon, SLACK * window.lattice.spacing, join_style="mitre")
+    slack = SLACK * window.lattice.spacing
+    grown = shapely.buffer(polygon, slack, join_style="mitre")
     shapely.prepare(grown)
     inside: BoolArray = np.asarray(shapely.intersects_xy(grown, x, y), dtype=np.bool_)
-    links = window.crossed_links(walls, touching=False)
+    if not len(walls):
+        return inside
+    slits = _slits(polygon, walls, slack)
+    outline = window.crossed_links(walls, touching=False)
+    within = window.crossed_links(slits, touching=False)
     masked = np.zeros_like(inside)
-    for axis, fraction in enumerate((links.along_x, links.along_y)):
+    for axis, fractions in enumerate(((outline.along_x, within.along_x), (outline.along_y, within.along_y))):
         near, far = _ends(inside, axis)
-        part = fraction[:-1, :] if axis == 0 else fraction[:, :-1]
-        crossed = near & far & ~np.isnan(part)
         at_near, at_far = _ends(masked, axis)
-        at_near |= crossed & (part <= 0.5)
-        at_far |= crossed & (part > 0.5)
-    return inside & ~masked & ~_on_slits(window, polygon, walls, inside)
+        for of_outline, fraction in zip((True, False), fractions, strict=True):
+            part = fraction[:-1, :] if axis == 0 else fraction[:, :-1]
+            crossed = near & far & ~np.isnan(part)
+            if of_outline:
+                # A link that only grazes a corner stays on the level.
+                ends = [np.stack((a[crossed], b[crossed]), axis=-1) for a, b in (_ends(x, axis), _ends(y, axis))]
+                crossed[crossed] = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=-1)))
+            at_near |= crossed & (part <= 0.5)
+            at_far |= crossed & (part > 0.5)
+    # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
+    lines = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
+    shapely.prepare(lines)
+    masked[inside] |= shapely.dwithin(lines, shapely.points(x[inside], y[inside]), 10.0 * slack)
+    return inside & ~masked
 
 
-def _ends(nodes: BoolArray, axis: int) -> tuple[BoolArray, BoolArray]:
+def _ends(nodes: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return views of the first and second ends of all links along `axis`."""
     return (nodes[:-1, :], nodes[1:, :]) if axis == 0 else (nodes[:, :-1], nodes[:, 1:])
 
 
-def _on_slits(window: Window, polygon: BaseGeometry, walls: FloatArray, inside: BoolArray) -> BoolArray:
-    """Return the nodes that lie exactly on a wall with walkable ground on both sides."""
-    on_slit = np.zeros_like(inside)
-    if not len(walls):
-        return on_slit
-    slack = SLACK * window.lattice.spacing
-    slits = shapely.difference(
-        shapely.multilinestrings(shapely.linestrings(walls.reshape(-1, 2, 2))),
-        shapely.buffer(polygon.boundary, slack),
-    )
-    if slits.length <= slack:
-        return on_slit
-    x, y = window.coordinates()
-    shapely.prepare(slits)
-    # Also where a slit meets the outline, whose neighbourhood was taken off it.
-    on_slit[inside] = shapely.dwithin(slits, shapely.points(x[inside], y[inside]), 10.0 * slack)
-    return on_slit
+def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
+    """Return the parts (s, 4) of walls with the level on both sides: those off its outline."""
+    rest = shapely.difference(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack))
+    lines = [shapely.get_coordinates(part) for part in shapely.get_parts(rest) if part.length > slack]
+    return np.array([line[[0, -1]].ravel() for line in lines], dtype=np.float64).reshape(-1, 4)
 
 
 def wall_distance(window: Window, nodes: BoolArray, walls: FloatArray, reach: float) -> FloatArray:
