@@ -61,8 +61,8 @@ def check_depth(building: Building) -> None:
                     x, y = line.centroid.coords[0]
                     raise BuildingError(
                         f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
-                        f"{one.name!r} and {other.name!r} at ({x:.2f}, {y:.2f}); it must be at least {LEAST_DEPTH:g} m: "
-                        "make it deeper or join it to a neighbour"
+                        f"{one.name!r} and {other.name!r} at ({x:.2f}, {y:.2f}); make it {LEAST_DEPTH:g} m deep "
+                        "or join it to a neighbour"
                     )
 
 
@@ -75,15 +75,15 @@ def check_stairs(building: Building) -> None:
         Naming the stair and its heights.
     """
     for name, members in building.stairs.items():
-        ends: set[tuple[str, int]] = {("exit", way.index) for way in building.exits if way.level in members}
+        ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
         for portal in building.portals:
             one, other = portal.levels
             if (one in members) != (other in members):
-                ends.add(("level", other if one in members else one))
+                ends.add(f"level {building.levels[other if one in members else one].name!r}")
         if len(ends) < 2:
             own = [building.levels[index] for index in members]
             x, y = own[0].polygon.representative_point().coords[0]
-            found = f"only {building.levels[next(iter(ends))[1]].name!r}" if ends else "nothing"
+            found = f"only {ends.pop()}" if ends else "nothing"
             raise BuildingError(
                 f"{building.source}: stair {name!r} at ({x:.2f}, {y:.2f}), z = {min(lv.z_min for lv in own):.2f} to "
                 f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "

@@ -1,6 +1,6 @@
 """Cells to levels: which cells belong together, what each level is called, which stair it is part of."""
 
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -101,18 +101,19 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
     label = components()
     is_floor = np.array([name.startswith("floor:") for name in names] + [False])
     length = np.linalg.norm(surface.vertices[ends[:, 1]] - surface.vertices[ends[:, 0]], axis=1)
-    common: Counter[tuple[int, int]] = Counter()
+    common: dict[tuple[int, int], float] = defaultdict(float)
     for a, b in ((one, other), (other, one)):
-        for row in np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b]):
-            common[int(label[a[row]]), int(group[b[row]])] += length[row]
-    best: dict[int, tuple[float, int]] = {}
-    for (component, row), total in common.items():
-        best[component] = max(best.get(component, (0.0, 0)), (round(total, 6), -row))
-    if best:
-        for component, (_, negative_row) in best.items():
-            group[label == component] = -negative_row
-        label = components()
-    return label
+        touching = np.flatnonzero((group[a] < 0) & is_floor[group[b]] & ~sloped[a] & ~sloped[b])
+        for component, floor, shared_length in zip(
+            label[a[touching]], group[b[touching]], length[touching], strict=True
+        ):
+            common[int(component), int(floor)] += shared_length
+    if not common:
+        return label
+    for component in sorted({component for component, _ in common}):
+        floors = [(-round(total, 6), floor) for (other, floor), total in common.items() if other == component]
+        group[label == component] = min(floors)[1]
+    return components()
 
 
 def _order(surface: Surface, label: IndexArray) -> IndexArray:
@@ -217,7 +218,7 @@ def _uneven_flights(surface: Surface, label: IndexArray, levels: list[Level]) ->
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:
                 notes.append(
-                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise from its "
-                    "mean slope, which stands for all of it"
+                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise from "
+                    "its mean slope, which stands for all of it"
                 )
     return tuple(notes)

@@ -46,7 +46,7 @@ def find_exits_and_walls(
     """
     free = np.flatnonzero(table.partner < 0)
     level = level_set.level_of_cell[table.cell]
-    row_of = {(min(a, b), max(a, b)): row for row, (a, b) in zip(free, table.ends[free].tolist(), strict=True)}
+    row_of = {(min(a, b), max(a, b)): row for row, (a, b) in zip(free.tolist(), table.ends[free].tolist(), strict=True)}
     exits: list[Exit] = []
     taken: dict[int, str] = {}
     for tag in sorted(surface.exit_edges):
@@ -62,14 +62,14 @@ def find_exits_and_walls(
             taken[row] = tag
         exits.append(_tagged_exit(source, surface, table, level_set, len(exits), tag, np.array(rows, dtype=np.int64)))
 
-    walls, wall_level = [], []
+    walls, wall_level = [np.empty((0, 4))], [np.empty(0, dtype=np.int32)]
     is_wall = np.isin(free, list(taken), invert=True)
     for index in range(len(level_set.levels)):
         for chain in chains(table.ends[free[is_wall & (level[free] == index)]]):
             segments = straight_segments(surface.vertices, chain)
             walls.append(segments)
             wall_level.append(np.full(len(segments), index, dtype=np.int32))
-    return tuple(exits), *sorted_walls(np.concatenate(walls or [np.empty((0, 4))]), np.concatenate(wall_level or [[]]))
+    return tuple(exits), *sorted_walls(np.concatenate(walls), np.concatenate(wall_level))
 
 
 def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, LevelArray]:

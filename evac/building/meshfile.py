@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.building.plymesh import read_ply
 from evac.building.textmesh import read_obj, read_off
 from evac.building.triangulation import triangulate
 from evac.errors import BuildingError
@@ -30,8 +31,11 @@ BoolArray = NDArray[np.bool_]
 #: Kinds of tag on surfaces and on edges.
 SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
 EDGE_TAGS = ("exit",)
-#: File name endings that can be read.
-FORMATS = (".msh", ".obj", ".off", ".ply", ".stl", ".vtu")
+#: Own readers of bare formats: meshio's fail on what common exporters write (OBJ with ``vt``, OFF with polygons,
+#: PLY with edges or ``vertex_index``).
+READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
+#: File name endings that can be read, those of meshio last.
+FORMATS = (*READERS, ".msh", ".stl", ".vtu")
 
 
 @dataclass(frozen=True)
@@ -74,10 +78,9 @@ def read_mesh(path: Path) -> SurfaceMesh:
     if not path.is_file():
         raise BuildingError(f"{path}: no such file")
     try:
-        if suffix == ".obj":
-            points, blocks, tags = *read_obj(path), {}
-        elif suffix == ".off":
-            points, blocks, tags = *read_off(path), {}
+        tags: dict[str, list[BoolArray]] = {}
+        if suffix in READERS:
+            points, blocks = READERS[suffix](path)
         else:
             points, blocks, tags = _read_with_meshio(path)
     except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
@@ -121,17 +124,16 @@ def _corner_count(cell_type: str, nodes: int) -> int:
 
 def _gmsh_tags(mesh: Any) -> dict[str, list[BoolArray]]:
     """Masks of the physical groups: cell sets in Gmsh 4.1 (a cell may be in several), integers in 2.2."""
-    tags = {}
+    tags: dict[str, list[BoolArray]] = {}
     physical = mesh.cell_data.get("gmsh:physical")
-    for name, (number, _) in mesh.field_data.items():
+    for name, (number, dimension) in mesh.field_data.items():
         if name in mesh.cell_sets:
             members = mesh.cell_sets[name]
             tags[name] = [np.isin(np.arange(len(b.data)), m) for b, m in zip(mesh.cells, members, strict=True)]
         elif physical is not None:
-            dimension = mesh.field_data[name][1]
-            tags[name] = [
-                (np.asarray(p) == number) & (b.dim == dimension) for b, p in zip(mesh.cells, physical, strict=True)
-            ]
+            tags[name] = []
+            for block, numbers in zip(mesh.cells, physical, strict=True):
+                tags[name].append(np.asarray((numbers == number) & (block.dim == dimension)))
     return tags
 
 

@@ -157,7 +157,7 @@ def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: st
     if key == "segment":
         is_right = is_right and len(plan) == 2 and np.hypot(*(plan[1] - plan[0])) > LEAST_LENGTH
     if not is_right:
-        wanted = "two different points [[x1, y1], [x2, y2]]" if key == "segment" else "three or more points [[x, y], ...]"
+        wanted = "two different points [[x1, y1], [x2, y2]]" if key == "segment" else "at least 3 points [[x, y], ...]"
         raise BuildingError(f"{building.source}: {what}: {key} must be {wanted}, not {item.get(key)!r}")
     return plan
 

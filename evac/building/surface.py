@@ -3,6 +3,7 @@
 The result depends on the geometry alone: shuffling the vertices, cells or winding of a file changes nothing.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,7 +199,7 @@ def _vertices_on_edges(
 def _split_edge(a: int, b: int, hanging: dict[tuple[int, int], list[int]]) -> list[tuple[int, int]]:
     """Cut an edge at the vertices on it."""
     stops = [min(a, b), *hanging.get((min(a, b), max(a, b)), ()), max(a, b)]
-    return list(zip(stops[:-1], stops[1:], strict=True))
+    return list(itertools.pairwise(stops))
 
 
 def _split_triangle(triangle: tuple[int, ...], hanging: dict[tuple[int, int], list[int]]) -> list[tuple[int, ...]]:

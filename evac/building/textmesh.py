@@ -42,7 +42,7 @@ def read_obj(path: Path) -> tuple[FloatArray, list[IndexArray]]:
                 faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
         except ValueError as error:
             raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
-    return np.array(points, dtype=np.float64).reshape(-1, 3), _blocks(faces)
+    return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
 
 
 def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
@@ -70,10 +70,10 @@ def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
         raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but only {len(rest)} lines follow")
     points = np.array([[float(value) for value in line[:3]] for line in rest[:n_points]], dtype=np.float64)
     faces = [[int(corner) for corner in line[1 : 1 + int(line[0])]] for line in rest[n_points : n_points + n_faces]]
-    return points.reshape(-1, 3), _blocks(faces)
+    return points.reshape(-1, 3), face_blocks(faces)
 
 
-def _blocks(faces: list[list[int]]) -> list[IndexArray]:
+def face_blocks(faces: list[list[int]]) -> list[IndexArray]:
     """Gather faces of equal length, in the order of their lengths."""
     by_length: dict[int, list[list[int]]] = defaultdict(list)
     for face in faces:

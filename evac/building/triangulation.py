@@ -53,7 +53,7 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
 
 def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
     """Turn and flip each polygon so that its least corner comes first and its lesser neighbour second."""
-    n, k = polygons.shape
+    k = polygons.shape[1]
     rank = np.empty(len(points), dtype=np.int64)
     rank[np.lexsort(points.T[::-1])] = np.arange(len(points))
     first = rank[polygons].argmin(axis=1)

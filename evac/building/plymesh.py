@@ -1,0 +1,137 @@
+"""Reader of PLY files, text and binary: vertices and polygons, whatever else the file holds."""
+
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.building.textmesh import face_blocks
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+#: Format characters of `struct` for the types of PLY.
+TYPES = {
+    **{"char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h", "ushort": "H", "uint16": "H"},
+    **{"int": "i", "int32": "i", "uint": "I", "uint32": "I"},
+    **{"float": "f", "float32": "f", "double": "d", "float64": "d"},
+}
+#: Names that writers give to the corners of a face.
+CORNERS = ("vertex_indices", "vertex_index")
+CUT_OFF = "the file ends before the rows that its header announces"
+
+
+@dataclass
+class _Element:
+    """One kind of row: name, number of rows, and properties (name, type, type of the length of a list or None)."""
+
+    name: str
+    count: int
+    properties: list[tuple[str, str, str | None]] = field(default_factory=list)
+
+
+def read_ply(path: Path) -> tuple[FloatArray, list[IndexArray]]:
+    """Read the vertices and faces of a PLY file.
+
+    Returns
+    -------
+    points : (v, 3) float64
+    blocks : list of (n, k) int64
+        Faces with k corners.
+
+    Raises
+    ------
+    ValueError
+        If the header is wrong, the file is cut off, or x, y, z are missing.
+    """
+    data = path.read_bytes()
+    head, found, rest = data.partition(b"end_header")
+    if not data.startswith(b"ply") or not found:
+        raise ValueError("this is no PLY file: its header is missing or not ended")
+    encoding, elements = _read_header(head.decode("ascii", errors="replace"))
+    rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
+    body = _TextBody(rest) if encoding == "ascii" else _BinaryBody(rest, encoding)
+    points: list[list[float]] = []
+    faces: list[list[int]] = []
+    for element in elements:
+        names = [name for name, _, _ in element.properties]
+        rows = [_read_row(body, element) for _ in range(element.count)]
+        if element.name == "vertex":
+            if not {"x", "y", "z"} <= set(names):
+                raise ValueError("the vertices have no x, y, z")
+            columns = [names.index(axis) for axis in "xyz"]
+            points = [[row[column][0] for column in columns] for row in rows]
+        elif element.name == "face":
+            corners = next((names.index(name) for name in CORNERS if name in names), None)
+            if corners is None:
+                raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
+            faces = [[int(corner) for corner in row[corners]] for row in rows]
+    return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
+
+
+def _read_header(head: str) -> tuple[str, list[_Element]]:
+    """Return ``"ascii"`` or the byte order (``"<"``, ``">"``), and the kinds of rows."""
+    encodings = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}
+    encoding, elements = "", list[_Element]()
+    for line in head.splitlines():
+        match line.split():
+            case ["format", name, _]:
+                encoding = encodings.get(name, "")
+            case ["element", name, count]:
+                elements.append(_Element(name, int(count)))
+            case ["property", "list", length, kind, name] if elements and {length, kind} <= TYPES.keys():
+                elements[-1].properties.append((name, TYPES[kind], TYPES[length]))
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append((name, TYPES[kind], None))
+            case ["property", *_]:
+                raise ValueError(f"header line {line.strip()!r} is wrong")
+    if not encoding:
+        raise ValueError("the header names no known format")
+    return encoding, elements
+
+
+class _TextBody:
+    """The numbers of a text file, one after the other."""
+
+    def __init__(self, body: bytes) -> None:
+        self.words = body.split()
+        self.at = 0
+
+    def take(self, kinds: str) -> list[float]:
+        """Read the next numbers, one for each letter of `kinds`."""
+        taken = self.words[self.at : self.at + len(kinds)]
+        if len(taken) < len(kinds):
+            raise ValueError(CUT_OFF)
+        self.at += len(kinds)
+        return [float(word) for word in taken]
+
+
+class _BinaryBody:
+    """The numbers of a binary file of one byte order, one after the other."""
+
+    def __init__(self, body: bytes, order: str) -> None:
+        self.body = body
+        self.order = order
+        self.at = 0
+
+    def take(self, kinds: str) -> list[float]:
+        """Read the next numbers, of the types that the letters of `kinds` stand for."""
+        row = struct.Struct(self.order + kinds)
+        if self.at + row.size > len(self.body):
+            raise ValueError(CUT_OFF)
+        taken = row.unpack_from(self.body, self.at)
+        self.at += row.size
+        return list(taken)
+
+
+def _read_row(body: _TextBody | _BinaryBody, element: _Element) -> list[list[float]]:
+    """Read one row: a list of numbers for each property, of one number where it is no list."""
+    if all(length is None for _, _, length in element.properties):
+        return [[value] for value in body.take("".join(kind for _, kind, _ in element.properties))]
+    row = []
+    for _, kind, length in element.properties:
+        count = 1 if length is None else int(body.take(length)[0])
+        row.append(body.take(kind * count))
+    return row

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from evac.building.reading import read_building
+from evac.errors import BuildingError
+
+EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
+
+
+def test_no_exit_says_how_to_add_one_that_works(mesh, read):
+    with pytest.raises(BuildingError, match="has no exit") as caught:
+        read(mesh.rectangle(0, 0, 6, 3))
+    assert 'segment = [[0.00, 0.00], [6.00, 0.00]], level = "floor z=0.00"' in str(caught.value)
+    exits = [{"name": "exit", "segment": [[0.0, 0.0], [6.0, 0.0]], "level": "floor z=0.00"}]
+    assert read(mesh, exits=exits).exits[0].width == 6.0
+
+
+@pytest.mark.parametrize(("depth", "is_refused"), [(0.99, True), (1.0, False), (1.01, False)])
+def test_level_between_two_portals_is_at_least_1_m_deep(mesh, read, depth, is_refused):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 8 + depth, 2, 2)
+    mesh.rectangle(8 + depth, 0, 12 + depth, 2, 2, 4).rectangle(12 + depth, 0, 16 + depth, 2, 4)
+    if not is_refused:
+        assert len(read(mesh, exits=[EXIT]).levels) == 5
+        return
+    with pytest.raises(BuildingError, match=r"'landing z=2.00' is only 0.99 m deep .* at \(8.(49|50), "):
+        read(mesh, exits=[EXIT])
+
+
+def test_flight_is_at_least_1_m_deep_in_plan(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 4.8, 2, 0, 0.4).rectangle(4.8, 0, 8, 2, 0.4)
+    with pytest.raises(BuildingError, match=r"'flight z=0.00..0.40' is only 0.80 m deep"):
+        read(mesh, exits=[EXIT])
+
+
+def test_portals_at_the_corner_of_a_quarter_landing_may_touch(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 10, 2, 2)
+    mesh.face((8, 2, 2), (10, 2, 2), (10, 6, 4), (8, 6, 4)).rectangle(8, 6, 12, 10, 4)
+    assert [level.kind for level in read(mesh, exits=[EXIT]).levels] == [
+        "floor",
+        "flight",
+        "landing",
+        "flight",
+        "floor",
+    ]
+
+
+def test_portals_back_to_back_may_be_close(mesh, read):
+    # A stair down and a stair up whose feet are 0.4 m apart across a slot in their common floor.
+    mesh.rectangle(0, 0, 8, 2, 2).rectangle(8.4, 0, 16.4, 2, 2).rectangle(0, 2, 16.4, 4, 2)
+    mesh.rectangle(8, 0, 12, 2, 2, 0).rectangle(12, 0, 16, 2)
+    mesh.rectangle(4.4, 0, 8.4, 2, 4, 2).rectangle(0, 0, 4.4, 2, 4)
+    building = read(mesh, exits=[{"name": "out", "segment": [[0, 0], [0, 2]], "z": 2.0}])
+    assert [portal.levels for portal in building.portals] == [(0, 1), (1, 2), (2, 3), (3, 4)]
+
+
+def test_level_over_itself_is_refused(mesh, read):
+    for step in range(30):  # a spiral ramp of 450 degrees
+        angle = np.deg2rad([15 * step, 15 * step + 15])
+        inner, outer = (np.column_stack([r * np.cos(angle), r * np.sin(angle)]) for r in (2, 4))
+        z = np.array([step, step + 1]) * 0.25
+        corners = [(*inner[0], z[0]), (*outer[0], z[0]), (*outer[1], z[1]), (*inner[1], z[1])]
+        mesh.face(*[tuple(np.round(corner, 9).tolist()) for corner in corners])
+    with pytest.raises(BuildingError, match=r"'flight z=0.00..7.50' lies over itself in plan at \(") as caught:
+        read(mesh, exits=[EXIT])
+    x, y = (float(word) for word in str(caught.value).split("at (")[1].split(")")[0].split(","))
+    assert 2 < np.hypot(x, y) < 4
+    assert 0 < np.arctan2(y, x) < np.pi / 2
+
+
+@pytest.mark.parametrize("shift", [0.1, 20.0])
+def test_stair_that_joins_nothing_is_refused(mesh, read, shift):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8 + shift, 0, 12 + shift, 2, 2)
+    with pytest.raises(
+        BuildingError, match=r"stair 'stair 1' at \(.*z = 0.00 to 2.00, joins only level 'floor z=0.00'"
+    ):
+        read(mesh, exits=[EXIT])
+
+
+def test_ramp_to_an_exit_joins_something(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, -1)
+    way = {"name": "ramp", "segment": [[8, 0], [8, 2]], "z": -1.0}
+    building = read(mesh, exits=[way])
+    assert building.levels[building.exits[0].level].kind == "flight"
+
+
+def test_edge_of_three_cells_is_refused(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2).rectangle(4, 0, 8, 2, 0, 2)
+    with pytest.raises(BuildingError, match=r"more than two cells share the edge \(4.00, 0.00, 0.00\) - \(4.00, 2.00"):
+        read(mesh, exits=[EXIT])
+
+
+def test_fold_is_refused(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(4, 0, 8, 2, 4, 2).rectangle(0, 0, 4, 2, 4)
+    with pytest.raises(BuildingError, match=r"folds over itself at the edge \(8.00, 0.00, 2.00\)"):
+        read(mesh, exits=[EXIT])
+
+
+def test_the_file_is_named(mesh, tmp_path):
+    path = mesh.rectangle(0, 0, 6, 3).write_obj(tmp_path / "some_room.obj")
+    with pytest.raises(BuildingError, match=r"some_room\.obj: "):
+        read_building(path)

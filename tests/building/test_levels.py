@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from evac.building.reading import read_building
+from evac.errors import BuildingError
+
+EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
+
+
+def test_straight_stair(stair_mesh, read):
+    building = read(stair_mesh, exits=[EXIT])
+    assert [level.name for level in building.levels] == ["floor z=0.00", "flight z=0.00..3.00", "floor z=3.00"]
+    assert [portal.levels for portal in building.portals] == [(0, 1), (1, 2)]
+    assert building.portals[0].segments.tolist() == [[10, 0, 10, 2]]
+    assert building.portals[1].segments.tolist() == [[16, 0, 16, 2]]
+    assert building.levels[1].slope == pytest.approx(np.arctan(0.5))
+    assert building.stairs == {"stair 1": (1,)}
+    assert building.level_named("flight z=0.00..3.00") is building.levels[1]
+
+
+def test_names_of_tags_are_used(stair_mesh, tmp_path):
+    building = read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
+    assert [(lv.name, lv.kind, lv.stair) for lv in building.levels] == [
+        ("ground", "floor", None),
+        ("main flight z=0.00..3.00", "flight", "main"),
+        ("upper", "floor", None),
+    ]
+
+
+def test_flat_angle_divides_flat_from_sloped(mesh, read):
+    rise = float(10 * np.tan(np.deg2rad(2.9)))
+    mesh.rectangle(0, 0, 10, 2).rectangle(10, 0, 20, 2, 0, rise).rectangle(20, 0, 30, 2, rise)
+    assert [level.kind for level in read(mesh, exits=[EXIT]).levels] == ["floor"]
+    assert [level.kind for level in read(mesh, exits=[EXIT], flat_angle=2.8).levels] == ["floor", "flight", "floor"]
+
+
+def test_ridge_divides_flights(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 12, 2, 2, 0).rectangle(12, 0, 16, 2)
+    building = read(mesh, exits=[EXIT])
+    assert sorted(level.kind for level in building.levels) == ["flight", "flight", "floor", "floor"]
+    assert building.stairs == {"stair 1": (2, 3)}
+
+
+def test_floor_between_flights_is_a_landing_only_if_small(mesh, read):
+    def storeys(depth):
+        mesh.faces.clear()
+        mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 8 + depth, 2, 2)
+        mesh.rectangle(8 + depth, 0, 12 + depth, 2, 2, 4).rectangle(12 + depth, 0, 16 + depth, 2, 4)
+        return read(mesh, exits=[EXIT])
+
+    small, large = storeys(2.0), storeys(9.0)
+    assert [level.kind for level in small.levels] == ["floor", "flight", "landing", "flight", "floor"]
+    assert small.stairs == {"stair 1": (3, 2, 1)}
+    assert [level.kind for level in large.levels] == ["floor", "flight", "floor", "flight", "floor"]
+    assert large.stairs == {"stair 1": (1,), "stair 2": (3,)}
+
+
+def test_floor_tags_divide_and_areas_do_not(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 4, tag="floor:west").rectangle(4, 0, 8, 4, tag="area:class")
+    mesh.rectangle(8, 0, 12, 2, tag="floor:east").rectangle(8, 2, 12, 4)
+    mesh.edge((0, 0, 0), (0, 4, 0), "exit:out")
+    building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
+    # The class and the untagged cell touch the west along 4 m, the east along 2 + 4 m.
+    assert [(lv.name, lv.polygon.area) for lv in building.levels] == [("west", 16.0), ("east", 32.0)]
+    (area,) = building.areas
+    assert (area.name, area.level, area.polygon.bounds) == ("class", 1, (4.0, 0.0, 8.0, 4.0))
+    assert building.portals[0].segments.tolist() == [[4, 0, 4, 4]]
+
+
+def test_landing_tagged_as_stair_is_a_level_of_its_own(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 2, tag="floor:ground").rectangle(4, 0, 6, 2, tag="stair:A")
+    mesh.rectangle(6, 0, 10, 2, 0, 2, tag="stair:A").rectangle(10, 0, 14, 2, 2, tag="floor:upper")
+    mesh.edge((0, 0, 0), (0, 2, 0), "exit:out")
+    building = read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
+    assert [(lv.name, lv.kind) for lv in building.levels] == [
+        ("ground", "floor"), ("A landing z=0.00", "landing"), ("A flight z=0.00..2.00", "flight"), ("upper", "floor"),
+    ]  # fmt: skip
+    assert building.stairs == {"A": (2, 1)}
+
+
+def test_two_portals_where_two_levels_meet_twice(mesh, tmp_path):
+    for y, tag in ((0, "area:a"), (2, ""), (4, "area:b")):
+        mesh.rectangle(0, y, 4, y + 2, tag="floor:west")
+        if tag:
+            mesh.rectangle(4, y, 8, y + 2, tag="floor:east")
+    mesh.rectangle(8, 0, 10, 2, tag="floor:east").rectangle(8, 2, 10, 4, tag="floor:east")
+    mesh.rectangle(8, 4, 10, 6, tag="floor:east").edge((0, 0, 0), (0, 2, 0), "exit:out")
+    building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
+    assert [portal.segments.tolist() for portal in building.portals] == [[[4, 0, 4, 2]], [[4, 4, 4, 6]]]
+    assert [portal.name for portal in building.portals] == ["west - east", "west - east (2)"]
+
+
+def test_equal_names_are_numbered(mesh, read):
+    building = read(mesh.rectangle(0, 0, 4, 3).rectangle(10, 0, 14, 3), exits=[EXIT])
+    assert [level.name for level in building.levels] == ["floor z=0.00", "floor z=0.00 (2)"]
+    assert building.warnings == ("no exit can be reached from 'floor z=0.00 (2)': nobody can leave from there",)
+
+
+def test_cell_of_two_floors_is_refused(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 3, tag="floor:a").rectangle(0, 0, 4, 3, tag="floor:b")
+    with pytest.raises(BuildingError, match=r"at \(\d.\d\d, \d.\d\d, 0.00\) carries both 'floor:a' and 'floor:b'"):
+        read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
+
+
+def test_warped_flight_is_a_warning(mesh, read):
+    mesh.rectangle(0, 0, 4, 2)
+    for step in range(6):  # a winding ramp about (4, 4)
+        angle = np.deg2rad(np.array([15 * step, 15 * step + 15]) - 90)
+        inner, outer = (np.column_stack([4 + r * np.cos(angle), 4 + r * np.sin(angle)]) for r in (2, 4))
+        z = np.array([step, step + 1]) * 0.25
+        corners = [(*inner[0], z[0]), (*outer[0], z[0]), (*outer[1], z[1]), (*inner[1], z[1])]
+        mesh.face(*[tuple(np.round(corner, 9).tolist()) for corner in corners])
+    mesh.rectangle(6, 4, 8, 8, 1.5)
+    building = read(mesh, exits=[EXIT])
+    assert [level.kind for level in building.levels] == ["floor", "flight", "floor"]
+    assert any("'flight z=0.00..1.50' is not plane" in warning for warning in building.warnings)

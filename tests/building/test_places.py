@@ -1,0 +1,178 @@
+import numpy as np
+import pytest
+import shapely
+
+from evac.building.reading import read_building
+from evac.errors import BuildingError
+
+
+@pytest.fixture
+def room(mesh):
+    return mesh.rectangle(0, 0, 6, 4)
+
+
+def way(*segment, name="out", **where):
+    return {"name": name, "segment": segment, **(where or {"z": 0.0})}
+
+
+def test_exit_on_part_of_an_edge_splits_the_wall(room, read):
+    building = read(room, exits=[way([6, 1], [6, 1.82])])
+    np.testing.assert_allclose(building.exits[0].segments, [[6, 1, 6, 1.82]])
+    assert building.exits[0].width == pytest.approx(0.82)
+    np.testing.assert_allclose(
+        building.walls, [[0, 0, 6, 0], [0, 4, 0, 0], [6, 0, 6, 1], [6, 1.82, 6, 4], [6, 4, 0, 4]]
+    )
+
+
+def test_exit_drawn_slightly_off_is_snapped_and_turned(room, read):
+    (found,) = read(room, exits=[way([6.04, 1.82], [5.97, 1])]).exits
+    np.testing.assert_allclose(found.segments, [[6, 1, 6, 1.82]], atol=1e-12)
+
+
+def test_exit_over_several_edges(mesh, read):
+    mesh.face((0, 0, 0), (4, 0, 0), (4.03, 1, 0), (4, 2, 0), (0, 2, 0))
+    (found,) = read(mesh, exits=[way([4, 0], [4, 2])]).exits
+    np.testing.assert_allclose(found.segments, [[4, 0, 4.03, 1], [4.03, 1, 4, 2]], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("segment", "distance"), [(([3, 1], [3, 2]), 1.0), (([6.06, 1], [6.06, 2]), 0.06), (([6, 3], [6, 5]), 0.0)]
+)
+def test_exit_off_the_edge_names_the_nearest(room, read, segment, distance):
+    with pytest.raises(BuildingError, match=r"exit 'out'.*does not lie on a free edge") as caught:
+        read(room, exits=[way(*segment)])
+    assert f"of level 'floor z=0.00', {distance:.2f} m away" in str(caught.value)
+
+
+def test_second_exit_on_the_same_edge(room, read):
+    with pytest.raises(BuildingError, match="exit 'back'"):
+        read(room, exits=[way([6, 1], [6, 2]), way([6, 1], [6, 2], name="back")])
+    with pytest.raises(BuildingError, match="two exits named 'out'"):
+        read(room, exits=[way([6, 1], [6, 2]), way([6, 2], [6, 3])])
+    building = read(room, exits=[way([6, 1], [6, 2]), way([6, 2], [6, 3], name="back")])
+    assert [found.width for found in building.exits] == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "segment", [[[6, 1]], [[6, 1], [6, 1]], [[6, 1], [6, np.nan]], "abc", None, [[6, 1], [6, 2, 3]]]
+)
+def test_exit_that_is_no_segment(room, read, segment):
+    with pytest.raises(BuildingError, match="exit 'out': segment must be two different points"):
+        read(room, exits=[{"name": "out", "segment": segment, "z": 0.0}])
+
+
+def test_level_by_name_and_by_height(stair_mesh, read):
+    up = read(stair_mesh, exits=[way([0, 0], [0, 2]), way([26, 0], [26, 2], name="roof", z=2.8)])
+    assert [found.level for found in up.exits] == [0, 2]
+    by_name = read(stair_mesh, exits=[way([26, 0], [26, 2], level="floor z=3.00")])
+    assert by_name.exits[0].level == 2
+    with pytest.raises(BuildingError, match=r"no level is named 'floor z=3'; did you mean 'floor z=3.00'\?"):
+        read(stair_mesh, exits=[way([26, 0], [26, 2], level="floor z=3")])
+    with pytest.raises(BuildingError, match="no level is at the height z = 6 m"):
+        read(stair_mesh, exits=[way([26, 0], [26, 2], z=6.0)])
+    with pytest.raises(BuildingError, match="give its level by name"):
+        read(stair_mesh, exits=[{"name": "out", "segment": [[0, 0], [0, 2]]}])
+
+
+def test_area_is_clipped_to_its_level(room, read):
+    square = {"name": "start", "polygon": [[5, 3], [8, 3], [8, 6], [5, 6]], "z": 0.0}
+    (area,) = read(room, exits=[way([6, 1], [6, 2])], areas=[square]).areas
+    assert (area.name, area.level) == ("start", 0)
+    assert area.polygon.equals(shapely.box(5, 3, 6, 4))
+    with pytest.raises(
+        BuildingError, match=r"area 'start' has no part on level.*from \(0.00, 0.00\) to \(6.00, 4.00\)"
+    ):
+        read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[8, 8], [9, 8], [9, 9]]}])
+    with pytest.raises(BuildingError, match="two areas named 'start'"):
+        read(room, exits=[way([6, 1], [6, 2])], areas=[square, square])
+    with pytest.raises(BuildingError, match="no simple outline: Self-intersection"):
+        read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[0, 0], [2, 2], [2, 0], [0, 1]]}])
+
+
+def test_obstacle_is_subtracted_and_walled(room, read):
+    building = read(
+        room,
+        exits=[way([6, 1], [6, 2])],
+        areas=[{"name": "all", "polygon": [[0, 0], [6, 0], [6, 4], [0, 4]], "z": 0.0}],
+        obstacles=[
+            {"name": "desk", "polygon": [[1, 1], [2, 1], [2, 2], [1, 2]], "z": 0.0},
+            {"name": "shelf", "polygon": [[3, 3], [4, 3], [4, 5], [3, 5]], "z": 0.0},
+        ],
+    )
+    expected = shapely.box(0, 0, 6, 4) - shapely.box(1, 1, 2, 2) - shapely.box(3, 3, 4, 5)
+    assert building.levels[0].polygon.equals(expected)
+    assert building.areas[0].polygon.equals(expected)
+    own = building.walls.tolist()
+    assert [wall for wall in own if max(wall) <= 2] == [[1, 1, 1, 2], [1, 2, 2, 2], [2, 1, 1, 1], [2, 2, 2, 1]]
+    assert [wall for wall in own if min(wall) >= 3 and max(wall) <= 4] == [[3, 3, 3, 4], [4, 3, 3, 3], [4, 4, 4, 3]]
+    assert building.wall_level.dtype == np.int32
+
+
+@pytest.mark.parametrize(
+    ("polygon", "words"),
+    [
+        ([[5, 1.5], [6, 1.5], [6, 3], [5, 3]], r"obstacle 'desk' covers 0.50 m of the exit 'out' at \(6.00, 1.75\)"),
+        ([[8, 1], [9, 1], [9, 2]], "obstacle 'desk' is not on level"),
+        ([[-1, -1], [5.9, -1], [5.9, 5], [-1, 5]], "cover all of the area 'start'"),
+        ([[1, 1], [2, 1]], "polygon must be at least 3 points"),
+    ],
+)
+def test_obstacles_that_cannot_be(room, read, polygon, words):
+    area = {"name": "start", "polygon": [[0, 0], [1, 0], [1, 1], [0, 1]], "z": 0.0}
+    with pytest.raises(BuildingError, match=words):
+        read(
+            room, exits=[way([6, 1], [6, 2])], areas=[area], obstacles=[{"name": "desk", "polygon": polygon, "z": 0.0}]
+        )
+
+
+def test_obstacle_on_a_portal_is_refused(stair_mesh, read):
+    box = {"name": "box", "polygon": [[9, 0], [10, 0], [10, 1], [9, 1]], "z": 0.0}
+    with pytest.raises(BuildingError, match=r"covers 1.00 m of the portal 'floor z=0.00 - flight z=0.00..3.00'"):
+        read(stair_mesh, exits=[way([0, 0], [0, 2])], obstacles=[box])
+
+
+@pytest.mark.parametrize("is_cut_out", [True, False])
+def test_tagged_obstacle_becomes_walls(mesh, tmp_path, is_cut_out):
+    for x in range(3):
+        for y in range(3):
+            if (x, y) != (1, 1) or not is_cut_out:
+                mesh.rectangle(x, y, x + 1, y + 1, tag="floor:room")
+    mesh.rectangle(1, 1, 2, 2, 0.0 if is_cut_out else 0.3, tag="obstacle:desk")
+    mesh.edge((0, 0, 0), (0, 1, 0), "exit:out")
+    building = read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
+    (level,) = building.levels
+    assert level.polygon.equals(shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2))
+    inner = [wall for wall in building.walls.tolist() if min(wall) == 1 and max(wall) == 2]
+    assert inner == [[1, 1, 1, 2], [1, 2, 2, 2], [2, 1, 1, 1], [2, 2, 2, 1]]
+
+
+def test_tagged_exit_off_the_edge_is_refused(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 3).rectangle(4, 0, 8, 3).edge((4, 0, 0), (4, 3, 0), "exit:door")
+    with pytest.raises(
+        BuildingError, match=r"\(4.00, 0.00, 0.00\) - \(4.00, 3.00, 0.00\) of 'exit:door' is not a free"
+    ):
+        read_building(mesh.write_vtu(tmp_path / "a.vtu"))
+
+
+def test_tagged_exit_on_part_of_an_edge(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 3).edge((4, 1, 0), (4, 2, 0), "exit:door")
+    building = read_building(mesh.write_vtu(tmp_path / "a.vtu"))
+    assert building.exits[0].segments.tolist() == [[4, 1, 4, 2]]
+    assert building.walls.tolist() == [[0, 0, 4, 0], [0, 3, 0, 0], [4, 0, 4, 1], [4, 2, 4, 3], [4, 3, 0, 3]]
+
+
+def test_tagged_exit_on_two_levels_or_twice_is_refused(stair_mesh, tmp_path):
+    stair_mesh.edge((26.0, 0.0, 3.0), (26.0, 2.0, 3.0), "exit:door")
+    with pytest.raises(BuildingError, match="'exit:door' lies on the levels 'ground' and 'upper'"):
+        read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
+    stair_mesh.edges[-1:] = []
+    stair_mesh.edge((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), "exit:other")
+    with pytest.raises(BuildingError, match="of 'exit:other' is also 'exit:door'"):
+        read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
+
+
+def test_tagged_area_on_two_levels_is_refused(mesh, tmp_path):
+    mesh.rectangle(0, 0, 4, 3, tag="area:a").rectangle(10, 0, 14, 3, tag="area:a")
+    mesh.edge((0, 0, 0), (0, 3, 0), "exit:out")
+    with pytest.raises(BuildingError, match=r"'area:a' lies on 'floor z=0.00' and 'floor z=0.00 .2.'"):
+        read_building(mesh.write_vtu(tmp_path / "a.vtu"))

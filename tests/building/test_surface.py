@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+import shapely
+
+from evac.building.triangulation import triangulate
+from evac.errors import BuildingError
+
+EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}
+
+
+def test_rectangle_has_four_walls_less_the_exit(mesh, read):
+    building = read(mesh.rectangle(0, 0, 4, 3), exits=[EXIT])
+    assert building.walls.tolist() == [[0, 0, 4, 0], [0, 3, 0, 1], [4, 0, 4, 3], [4, 3, 0, 3]]
+    assert building.exits[0].segments.tolist() == [[0, 1, 0, 0]]
+    (level,) = building.levels
+    assert (level.name, level.kind, level.polygon.area) == ("floor z=0.00", "floor", 12.0)
+
+
+def test_finely_meshed_room_has_the_same_walls(mesh, read):
+    for i in range(8):
+        for j in range(6):
+            mesh.rectangle(i / 2, j / 2, (i + 1) / 2, (j + 1) / 2)
+    building = read(mesh, exits=[EXIT])
+    assert building.walls.tolist() == [[0, 0, 4, 0], [0, 3, 0, 1], [4, 0, 4, 3], [4, 3, 0, 3]]
+
+
+def test_hanging_nodes_leave_no_wall_inside(mesh, read):
+    mesh.rectangle(0, 0, 4, 6)
+    for y in range(3):  # three cells against one long edge
+        mesh.rectangle(4, 2 * y, 8, 2 * y + 2)
+    building = read(mesh, exits=[EXIT])
+    assert len(building.levels) == 1
+    assert building.walls.tolist() == [[0, 0, 8, 0], [0, 6, 0, 1], [8, 0, 8, 6], [8, 6, 0, 6]]
+
+
+def test_hanging_nodes_on_two_edges_of_a_cell_and_off_by_less_than_the_weld(mesh, read):
+    mesh.face((0, 0, 0), (4, 0, 0), (0, 4, 0))
+    mesh.face((0, 0, 0), (2, 0.0004, 0), (1, -3, 0)).face((2, 0.0004, 0), (4, 0, 0), (3, -3, 0))
+    mesh.face((0, 0, 0), (0, 1, 0), (-2, 0, 0)).face((0, 1, 0), (0, 4, 0), (-2, 3, 0))
+    exit_ = {"name": "out", "segment": [[4, 0], [0, 4]], "z": 0.0}
+    (level,) = read(mesh, exits=[exit_]).levels
+    assert level.polygon.area == pytest.approx(8 + 3 + 3 + 1 + 3, abs=0.01)
+    assert level.polygon.geom_type == "Polygon"
+    assert not level.polygon.interiors
+
+
+def test_gaps_below_the_weld_close_and_above_stay(mesh, read):
+    mesh.rectangle(0, 0, 4, 3).rectangle(4.0009, 0, 8, 3)
+    assert len(read(mesh, exits=[EXIT]).levels) == 1
+    assert len(read(mesh, exits=[EXIT], weld=0.0005).levels) == 2
+
+
+def test_degenerate_steep_and_double_cells_are_dropped(mesh, read):
+    mesh.rectangle(0, 0, 4, 3).rectangle(0, 0, 4, 3)
+    mesh.face((0, 0, 0), (2, 0, 0), (4, 0, 0))
+    mesh.face((4, 0, 0), (4, 3, 0), (4, 3, 2.5), (4, 0, 2.5))
+    mesh.face((0, 3, 0), (4, 3, 0), (4, 4, 1.2), (0, 4, 1.2))  # 50.2 degrees
+    building = read(mesh, exits=[EXIT])
+    assert building.levels[0].polygon.area == 12.0
+    assert len(building.walls) == 4
+    degenerate, steep = building.warnings
+    assert "1 cell without extent dropped, the first at (0.00, 0.00, 0.00)" in degenerate
+    assert "4 cells steeper than 50 degrees dropped" in steep
+    with pytest.raises(BuildingError, match=r"stair 'stair 1'.*joins only level 'floor z=0.00'"):
+        read(mesh, exits=[EXIT], walkable_angle=50.5)
+
+
+def test_unwalkable_mesh_is_refused(mesh, read):
+    with pytest.raises(BuildingError, match="no cell is walkable"):
+        read(mesh.face((0, 0, 0), (4, 0, 0), (4, 0, 3), (0, 0, 3)), exits=[EXIT])
+
+
+@pytest.mark.parametrize("option", [{"weld": 0.0}, {"scale": -1.0}, {"walkable_angle": 90.0}, {"flat_angle": 60.0}])
+def test_settings_out_of_range_are_refused(mesh, read, option):
+    with pytest.raises(BuildingError, match=f"{next(iter(option))} = {next(iter(option.values())):g}"):
+        read(mesh.rectangle(0, 0, 4, 3), exits=[EXIT], **option)
+
+
+@pytest.mark.parametrize("turn", range(8))
+@pytest.mark.parametrize("flip", [1, -1])
+def test_polygons_give_the_same_triangles_however_they_start(turn, flip):
+    outline = np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4]], dtype=float)
+    points = np.column_stack([outline, np.zeros(8)])
+    triangles, owner = triangulate(points, np.roll(np.arange(8)[::flip], turn)[None, :])
+    expected, _ = triangulate(points, np.arange(8)[None, :])
+    assert {frozenset(t) for t in triangles.tolist()} == {frozenset(t) for t in expected.tolist()}
+    pieces = shapely.polygons(outline[triangles])
+    assert shapely.area(pieces).sum() == pytest.approx(10.0)
+    assert shapely.union_all(pieces).equals(shapely.Polygon(outline))
+    assert (owner == 0).all()
+
+
+def test_polygon_that_crosses_itself_is_refused(mesh, read):
+    mesh.face((0, 0, 0), (4, 3, 0), (4, 0, 0), (0, 2, 0))
+    with pytest.raises(BuildingError, match="crosses itself in plan"):
+        read(mesh, exits=[EXIT])
