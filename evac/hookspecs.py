@@ -9,12 +9,13 @@ import pluggy
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
     from evac.building.model import Building
+    from evac.output.recorder import Recorder
     from evac.output.results import Results
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
     from evac.registry import Registry
     from evac.scenario.schema import Case
-    from evac.simulation import Recorder, Simulation
+    from evac.simulation import Simulation
 
 hookspec = pluggy.HookspecMarker("evac")
 hookimpl = pluggy.HookimplMarker("evac")

@@ -156,3 +156,24 @@ def test_a_missing_file_is_named(tmp_path):
 def test_an_unknown_built_in_is_named():
     with pytest.raises(PluginError, match=r"built-in plugin evac_plugins\.none cannot be loaded"):
         Registry(builtins=("evac_plugins.none",))
+
+
+def test_an_installed_plugin_is_registered_with_its_distribution(tmp_path, monkeypatch):
+    written(tmp_path, "installed_spring.py", SPRING)
+    info = tmp_path / "evac_spring-2.5.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evac-spring\nVersion: 2.5\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text("[evac]\nspring = installed_spring\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = bare()
+    (row,) = registry.provenance
+    assert (row.plugin, row.source, row.origin, row.version) == (
+        "installed_spring",
+        "distribution",
+        "evac-spring",
+        "2.5",
+    )
+    assert "spring" in registry.contact_models
+    (info / "entry_points.txt").write_text("[evac]\nspring = no_such_module\n", encoding="utf-8")
+    with pytest.raises(PluginError, match="plugin no_such_module of distribution evac-spring cannot be loaded"):
+        bare()

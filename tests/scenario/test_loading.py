@@ -259,7 +259,9 @@ def test_frozen(case_file, registry):
 
 
 def test_infinite_patience_is_legal(case_file, registry):
-    assert load_case(case_file, ["simulation.no_progress=inf"], registry=registry).simulation.no_progress == math.inf
+    case = load_case(case_file, ["simulation.no_progress=inf"], registry=registry)
+    assert case.simulation.no_progress == math.inf
+    assert case.to_dict()["simulation"]["no_progress"] == math.inf
 
 
 def test_loading_is_quick(case_file, registry):
