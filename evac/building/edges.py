@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 #: Corners that lie no farther off the straight line between their neighbours are merged away [m].
-COLLINEAR = 1e-5
+COLLINEAR = 1e-4
 
 
 @dataclass(frozen=True)

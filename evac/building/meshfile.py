@@ -139,11 +139,8 @@ def _gmsh_tags(mesh: Any) -> dict[str, list[BoolArray]]:
 
 def _array_tags(mesh: Any) -> dict[str, list[BoolArray]]:
     """Masks of the cell-data arrays that are named like tags."""
-    return {
-        name: [np.asarray(values).reshape(len(values), -1).any(axis=1) for values in arrays]
-        for name, arrays in mesh.cell_data.items()
-        if ":" in name
-    }
+    tagged = {name: arrays for name, arrays in mesh.cell_data.items() if ":" in name and np.ndim(arrays[0]) == 1}
+    return {name: [np.asarray(values != 0) for values in arrays] for name, arrays in tagged.items()}
 
 
 def _assemble(

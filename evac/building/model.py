@@ -20,7 +20,7 @@ class Level:
     index : int
         Its row in every per-level array.
     name : str
-        Tag of the mesh, or made from what it is and where (``"flight 1 (z 0.00 to 1.50)"``).
+        Tag of the mesh, or made from what it is and where (``"flight z=0.00..1.50"``); unique.
     kind : str
         ``"floor"``, ``"flight"`` (sloped) or ``"landing"`` (flat, between flights of one stair).
     stair : str or None
@@ -97,8 +97,8 @@ class Building:
     vertices : (v, 3) float64
         Welded vertices [m].
     walls : (w, 4) float64
-        Segments x1, y1, x2, y2 [m]: free edges of the mesh that are no exit, and outlines of obstacles;
-        collinear neighbours of one level are merged.
+        Segments x1, y1, x2, y2 [m], each with the level's inside on its left: free edges of the mesh that are
+        no exit, and outlines of obstacles; collinear neighbours of one level are merged.
     wall_level : (w,) int32
         Level that each wall stands on.
     stairs : dict of str to tuple of int

@@ -57,7 +57,7 @@ def read_ply(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     faces: list[list[int]] = []
     for element in elements:
         names = [name for name, _, _ in element.properties]
-        rows = [_read_row(body, element) for _ in range(element.count)]
+        rows = _read_rows(body, element)
         if element.name == "vertex":
             if not {"x", "y", "z"} <= set(names):
                 raise ValueError("the vertices have no x, y, z")
@@ -126,12 +126,17 @@ class _BinaryBody:
         return list(taken)
 
 
-def _read_row(body: _TextBody | _BinaryBody, element: _Element) -> list[list[float]]:
-    """Read one row: a list of numbers for each property, of one number where it is no list."""
+def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[list[float]]]:
+    """Read all rows of an element: a list of numbers for each property, of one number where it is no list."""
     if all(length is None for _, _, length in element.properties):
-        return [[value] for value in body.take("".join(kind for _, kind, _ in element.properties))]
-    row = []
-    for _, kind, length in element.properties:
-        count = 1 if length is None else int(body.take(length)[0])
-        row.append(body.take(kind * count))
-    return row
+        kinds = "".join(kind for _, kind, _ in element.properties)
+        numbers = body.take(kinds * element.count)
+        return [[[value] for value in row] for row in zip(*[iter(numbers)] * len(kinds), strict=True)]
+    rows = []
+    for _ in range(element.count):
+        row = []
+        for _, kind, length in element.properties:
+            count = 1 if length is None else int(body.take(length)[0])
+            row.append(body.take(kind * count))
+        rows.append(row)
+    return rows

@@ -15,9 +15,12 @@ from evac.building.levels import LevelSet, find_levels
 from evac.building.links import find_exits_and_walls, find_portals
 from evac.building.meshfile import read_mesh
 from evac.building.model import Area, Building
-from evac.building.places import HEIGHT_REACH, add_area, add_exit, add_obstacles
+from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
 from evac.building.surface import Surface, clean_surface
 from evac.errors import BuildingError
+
+#: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
+OBSTACLE_HEIGHT = 1.2
 
 
 def read_building(
@@ -108,13 +111,14 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, 
     """Find tagged obstacles drawn on top of a floor; those cut out of it have their walls already."""
     found = []
     for tag, corners in sorted(surface.obstacles.items()):
-        outline = shapely.union_all(shapely.polygons(corners[:, :, :2])).simplify(COLLINEAR)
+        cells = shapely.polygons(corners[:, :, :2])
+        outline = shapely.union_all(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
         z = float(corners[:, :, 2].min())
         for level in building.levels:
             on = outline.intersection(level.polygon)
-            if on.area <= 1e-6:
+            if on.area <= LEAST_LENGTH**2:
                 continue
             height = level_elevation(building.vertices, level, shapely.get_coordinates(on.centroid))[0]
-            if abs(height - z) <= HEIGHT_REACH:
+            if -HEIGHT_REACH <= z - height <= OBSTACLE_HEIGHT:
                 found.append({"name": tag.removeprefix("obstacle:"), "polygon": on, "level": level.name})
     return found

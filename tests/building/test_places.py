@@ -131,13 +131,14 @@ def test_obstacle_on_a_portal_is_refused(stair_mesh, read):
         read(stair_mesh, exits=[way([0, 0], [0, 2])], obstacles=[box])
 
 
-@pytest.mark.parametrize("is_cut_out", [True, False])
-def test_tagged_obstacle_becomes_walls(mesh, tmp_path, is_cut_out):
+@pytest.mark.parametrize(("is_cut_out", "height"), [(True, 0.0), (False, 0.0), (False, 0.75)])
+def test_tagged_obstacle_becomes_walls(mesh, tmp_path, is_cut_out, height):
     for x in range(3):
         for y in range(3):
             if (x, y) != (1, 1) or not is_cut_out:
                 mesh.rectangle(x, y, x + 1, y + 1, tag="floor:room")
-    mesh.rectangle(1, 1, 2, 2, 0.0 if is_cut_out else 0.3, tag="obstacle:desk")
+    mesh.rectangle(1, 1, 2, 2, height, tag="obstacle:desk")
+    mesh.face((1, 1, 0), (2, 1, 0), (2, 1, 0.7), tag="obstacle:desk")
     mesh.edge((0, 0, 0), (0, 1, 0), "exit:out")
     building = read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
     (level,) = building.levels
