@@ -60,9 +60,9 @@ def read_building(
         a stair that joins nothing, an exit off the edge, no exit.
     """
     source = Path(path)
-    if not (weld > 0.0 and scale > 0.0 and 0.0 < flat_angle <= walkable_angle < 90.0):
+    if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle <= walkable_angle < 90.0):
         raise BuildingError(
-            f"{source}: weld and scale must be positive and 0 < flat_angle <= walkable_angle < 90 degrees, not "
+            f"{source}: weld must not be negative, scale be positive and 0 < flat_angle <= walkable_angle < 90 degrees, not "
             f"weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
     surface = clean_surface(read_mesh(source), weld, flat_angle, walkable_angle, scale)

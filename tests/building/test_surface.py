@@ -50,6 +50,10 @@ def test_gaps_below_the_weld_close_and_above_stay(mesh, read):
     assert len(read(mesh, exits=[EXIT], weld=0.0005).levels) == 2
 
 
+def test_exact_meshes_need_no_weld(stair_mesh, read):
+    assert len(read(stair_mesh, exits=[{**EXIT, "segment": [[0, 0], [0, 2]]}], weld=0.0).portals) == 2
+
+
 def test_degenerate_steep_and_double_cells_are_dropped(mesh, read):
     mesh.rectangle(0, 0, 4, 3).rectangle(0, 0, 4, 3)
     mesh.face((0, 0, 0), (2, 0, 0), (4, 0, 0))
@@ -70,7 +74,7 @@ def test_unwalkable_mesh_is_refused(mesh, read):
         read(mesh.face((0, 0, 0), (4, 0, 0), (4, 0, 3), (0, 0, 3)), exits=[EXIT])
 
 
-@pytest.mark.parametrize("option", [{"weld": 0.0}, {"scale": -1.0}, {"walkable_angle": 90.0}, {"flat_angle": 60.0}])
+@pytest.mark.parametrize("option", [{"weld": -0.1}, {"scale": -1.0}, {"walkable_angle": 90.0}, {"flat_angle": 60.0}])
 def test_settings_out_of_range_are_refused(mesh, read, option):
     with pytest.raises(BuildingError, match=f"{next(iter(option))} = {next(iter(option.values())):g}"):
         read(mesh.rectangle(0, 0, 4, 3), exits=[EXIT], **option)
