@@ -62,7 +62,7 @@ def read_building(
     source = Path(path)
     if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle <= walkable_angle < 90.0):
         raise BuildingError(
-            f"{source}: weld must not be negative, scale be positive and 0 < flat_angle <= walkable_angle < 90 degrees, "
+            f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle <= walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
     surface = clean_surface(read_mesh(source), weld, flat_angle, walkable_angle, scale)
