@@ -106,6 +106,7 @@ class Simulation:
         self.engine = Engine(world, len(self.population.crowd.level), self.forces, full)
         self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
         self.recorders: list[Recorder] = [recorder() for recorder in self.registry.recorders.values()]
+        self._is_recording = False
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
         self._seen_time = np.full(len(crowd.level), np.inf)
@@ -138,9 +139,6 @@ class Simulation:
         results = None
         error: BaseException | None = None
         try:
-            for recorder in self.recorders:
-                recorder.start(self)
-                recorder.record(self)
             while not self.ended:
                 self.advance_tick()
                 if progress is not None:
@@ -152,13 +150,19 @@ class Simulation:
             error = caught
             raise
         finally:
-            for recorder in self.recorders:
-                recorder.finish(self, results)
+            if self._is_recording:
+                for recorder in self.recorders:
+                    recorder.finish(self, results)
             self.registry.hook.evac_finish(simulation=self, results=results, error=error)
         return results
 
     def advance_tick(self) -> None:
         """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last."""
+        if not self._is_recording:
+            self._is_recording = True
+            for recorder in self.recorders:
+                recorder.start(self)
+                recorder.record(self)
         settings = self.case.simulation
         per_tick = round(settings.tick / settings.step)
         last = round(settings.duration / settings.step)

@@ -156,7 +156,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
             return OK
         tally[0, 11] += 1.0
         stepping.keep_impulses(contacts)
-        status = stepping.refresh(world, bodies, lists, tally, 3.0 * needed)
+        status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:
             status = stepping.seek(world, bodies, lists, contacts, tally)
         if status != OK:

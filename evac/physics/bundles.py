@@ -128,7 +128,7 @@ class Lists(NamedTuple):
     cell_body: IntArray
     cell_of: IntArray
     stale: ByteArray  # (1,)
-    span: FloatArray  # (2,) reach beyond touching that the lists cover, skin [m]
+    span: FloatArray  # (3,) reach beyond touching covered for bodies, skin, reach covered for walls [m]
 
 
 class Contacts(NamedTuple):

@@ -164,7 +164,7 @@ def make_lists(n: int, pairs: int, walls: int) -> Lists:
         cell_body=np.zeros(n, np.int32),
         cell_of=np.zeros(n, np.int32),
         stale=np.ones(1, np.uint8),
-        span=np.array([0.05, SKIN]),
+        span=np.array([0.05, SKIN, 0.05]),
     )
 
 

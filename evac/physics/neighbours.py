@@ -43,7 +43,7 @@ def segment_distance(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
 
 @inner
 def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
-    """Build both lists for the reach and skin in ``lists.span``; return OK, PAIRS_FULL or WALLS_FULL."""
+    """Build both lists for the reaches and the skin in ``lists.span``; return OK, PAIRS_FULL or WALLS_FULL."""
     status = _build_pairs(world, bodies, lists)
     if status == OK:
         status = _build_walls(world, bodies, lists)
@@ -154,7 +154,7 @@ def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
 @inner
 def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
     capacity = lists.wall_item.shape[0]
-    span = lists.span[0] + lists.span[1]
+    span = lists.span[2] + lists.span[1]
     frame = world.bucket_frame
     nx, ny = world.bucket_shape[0], world.bucket_shape[1]
     used = 0

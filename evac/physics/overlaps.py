@@ -28,7 +28,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
     for i in range(n):
         bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest)
         longest = max(longest, bodies.reach[i])
-    status = stepping.refresh(world, bodies, lists, tally, 2.0 * longest)
+    status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     if status == OK:
         status = stepping.seek(world, bodies, lists, contacts, tally)
     if status != OK:
@@ -54,7 +54,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         status = _displace(world, bodies, lists, events, clock, time, 2.0 * deepest)
         tally[0, 12] += 1.0
         if status == OK:
-            status = stepping.refresh(world, bodies, lists, tally, 2.0 * longest)
+            status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     if status == OK:
         status = stepping.seek(world, bodies, lists, contacts, tally)
     return status

@@ -94,10 +94,17 @@ def scatter(crowd, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def refresh(world, bodies, lists, tally, needed):  # type: ignore[no-untyped-def]
-    """Build the lists again if they are stale or do not reach far enough."""
-    if lists.span[0] < needed:
-        lists.span[0] = 1.25 * needed
+def refresh(world, bodies, lists, tally, needed, contact):  # type: ignore[no-untyped-def]
+    """Build the lists again if they are stale or do not reach as far as needed.
+
+    `needed` [m] is for forces between bodies, `contact` [m] for contacts with bodies and walls; the latter follows
+    speeds, so it gets a margin.
+    """
+    if lists.span[0] < max(needed, contact):
+        lists.span[0] = max(needed, 1.25 * contact)
+        lists.stale[0] = 1
+    if lists.span[2] < contact:
+        lists.span[2] = 1.25 * contact
         lists.stale[0] = 1
     if lists_are_stale(bodies, lists):
         tally[0, 2] += 1.0
@@ -110,7 +117,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
     """Set ``bodies.free``; return (status, greatest speed [m/s])."""
     set_desired(world, bodies)
     if clock.forces > 0:
-        status = refresh(world, bodies, lists, tally, clock.cutoff)
+        status = refresh(world, bodies, lists, tally, clock.cutoff, 0.0)
         if status != OK:
             return status, 0.0
         add_forces(world, bodies, lists, forces, clock)
@@ -126,7 +133,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
 def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # type: ignore[no-untyped-def]
     """Find the contacts within `share` of the free paths (at least `floor`) beyond touching; return a status."""
     set_reach(bodies, h, share, floor)
-    status = refresh(world, bodies, lists, tally, 2.0 * max(share * h * fastest, floor) + h * fastest)
+    status = refresh(world, bodies, lists, tally, 0.0, 2.0 * max(share * h * fastest, floor) + h * fastest)
     if status != OK:
         return status
     return seek(world, bodies, lists, contacts, tally)
