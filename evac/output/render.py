@@ -4,6 +4,7 @@ import importlib.util
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
@@ -121,6 +122,7 @@ def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> N
 
 
 def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    with imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2) as film:
+    film: Any = imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2)
+    with film:
         for image in images:
             film.append_data(image)
