@@ -21,15 +21,14 @@ class TrajectoryRecorder(Recorder):
     """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); without a folder it keeps nothing."""
 
     name = "trajectory"
+    _writer: TrajectoryWriter | None = None
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and what the run was made with."""
-        self._writer: TrajectoryWriter | None = None
-        self._recorded = -1.0
         if simulation.folder is not None:
-            simulation.folder.mkdir(parents=True, exist_ok=True)
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+            self._recorded = -1.0
             self._writer = TrajectoryWriter(simulation.folder / FILE_NAME, _header(simulation), origin)
 
     def record(self, simulation: "Simulation") -> None:

@@ -38,7 +38,7 @@ class TrajectoryWriter:
     Parameters
     ----------
     path : Path
-        Replaced if it is there.
+        Replaced if it is there; its folder is made if it is not.
     header : mapping
         JSON data: ``title``, ``building`` (`evac.output.header.building_to_json`), ``groups`` (list of names),
         ``group`` (list: row of ``groups`` per person, -1 for none), ``radius`` (list [m]) and what else is
@@ -62,6 +62,7 @@ class TrajectoryWriter:
         layout = {"format": 1, "fields": FIELDS, "origin": self._origin.tolist()}
         text = json.dumps({**header, **layout}, allow_nan=False).encode()
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb")
             self._file.write(MAGIC + _HEADER_LENGTH.pack(len(text)) + text)
             self._file.flush()

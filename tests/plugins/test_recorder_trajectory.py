@@ -105,5 +105,10 @@ def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
     assert list(tmp_path.rglob(FILE_NAME)) == []
 
 
+def test_run_that_ended_before_its_start_can_be_finished(simulation, tmp_path):
+    TrajectoryRecorder().finish(simulation, None)
+    assert list(tmp_path.rglob(FILE_NAME)) == []
+
+
 def test_hook_offers_the_recorder():
     assert [recorder.name for recorder in evac_recorders()] == ["trajectory"]
