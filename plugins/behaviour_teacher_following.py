@@ -29,17 +29,19 @@ class TeacherFollowing(Behaviour):
 
     - a member takes its teacher's route, and sets off no earlier than its teacher: at the later of the
       two start times;
-    - a member ahead walks at (1 - L / gap) of its speed, and stands from L = gap on;
-    - with D the greatest of -L, the teacher walks at full speed up to D = lag / 2, slower beyond, and
-      stands from D = lag on: its factor is 2 (1 - D / lag), cut to [0, 1];
+    - a member walks at full speed while it is more than `trail` behind (L < -trail), and ever slower from
+      there to L = gap, where it stands: its factor is (gap - L) / (gap + trail), cut to [0, 1];
+    - with D the greatest -L of the n members inside and D_0 = lag + n spacing, the teacher walks at full
+      speed up to D = D_0 / 2 and ever slower from there to D = D_0, where it stands: its factor is
+      2 (1 - D / D_0), cut to [0, 1];
     - a teacher that has waited `patience` in vain, its last member making no progress, goes on until its class
-      has caught up (D <= lag / 2);
+      has caught up (D <= D_0 / 2);
     - while a teacher has wanted to walk for more than `stuck` without progress, members ahead of it go on
       alone, each until it is behind its teacher again; once the teacher is out, all go on alone.
 
     The last two rules keep classes that wait for each other on a stair, and pupils who stand in their
-    teacher's way, from blocking the building for good. The lag at which a class walks is a matter of its
-    size: n people in two files on a stair are about 0.3 n metres long, times what stairs slow people down.
+    teacher's way, from blocking the building for good. With ``trail = 0`` those behind push those who
+    stand ahead of a slow teacher on, and a crowd carries them off.
 
     Raises
     ------
@@ -53,7 +55,9 @@ class TeacherFollowing(Behaviour):
     group_keys = ("teacher",)
 
     gap = Parameter(0.5, "lead in travel time at which a member stands and lets its teacher pass", unit="s", above=0.0)
-    lag = Parameter(5.0, "lag of the last member at which the teacher stands", unit="s", above=0.0, infinite=True)
+    trail = Parameter(3.0, "how far behind its teacher a member starts to take up its pace", unit="s", minimum=0.0)
+    lag = Parameter(2.0, "lag of the last member at which the teacher of an empty class stands", unit="s", above=0.0)
+    spacing = Parameter(0.9, "what each member inside adds to that lag: a class has a length", unit="s", minimum=0.0)
     patience = Parameter(10.0, "how long a teacher waits in vain", unit="s", minimum=0.0, infinite=True)
     stuck = Parameter(10.0, "how long a teacher is hindered before its class passes", unit="s", minimum=0.0)
 
@@ -94,7 +98,9 @@ class TeacherFollowing(Behaviour):
             time,
             self._tick,
             self.gap,
+            self.trail,
             self.lag,
+            self.spacing,
             self.patience,
             self.stuck,
         )
@@ -135,7 +141,7 @@ def follow(  # type: ignore[no-untyped-def]
     speed_factor,
     grid_origin,
     grid_shape,
-    spacing,
+    grid_spacing,
     field_of,
     field_offset,
     travel_time,
@@ -147,7 +153,9 @@ def follow(  # type: ignore[no-untyped-def]
     time,
     tick,
     gap,
+    trail,
     lag,
+    spacing,
     patience,
     stuck,
 ):
@@ -158,9 +166,10 @@ def follow(  # type: ignore[no-untyped-def]
             continue
         own = sample_travel_time(
             position[t, 0], position[t, 1], level[t], route[t],
-            grid_origin, grid_shape, spacing, field_of, field_offset, travel_time,
+            grid_origin, grid_shape, grid_spacing, field_of, field_offset, travel_time,
         )  # fmt: skip
         last = own
+        allowed = lag
         for k in range(first[g], first[g + 1]):
             m = member[k]
             if level[m] < 0:
@@ -171,28 +180,29 @@ def follow(  # type: ignore[no-untyped-def]
                 start_time[m] = start_time[t]
             remaining = sample_travel_time(
                 position[m, 0], position[m, 1], level[m], route[m],
-                grid_origin, grid_shape, spacing, field_of, field_offset, travel_time,
+                grid_origin, grid_shape, grid_spacing, field_of, field_offset, travel_time,
             )  # fmt: skip
             lead = own - remaining
             if not np.isfinite(lead):
                 continue
             last = max(last, remaining)
+            allowed += spacing
             if lead <= 0.0:
                 goes_alone[k] = 0
             elif memory[g, HINDERED] > stuck:
                 goes_alone[k] = 1
             if not goes_alone[k]:
-                speed_factor[m] *= min(max(1.0 - lead / gap, 0.0), 1.0)
+                speed_factor[m] *= min(max((gap - lead) / (gap + trail), 0.0), 1.0)
         if time >= start_time[t] and np.isfinite(own):
-            pace = lead_on(memory[g], last, last - own, lag, patience, tick)
+            pace = lead_on(memory[g], last, (last - own) / allowed, patience, tick)
             speed_factor[t] *= pace
             count_vain(memory[g], TEACHER_TRAVEL_TIME, HINDERED, own, pace * tick)
 
 
 @kernel
-def lead_on(memory, last, behind, lag, patience, tick):  # type: ignore[no-untyped-def]
-    """Return the speed factor of a teacher whose last member is `behind` [s], and remember how long it waited."""
-    pace = min(max(2.0 * (1.0 - behind / lag), 0.0), 1.0)
+def lead_on(memory, last, share, patience, tick):  # type: ignore[no-untyped-def]
+    """Return a teacher's speed factor at a `share` of the lag its class is allowed, and remember how long it waits."""
+    pace = min(max(2.0 * (1.0 - share), 0.0), 1.0)
     if pace == 1.0:
         memory[WAITS_NO_MORE] = 0.0
     count_vain(memory, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)

@@ -11,7 +11,7 @@ ACROSS, ALONG = 1.35, 0.9
 DESK_WIDTH, DESK_DEPTH = 0.45, 0.35
 #: Centre of the desk nearest to the corner (0, 0): half a desk from the side wall, behind it 0.9 m of passage.
 FIRST_DESK = (0.225, 1.575)
-DOOR = (5.1, 5.6)
+DOOR = (5.35, 5.85)
 
 
 def desks() -> MultiPolygon:

@@ -99,23 +99,23 @@ def test_without_a_teacher_the_same_pupils_run_ahead():
     assert not class_.behaviour.is_needed(class_.scene)
 
 
-def test_factor_falls_linearly_to_nought_at_the_gap():
-    class_ = Corridor(
-        ("teacher", [10.0], [1.0], {}), ("class", [9.0, 10.0, 10.2, 10.4, 11.0], [1.0] * 5, FOLLOWS), gap=0.5
-    )
+def test_members_take_up_the_pace_behind_their_teacher_and_stand_ahead_of_it():
+    places = [6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", places, [1.0] * 7, FOLLOWS), gap=1.0, trail=3.0)
     class_.behaviour.act(class_.crowd, 0.0)
-    assert class_.crowd.speed_factor[1:] == pytest.approx([1.0, 1.0, 0.6, 0.2, 0.0])
+    assert class_.crowd.speed_factor[1:] == pytest.approx([1.0, 1.0, 0.75, 0.5, 0.25, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("behind", "factor"), [(0.0, 1.0), (4.0, 1.0), (6.0, 0.5), (8.0, 0.0), (9.0, 0.0)])
 def test_teacher_slows_for_its_last_member(behind, factor):
-    class_ = Corridor(("teacher", [20.0], [1.0], {}), ("class", [20.0 - behind, 20.0], [1.0] * 2, FOLLOWS), lag=8.0)
+    places = [20.0 - behind, 20.0]
+    class_ = Corridor(("teacher", [20.0], [1.0], {}), ("class", places, [1.0] * 2, FOLLOWS), lag=5.0, spacing=1.5)
     class_.behaviour.act(class_.crowd, 0.0)
     assert class_.crowd.speed_factor[0] == pytest.approx(factor)
 
 
 def test_multiplies_what_others_have_set():
-    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [10.25], [1.0], FOLLOWS))
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [10.25], [1.0], FOLLOWS), gap=0.5, trail=0.0)
     class_.crowd.speed_factor[:] = 0.5
     class_.behaviour.act(class_.crowd, 0.0)
     assert class_.crowd.speed_factor.tolist() == pytest.approx([0.5, 0.25])
@@ -159,7 +159,7 @@ def test_a_blocked_teacher_releases_its_class():
 
 
 def test_a_member_that_went_ahead_follows_again_once_it_is_behind():
-    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.9], [1.2], FOLLOWS), stuck=5.0, lag=50.0)
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [9.9], [1.2], FOLLOWS), stuck=5.0)
     class_.blocked[0] = True
     class_.run(10.0)
     ahead = class_.x[1] - class_.x[0]
@@ -182,7 +182,7 @@ def test_a_teacher_that_waits_in_vain_goes_on():
 
 
 def test_a_teacher_waits_as_long_as_its_last_member_gets_nearer():
-    class_ = Corridor(("teacher", [60.0], [1.0], {}), ("class", [10.0], [0.5], FOLLOWS), patience=10.0, lag=5.0)
+    class_ = Corridor(("teacher", [60.0], [1.0], {}), ("class", [10.0], [0.5], FOLLOWS), patience=10.0)
     class_.run(80.0)
     assert class_.x[0] == 60.0
     class_.run(30.0)
