@@ -12,9 +12,8 @@ from evac.output.results import versions
 from evac.output.trajectory import FILE_NAME, TrajectoryWriter
 
 if TYPE_CHECKING:
-    from evac.simulation import Simulation
-
     from evac.output.results import Results
+    from evac.simulation import Simulation
 
 
 class TrajectoryRecorder(Recorder):

@@ -170,7 +170,7 @@ def test_frames_are_on_disk_before_the_writer_is_closed(descent, tmp_path):
 
 def test_unwritable_place_is_named(tmp_path):
     (tmp_path / "taken").write_text("a file")
-    with pytest.raises(ResultError, match="taken.*cannot write the trajectory"):
+    with pytest.raises(ResultError, match=r"taken.*cannot write the trajectory"):
         TrajectoryWriter(tmp_path / "taken" / "x.evac", {"radius": [0.2]}, np.zeros(2))
 
 
