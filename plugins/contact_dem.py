@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
@@ -64,7 +66,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     for step in range(clock.first, clock.last):
         stepping.save(bodies)
         fired = stepping.begin_step(events, tally)
-        parts = 1
+        parts = np.int64(1)
         while True:
             status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
             if status == OK:
@@ -95,7 +97,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.impulse[c])
         stepping.report_force(bodies, contacts, clock, step, part, parts, 1.0 / h)
         stepping.tally_contacts(contacts, tally)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, False)
+        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.0)
         if status != OK:
             return status
     return OK

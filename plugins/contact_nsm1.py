@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
 from evac.parameters import Parameter
@@ -13,7 +15,7 @@ from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import solve
+from evac.physics.solvers import INELASTIC, solve
 
 #: Contacts are looked for as far as this share of a body's free path, and of the fastest one's, reaches.
 REACH = 1.05
@@ -74,7 +76,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     for step in range(clock.first, clock.last):
         stepping.save(bodies)
         fired = stepping.begin_step(events, tally)
-        parts = 1
+        parts = np.int64(1)
         while True:
             status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
             if status == OK:
@@ -99,7 +101,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             )
         if status == OK:
             status = part_overlaps(
-                world, bodies, lists, contacts, events, clock, tally, time, law.method, law.gap_tolerance
+                world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, law.gap_tolerance
             )
         if status == OK:
             status = _project(world, bodies, lists, contacts, tally, law, h)
@@ -108,7 +110,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         weight = 0.0 if law.overdamped else 1.0 / h
         stepping.report_force(bodies, contacts, clock, step, part, parts, weight)
         stepping.tally_contacts(contacts, tally)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, False)
+        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.0)
         if status != OK:
             return status
         if law.overdamped:  # without inertia there is no kinetic energy to account for
@@ -131,8 +133,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
             bodies.free,
             bodies.solved,
             contacts,
-            False,
-            0.0,
+            INELASTIC,
             0.0,
             tolerance,
             law.iterations,

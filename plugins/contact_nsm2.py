@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
 from evac.parameters import Parameter
@@ -14,7 +16,7 @@ from evac.physics.contacts import keep_only_meeting, normal_velocity, report_con
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import solve, tangential_velocity
+from evac.physics.solvers import INELASTIC, solve, tangential_velocity
 
 #: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
 REACH = 1.0 + 1e-9
@@ -92,7 +94,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     for step in range(clock.first, clock.last):
         stepping.save(bodies)
         fired = stepping.begin_step(events, tally)
-        parts = 1
+        parts = np.int64(1)
         while True:
             status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
             if status == OK:
@@ -116,7 +118,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status == OK:
             status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, TOUCH, fastest)
         if status == OK and law.correction:
-            status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, OVERLAP)
+            status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP)
         if status != OK:
             return status
         stepping.tally_contacts(contacts, tally)
@@ -126,7 +128,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         _strike(bodies, contacts, tally, law)
         if clock.report_force and step == clock.last - 1 and part == parts - 1:
             _report_reaction(bodies, contacts, law, h)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, True)
+        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.5)
         if status != OK:
             return status
     return OK
@@ -147,7 +149,7 @@ def _stick(bodies, contacts, law, full):  # type: ignore[no-untyped-def]
 @inner
 def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-untyped-def]
     """Solve with K_N = `normal`; return (iterations, residual)."""
-    compliance = 2.0 / normal if normal > 0.0 else 0.0
+    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
     return solve(
         law.method,
         bodies.count[0],
@@ -155,7 +157,6 @@ def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-un
         bodies.free,
         velocity,
         contacts,
-        normal > 0.0,
         compliance,
         law.tangential,
         law.velocity_tolerance,

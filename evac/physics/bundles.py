@@ -1,6 +1,6 @@
 """The arrays that kernels work on, bundled by owner. float64, int32, uint8; contiguous; checked at the border."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +86,7 @@ class Bodies(NamedTuple):
     people alone; level -1 marks one that left on the way.
     """
 
-    count: IntArray  # (2,) bodies, and the body that the last failure is about
+    count: LongArray  # (2,) bodies, and the body that the last failure is about
     row: IntArray  # row in Crowd
     position: FloatArray
     velocity: FloatArray
@@ -134,7 +134,7 @@ class Lists(NamedTuple):
 class Contacts(NamedTuple):
     """The contacts of one step, sorted by body, walls before bodies; the normal points to `body`."""
 
-    count: IntArray  # (2,) contacts now, contacts in the warm-start memory
+    count: LongArray  # (2,) contacts now, contacts in the warm-start memory
     body: IntArray
     other: IntArray  # -1: a wall
     key: IntArray  # other body, or wall - number of walls
@@ -157,7 +157,7 @@ class Contacts(NamedTuple):
 class Events(NamedTuple):
     """Crossings of the current tick, in order."""
 
-    count: IntArray  # (1,)
+    count: LongArray  # (1,)
     row: IntArray
     kind: IntArray  # 0 portal, 1 exit
     link: IntArray
@@ -172,7 +172,6 @@ class Clock(NamedTuple):
     step: float  # h [s]
     explicit: bool  # drive by explicit Euler (the paper's) instead of the exponential update
     report_force: bool  # contact forces are wanted at the last step
-    forces: int  # number of forces at a distance
     cutoff: float  # gap beyond which they are left out [m]
     full: bool  # do even what the scene does not need
 
@@ -203,7 +202,7 @@ TALLY = (
 
 
 class Forces(NamedTuple):
-    """Pair forces as kernels call them; padded to a fixed length, so that one compiled loop serves all scenes."""
+    """Pair forces as kernels call them, one row each."""
 
-    pair: Any  # tuple of first-class functions
-    parameters: Any  # tuple of float64 arrays
+    address: LongArray  # (k,) of the machine code
+    parameters: FloatArray  # (k, p)

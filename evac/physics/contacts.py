@@ -6,6 +6,8 @@ it, because keeping it throws people sideways at wall joints.
 
 import math
 
+import numpy as np
+
 from evac.jit import inner
 from evac.physics.drive import unit_normal
 from evac.physics.neighbours import segment_distance
@@ -44,7 +46,7 @@ def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
 
     Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
     """
-    found = 0
+    found = np.int64(0)
     level = bodies.level[i]
     x, y = bodies.position[i, 0], bodies.position[i, 1]
     limit = bodies.radius[i] + bodies.reach[i]
@@ -142,8 +144,8 @@ def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-de
     capacity = contacts.body.shape[0]
     walls = world.wall.shape[0]
     near = contacts.near
-    used = 0
-    memory = 0
+    used = np.int64(0)
+    memory = np.int64(0)
     for i in range(bodies.count[0]):
         level = bodies.level[i]
         if level < 0:
@@ -154,7 +156,7 @@ def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-de
             found = _near_walls(world, bodies, lists, near, i)
             if found < 0:
                 return NEAR_WALLS_FULL
-            kept = 0
+            kept = np.int64(0)
             for k in range(found):
                 if not _is_implied(world, near, k, kept):
                     kept |= 1 << k
@@ -233,7 +235,7 @@ def keep_impulses(contacts):  # type: ignore[no-untyped-def]
 @inner
 def keep_only_meeting(bodies, contacts, h):  # type: ignore[no-untyped-def]
     """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
-    used = 0
+    used = np.int64(0)
     for c in range(contacts.count[0]):
         if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= TOUCHING:
             if used != c:

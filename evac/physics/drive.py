@@ -3,7 +3,7 @@
 import math
 
 from evac.directions.sampling import sample_direction
-from evac.jit import inner
+from evac.jit import call_pair_force, inner
 from evac.physics.seams import reaches
 
 
@@ -86,13 +86,12 @@ def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-
                 continue
             nx, ny, distance = unit_normal(nx, ny, square)
             gap = distance - bodies.radius[i] - bodies.radius[j]
-            for f in range(clock.forces):
-                pair = forces.pair[f]
-                parameters = forces.parameters[f]
-                fx, fy = pair(gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], parameters)
+            for f in range(forces.address.shape[0]):
+                call, given = forces.address[f], forces.parameters[f]
+                fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
                 bodies.push[i, 0] += fx
                 bodies.push[i, 1] += fy
-                fx, fy = pair(gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], parameters)
+                fx, fy = call_pair_force(call, gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], given)
                 bodies.push[j, 0] += fx
                 bodies.push[j, 1] += fy
 

@@ -8,14 +8,11 @@ from evac.errors import SimulationError
 from evac.physics import neighbours, stepping
 from evac.physics.bundles import TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
-from evac.physics.force import Force, no_force
+from evac.physics.force import Force
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, WALL_CROSSED
 
 if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
-
-#: Forces at a distance that one run can hold; padding to this length lets one compiled loop serve all scenes.
-MOST_FORCES = 4
 
 #: How far neighbour lists look beyond what is needed, so that they last several steps [m].
 SKIN = 0.2
@@ -42,20 +39,13 @@ class Engine:
     """
 
     def __init__(self, world: World, people: int, forces: list[Force], full: bool = False) -> None:
-        if len(forces) > MOST_FORCES:
-            raise SimulationError(f"forces: at most {MOST_FORCES} forces can act at once, got {len(forces)}")
         self.world = world
         self.bodies = make_bodies(people)
         self.lists = make_lists(people, 8 * people + 64, 8 * people + 64)
         self.contacts = make_contacts(people, 4 * people + 64)
         self.events = make_events(4 * people + 16)
         self.tally = np.zeros((2, len(TALLY)))
-        padding = [no_force] * (MOST_FORCES - len(forces))
-        self.forces = Forces(
-            tuple([force.pair for force in forces] + padding),
-            tuple([force.packed() for force in forces] + [np.zeros(1)] * len(padding)),
-        )
-        self.force_count = MOST_FORCES if full else len(forces)
+        self.forces = pack_forces(forces)
         self.cutoff = max((force.cutoff() for force in forces), default=0.0)
         self.full = full
 
@@ -74,7 +64,7 @@ class Engine:
         last = first + steps
         if inside:
             while first < last:
-                clock = Clock(first, last, step, explicit, report, self.force_count, self.cutoff, self.full)
+                clock = Clock(first, last, step, explicit, report, self.cutoff, self.full)
                 first, status = model.run(self, clock)
                 if status != neighbours.OK:
                     self._handle(int(status), first * step)
@@ -122,6 +112,15 @@ def _grown(array: np.ndarray) -> np.ndarray:
     return np.concatenate([array, np.zeros_like(array)])
 
 
+def pack_forces(forces: list[Force]) -> Forces:
+    """Return addresses and parameters of pair forces; shorter parameter rows are filled with zeros."""
+    rows = [force.packed() for force in forces]
+    parameters = np.zeros((len(rows), max((len(row) for row in rows), default=1)))
+    for k, row in enumerate(rows):
+        parameters[k, : len(row)] = row
+    return Forces(np.array([force.pair.address for force in forces], dtype=np.int64), parameters)
+
+
 def make_bodies(n: int) -> Bodies:
     """Allocate the work arrays for n people."""
     integers = {"row", "level", "route", "old_level"}
@@ -141,7 +140,7 @@ def make_bodies(n: int) -> Bodies:
     arrays: dict[str, Any] = {}
     for name in Bodies._fields:
         if name == "count":
-            arrays[name] = np.zeros(2, np.int32)
+            arrays[name] = np.zeros(2, np.int64)
         elif name == "near_link":
             arrays[name] = np.zeros(n, np.uint8)
         elif name in integers:
@@ -172,7 +171,7 @@ def make_contacts(n: int, capacity: int) -> Contacts:
     """Allocate room for `capacity` contacts among n people."""
     whole = {"body", "other", "key", "old_body", "old_key"}
     special = {
-        "count": np.zeros(2, np.int32),
+        "count": np.zeros(2, np.int64),
         "normal": np.zeros((capacity, 2)),
         "sticky": np.zeros(capacity, np.uint8),
         "work": np.zeros((capacity, 6)),
@@ -189,7 +188,7 @@ def make_contacts(n: int, capacity: int) -> Contacts:
 def make_events(capacity: int) -> Events:
     """Allocate room for `capacity` crossings."""
     return Events(
-        np.zeros(1, np.int32),
+        np.zeros(1, np.int64),
         np.zeros(capacity, np.int32),
         np.zeros(capacity, np.int32),
         np.zeros(capacity, np.int32),

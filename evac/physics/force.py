@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.jit import pair_force
 from evac.parameters import Configurable
 
 
@@ -31,9 +30,3 @@ class Force(Configurable, ABC):
     def is_needed(self) -> bool:
         """Return False if the force is zero everywhere, so that it can be left out."""
         return True
-
-
-@pair_force
-def no_force(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
-    """No force: fills the places of the step loop that the scene does not use."""
-    return 0.0, 0.0

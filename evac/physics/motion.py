@@ -96,16 +96,14 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # t
 
 
 @inner
-def move(world, bodies, lists, events, time, h, midpoint, full):  # type: ignore[no-untyped-def]
-    """Move everybody by ``bodies.solved`` (or by its mean with the old velocity); return 0 or a status."""
+def move(world, bodies, lists, events, time, h, old_share, full):  # type: ignore[no-untyped-def]
+    """Move everybody by ``bodies.solved``, of which `old_share` is the old velocity's; return 0 or a status."""
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
             continue
         ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
-        mx, my = ux, uy
-        if midpoint:
-            mx = 0.5 * (ux + bodies.velocity[i, 0])
-            my = 0.5 * (uy + bodies.velocity[i, 1])
+        mx = (1.0 - old_share) * ux + old_share * bodies.velocity[i, 0]
+        my = (1.0 - old_share) * uy + old_share * bodies.velocity[i, 1]
         ax, ay = bodies.position[i, 0], bodies.position[i, 1]
         bx = ax + h * mx
         by = ay + h * my

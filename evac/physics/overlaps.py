@@ -6,14 +6,14 @@ from evac.jit import inner
 from evac.physics import stepping
 from evac.physics.motion import move
 from evac.physics.neighbours import OK
-from evac.physics.solvers import solve
+from evac.physics.solvers import INELASTIC, solve
 
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
 ITERATIONS = 300
 
 
 @inner
-def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, tolerance):  # type: ignore[no-untyped-def]
+def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):  # type: ignore[no-untyped-def]
     """Push bodies apart where an overlap exceeds half the tolerance; return a status.
 
     The displacement is the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1
@@ -44,11 +44,10 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         bodies.spare,
         bodies.solved,
         contacts,
-        False,
-        0.0,
+        INELASTIC,
         0.0,
         0.1 * tolerance,
-        ITERATIONS,
+        min(limit, ITERATIONS),
     )
     if found <= 0.5 * deepest:
         status = _displace(world, bodies, lists, events, clock, time, 2.0 * deepest)
@@ -80,7 +79,7 @@ def _displace(world, bodies, lists, events, clock, time, limit):  # type: ignore
         if length > limit:
             bodies.solved[i, 0] *= limit / length
             bodies.solved[i, 1] *= limit / length
-    status = move(world, bodies, lists, events, time, 1.0, False, clock.full)
+    status = move(world, bodies, lists, events, time, 1.0, 0.0, clock.full)
     for i in range(n):
         bodies.velocity[i, 0] = bodies.spare[i, 0]
         bodies.velocity[i, 1] = bodies.spare[i, 1]

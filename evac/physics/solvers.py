@@ -19,15 +19,18 @@ UZAWA = 0
 GAUSS_SEIDEL = 1
 ACCELERATED = 2
 
+#: In place of 2/K_N where K_N = 0: no third term in the local form.
+INELASTIC = -1.0
+
 #: Names of the solvers, in the order of their codes.
 SOLVERS = ("uzawa", "gauss_seidel", "accelerated")
 
 
 @inner
-def local_percussion(a, approach, omega, bias, elastic, compliance):  # type: ignore[no-untyped-def]
-    """Return the percussion that makes one contact obey its law; `compliance` is 2/K_N [1/kg]."""
+def local_percussion(a, approach, omega, bias, compliance):  # type: ignore[no-untyped-def]
+    """Return the percussion that makes one contact obey its law; `compliance` is 2/K_N [1/kg] or INELASTIC."""
     percussion = max(0.0, -(a + bias) / omega)
-    if elastic:
+    if compliance >= 0.0:
         percussion = max(percussion, -(a + approach) / (omega + compliance))
     return percussion
 
@@ -82,13 +85,13 @@ def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
 
 
 @inner
-def residual(velocity, contacts, elastic, compliance, tangential):  # type: ignore[no-untyped-def]
+def residual(velocity, contacts, compliance, tangential):  # type: ignore[no-untyped-def]
     """Return max_c omega_c |P_c - P_c^local| [m/s], tangential percussions included."""
     worst = 0.0
     for c in range(contacts.count[0]):
         omega = contacts.omega[c]
         a = normal_velocity(velocity, contacts, c) - omega * contacts.impulse[c]
-        local = local_percussion(a, contacts.approach[c], omega, contacts.bias[c], elastic, compliance)
+        local = local_percussion(a, contacts.approach[c], omega, contacts.bias[c], compliance)
         worst = max(worst, omega * abs(contacts.impulse[c] - local))
         if contacts.sticky[c]:
             w = tangential_velocity(velocity, contacts, c) - omega * contacts.friction[c]
@@ -98,12 +101,12 @@ def residual(velocity, contacts, elastic, compliance, tangential):  # type: igno
 
 
 @inner
-def relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential):  # type: ignore[no-untyped-def]
+def relax(velocity, inverse_mass, contacts, c, compliance, tangential):  # type: ignore[no-untyped-def]
     """Make contact c obey its law with all others held; return the change of velocity [m/s]."""
     omega = contacts.omega[c]
     old = contacts.impulse[c]
     a = normal_velocity(velocity, contacts, c) - omega * old
-    new = local_percussion(a, contacts.approach[c], omega, contacts.bias[c], elastic, compliance)
+    new = local_percussion(a, contacts.approach[c], omega, contacts.bias[c], compliance)
     change = omega * abs(new - old)
     if new != old:
         contacts.impulse[c] = new
@@ -119,22 +122,22 @@ def relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential):
 
 
 @inner
-def gauss_seidel(velocity, inverse_mass, contacts, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def gauss_seidel(velocity, inverse_mass, contacts, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Projected Gauss-Seidel in the contacts' order; return (iterations, residual)."""
-    found = residual(velocity, contacts, elastic, compliance, tangential)
+    found = residual(velocity, contacts, compliance, tangential)
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
         change = 0.0
         for c in range(contacts.count[0]):
-            change = max(change, relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential))
+            change = max(change, relax(velocity, inverse_mass, contacts, c, compliance, tangential))
         if change <= 2.0 * tolerance or iteration % 16 == 15:
-            found = residual(velocity, contacts, elastic, compliance, tangential)
-    return limit, residual(velocity, contacts, elastic, compliance, tangential)
+            found = residual(velocity, contacts, compliance, tangential)
+    return limit, residual(velocity, contacts, compliance, tangential)
 
 
 @inner
-def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def accelerated(velocity, inverse_mass, contacts, bodies, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
 
     One iteration sweeps the contacts forwards and backwards and then goes on along the conjugate
@@ -152,7 +155,7 @@ def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, t
         image[i, 2] = 0.0
         image[i, 3] = 0.0
     before = 0.0
-    found = residual(velocity, contacts, elastic, compliance, tangential)
+    found = residual(velocity, contacts, compliance, tangential)
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
@@ -164,11 +167,11 @@ def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, t
             image[i, 1] = velocity[i, 1]
         change = 0.0
         for c in range(n):
-            relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential)
+            relax(velocity, inverse_mass, contacts, c, compliance, tangential)
         for c in range(n - 1, -1, -1):
-            change = max(change, relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential))
+            change = max(change, relax(velocity, inverse_mass, contacts, c, compliance, tangential))
         if change <= 2.0 * tolerance or iteration % 8 == 7:
-            found = residual(velocity, contacts, elastic, compliance, tangential)
+            found = residual(velocity, contacts, compliance, tangential)
             if found <= tolerance:
                 return iteration + 1, found
         now = 0.0
@@ -182,8 +185,8 @@ def accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, t
         before = now
         _go_on(velocity, contacts, work, image, bodies, beta)
     for c in range(n):
-        relax(velocity, inverse_mass, contacts, c, elastic, compliance, tangential)
-    return limit, residual(velocity, contacts, elastic, compliance, tangential)
+        relax(velocity, inverse_mass, contacts, c, compliance, tangential)
+    return limit, residual(velocity, contacts, compliance, tangential)
 
 
 @inner
@@ -244,7 +247,7 @@ def constraint_norm(contacts, image, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def uzawa(velocity, free, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def uzawa(velocity, free, inverse_mass, contacts, bodies, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
 
     rho = 0.95 * 2 alpha / |C|^2 with alpha the least mass; h^2 rho of NSM1, whose rows are h G, is the same
@@ -257,14 +260,14 @@ def uzawa(velocity, free, inverse_mass, contacts, bodies, elastic, compliance, t
         if contacts.other[c] >= 0:
             lightest = max(lightest, inverse_mass[contacts.other[c]])
     rho = 1.9 / (lightest * constraint_norm(contacts, contacts.work_velocity, bodies))
-    found = residual(velocity, contacts, elastic, compliance, tangential)
+    found = residual(velocity, contacts, compliance, tangential)
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
         for c in range(n):
             w = normal_velocity(velocity, contacts, c)
             new = max(0.0, contacts.impulse[c] - rho * (w + contacts.bias[c]))
-            if elastic:
+            if compliance >= 0.0:
                 spring = (contacts.impulse[c] - rho * (w + contacts.approach[c])) / (1.0 + rho * compliance)
                 new = max(new, spring)
             if contacts.sticky[c]:
@@ -275,12 +278,12 @@ def uzawa(velocity, free, inverse_mass, contacts, bodies, elastic, compliance, t
             velocity[i, 0] = free[i, 0]
             velocity[i, 1] = free[i, 1]
         apply_percussions(velocity, inverse_mass, contacts)
-        found = residual(velocity, contacts, elastic, compliance, tangential)
+        found = residual(velocity, contacts, compliance, tangential)
     return limit, found
 
 
 @inner
-def solve(method, bodies, inverse_mass, free, velocity, contacts, elastic, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
     """Solve the contact problem from the percussions in `contacts`; return (iterations, residual).
 
     Parameters
@@ -293,8 +296,8 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, elastic, compl
     free, velocity : (n, 2)
         V, and the velocity found [m/s].
     contacts : Contacts
-    elastic : bool
-        Whether NSM2's K_N > 0 acts; `compliance` is then 2/K_N [1/kg].
+    compliance : float
+        2/K_N [1/kg]; INELASTIC for NSM1 and for K_N = 0.
     tangential : float
         K_T [kg].
     tolerance : float
@@ -310,8 +313,8 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, elastic, compl
     apply_percussions(velocity, inverse_mass, contacts)
     if method == UZAWA:
         return uzawa(
-            velocity, free, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit
+            velocity, free, inverse_mass, contacts, bodies, compliance, tangential, tolerance, limit
         )
     if method == GAUSS_SEIDEL:
-        return gauss_seidel(velocity, inverse_mass, contacts, elastic, compliance, tangential, tolerance, limit)
-    return accelerated(velocity, inverse_mass, contacts, bodies, elastic, compliance, tangential, tolerance, limit)
+        return gauss_seidel(velocity, inverse_mass, contacts, compliance, tangential, tolerance, limit)
+    return accelerated(velocity, inverse_mass, contacts, bodies, compliance, tangential, tolerance, limit)

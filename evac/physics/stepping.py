@@ -116,7 +116,7 @@ def refresh(world, bodies, lists, tally, needed, contact):  # type: ignore[no-un
 def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped):  # type: ignore[no-untyped-def]
     """Set ``bodies.free``; return (status, greatest speed [m/s])."""
     set_desired(world, bodies)
-    if clock.forces > 0:
+    if forces.address.shape[0] > 0:
         status = refresh(world, bodies, lists, tally, clock.cutoff, 0.0)
         if status != OK:
             return status, 0.0
@@ -187,12 +187,12 @@ def take_free(bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint):  # type: ignore[no-untyped-def]
+def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):  # type: ignore[no-untyped-def]
     """Sum the work, keep the percussions for a warm start, move; return a status."""
     add_work(bodies, contacts, tally[0, 13:16])
     keep_impulses(contacts)
     tally[0, 1] += 1.0
-    return move(world, bodies, lists, events, time, h, midpoint, clock.full)
+    return move(world, bodies, lists, events, time, h, old_share, clock.full)
 
 
 @inner
@@ -259,12 +259,12 @@ def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, shar
 
 
 @kernel
-def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint, is_last):  # type: ignore[no-untyped-def]
+def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, old_share, is_last):  # type: ignore[no-untyped-def]
     """Report forces, count overlaps, sum work and move after a sub-step; return a status."""
     if clock.report_force and is_last:
         report_contact_force(bodies, contacts, 1.0 / h)
     tally_contacts(contacts, tally)
-    return finish(world, bodies, lists, contacts, events, clock, tally, time, h, midpoint)
+    return finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share)
 
 
 @kernel
