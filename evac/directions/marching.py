@@ -72,8 +72,10 @@ class _March:
         self.is_plain = bool(metric.factor.max() == 1.0)
         self.cost = np.full(grids.size, math.inf)
         self.pending: list[tuple[float, int, int]] = []
-        # Per (portal, level entered): minimum marched from last, to ask for progress.
-        self.done: dict[tuple[int, int], float] = {}
+        #: How often each level fell.
+        self.falls = [0] * len(grids.levels)
+        #: Per (portal, level entered): falls of the level behind, and the cost last marched from since.
+        self.tried: dict[tuple[int, int], tuple[int, float]] = {}
 
     def run(self, exits: list[Exit]) -> FloatArray:
         for grid in self.grids.levels:
@@ -95,30 +97,38 @@ class _March:
         """Queue a look through every portal of a level, from both of its sides."""
         for portal in self.grids.portals_of(level):
             for entered in portal.levels:
-                lower = self._lower_from(portal, entered)
-                if lower < math.inf:
-                    heapq.heappush(self.pending, (lower, portal.index, entered))
+                start = self._start(portal, entered)
+                if start < math.inf:
+                    heapq.heappush(self.pending, (start, portal.index, entered))
 
-    def _lower_from(self, portal: Portal, entered: int) -> float:
-        """Return the least cost on a portal where the level behind it has less than `entered`; inf if nowhere."""
+    def _start(self, portal: Portal, entered: int) -> float:
+        """Return the least cost on a portal where the level behind it has less than `entered`; inf if nowhere.
+
+        What was marched from before counts again only if the level behind has fallen since: a wave from
+        the least cost need not pass everywhere before greater ones, as where two exits lie behind a wide portal.
+        """
+        beyond = other_level(portal, entered)
         points = _points_along(portal.segments, 0.5 * self.spacing)
-        behind = self._at(other_level(portal, entered), points)
-        here = self._at(entered, points)
-        factor = self._at(other_level(portal, entered), points, self.metric.factor)
-        slack = TOLERANCE * self.spacing * self.metric.slowness[list(portal.levels)].max() * factor
-        lower = behind < here - slack
+        behind = self._at(beyond, points)
+        slack = self._step(portal) * self._at(beyond, points, self.metric.factor)
+        falls, before = self.tried.get((portal.index, entered), (-1, -math.inf))
+        lower = behind < self._at(entered, points) - slack
+        if falls == self.falls[beyond]:
+            lower &= behind > before + self._step(portal)
         return float(behind[lower].min()) if lower.any() else math.inf
+
+    def _step(self, portal: Portal) -> float:
+        """Return the difference that is let be at a portal."""
+        return TOLERANCE * self.spacing * float(self.metric.slowness[list(portal.levels)].max())
 
     def _enter(self, portal: Portal, level: int) -> None:
         """March a level from one of its portals, if that lowers it."""
-        lowest = self._lower_from(portal, level)
-        key = (portal.index, level)
-        step = TOLERANCE * self.spacing * self.metric.slowness[level].min()
-        if lowest == math.inf or abs(lowest - self.done.get(key, math.inf)) < step:
+        start = self._start(portal, level)
+        if start == math.inf:
             return
-        self.done[key] = lowest
-        if self._march_from_portal(self.grids.levels[level], portal, lowest):
-            self._queue_portals(level)
+        self.tried[portal.index, level] = (self.falls[other_level(portal, level)], start)
+        self._march_from_portal(self.grids.levels[level], portal, start)
+        self._queue_portals(level)
 
     def _march_from_exits(self, grid: LevelGrid, use: int, exits: list[Exit]) -> None:
         """March from the lines of exits.
@@ -168,8 +178,8 @@ class _March:
             distance.ravel()[close[hidden]] = math.inf
         return distance
 
-    def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> bool:
-        """March from the neighbour's contour at `start`; return whether the level fell."""
+    def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> None:
+        """March from the neighbour's contour at `start`."""
         neighbour = self.grids.levels[other_level(portal, grid.level)]
         phi = np.full(grid.window.shape, math.inf)
         shared = grid.source >= 0
@@ -189,11 +199,10 @@ class _March:
         phi[~np.isfinite(phi)] = self.spacing
         found = self._solve(grid, phi, use_towards(level, portal.segments), portal, walkable)
         if found is None:
-            return False
+            return
         found += start
         found[below] = cost_below
-        found.ravel()[on_portal] = np.minimum(found.ravel()[on_portal], self.cost[theirs])
-        return self._lower(grid, found)
+        self._lower(grid, found)
 
     def _solve(
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
@@ -227,13 +236,13 @@ class _March:
             table[1 + portal.index] = self.metric.slowness[beyond, away if portal is through else towards_us]
         return table
 
-    def _lower(self, grid: LevelGrid, found: FloatArray) -> bool:
-        """Take over what is lower; return whether anything was."""
+    def _lower(self, grid: LevelGrid, found: FloatArray) -> None:
+        """Take over what is lower."""
         cost = self.cost[grid.packed]
         new = found.ravel()
-        fell = bool((new < cost - 1e-9).any())
+        noticed = TOLERANCE * self.spacing * self.metric.slowness[grid.level].min()
+        self.falls[grid.level] += bool((new < cost - noticed).any())
         np.minimum(cost, new, out=cost)
-        return fell
 
     def _at(self, level: int, points: FloatArray, values: FloatArray | None = None) -> FloatArray:
         """Return costs (or other packed values) of a level at points, over the nodes that have one."""

@@ -1,0 +1,47 @@
+"""Sampling kernels on small grids by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+
+
+def fields(travel_time, direction=None):
+    """Return the fields of one level whose nodes lie at whole metres, and of a level without a field."""
+    travel_time = np.asarray(travel_time, dtype=float)
+    if direction is None:
+        direction = np.zeros((*travel_time.shape, 2))
+    return Fields(
+        (Route(),), np.zeros((2, 2)), np.array([travel_time.shape] * 2, dtype=np.int32), 1.0,
+        np.array([[0], [-1]], dtype=np.int32), np.array([0], dtype=np.int64),
+        np.asarray(direction, dtype=float).reshape(-1, 2), travel_time.ravel(), None,
+    )
+
+
+def test_travel_time_is_bilinear():
+    x, y = np.meshgrid(np.arange(4.0), np.arange(3.0), indexing="ij")
+    found = fields(1 + 2 * x + 3 * y + x * y).travel_time_at(0, [[0.25, 0.5], [2.5, 1.75], [3.0, 2.0]], 0)
+    assert found == pytest.approx([1 + 0.5 + 1.5 + 0.125, 1 + 5 + 5.25 + 4.375, 1 + 6 + 6 + 6])
+
+
+def test_travel_time_leaves_out_nodes_without_a_way():
+    one = fields([[1.0, math.inf], [3.0, math.inf], [math.inf, math.inf]])
+    assert one.travel_time_at(0, [[0.5, 0.5], [0.25, 0.9], [1.5, 0.5], [1.0, 0.0]], 0) == pytest.approx([2, 1.5, 3, 3])
+    assert one.travel_time_at(0, [[2.0, 0.5]], 0)[0] == math.inf
+    assert one.travel_time_at(1, [[0.0, 0.0]], 0)[0] == math.inf
+
+
+def test_positions_off_the_grid_are_clamped_to_it():
+    assert fields([[1.0, 2.0], [3.0, 4.0]]).travel_time_at(0, [[-5, -5], [9, 9]], 0) == pytest.approx([1.0, 4.0])
+
+
+def test_directions_are_normalised_and_the_nearest_nodes_where_they_cancel():
+    east, west, north = (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0)
+    turning = fields(np.zeros((2, 2)), [[east, north], [east, north]])
+    assert turning.directions_at(0, [[0.5, 0.5]], 0)[0] == pytest.approx([math.sqrt(0.5)] * 2)
+    ridge = fields(np.zeros((2, 2)), [[west, west], [east, east]])
+    assert ridge.directions_at(0, [[0.49, 0.5], [0.51, 0.5]], 0) == pytest.approx(np.array([west, east]))
+    assert not ridge.directions_at(1, [[0.5, 0.5]], 0).any()

@@ -1,0 +1,197 @@
+"""Route choice: least cost by own speeds, within what the case allows, and changes during a run."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import shapely
+from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
+
+from evac.behaviour import BehaviourScene
+from evac.building.model import Building, Exit, Level, Portal
+from evac.directions.build import build_fields
+from evac.directions.routes import Route
+from evac.errors import PluginError, ScenarioError
+
+STEEP = math.atan(3.0 / 4.0)
+ANY = (Route(),)
+
+
+def level(index, box, uphill=(0.0, 0.0), slope=0.0):
+    return Level(
+        index, f"level {index}", "flight" if slope else "floor", None, np.zeros((0, 3), np.int32), shapely.box(*box),
+        np.array(uphill, dtype=float), slope, 0.0, 0.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def building():
+    """Return a floor 10 m long: the exit "stair" lies behind a stair of 5 m (up) in the east, "flat" in the west."""
+    levels = (level(0, (0, 0, 10, 2)), level(1, (10, 0, 14, 2), (1, 0), STEEP), level(2, (14, 0, 15, 2)))
+    sides = ((0, 10), (10, 14), (14, 15))
+    walls = np.array([wall for low, high in sides for wall in ((low, 0, high, 0), (high, 2, low, 2))], dtype=float)
+    return Building(
+        Path("drawn.msh"),
+        np.array([[0, 0, 0], [15, 2, 3]], dtype=float),
+        levels,
+        (
+            Portal(0, "bottom", (0, 1), np.array([[10.0, 0, 10, 2]]), 2.0),
+            Portal(1, "top", (1, 2), np.array([[14.0, 0, 14, 2]]), 2.0),
+        ),
+        (
+            Exit(0, "flat", 0, np.array([[0.0, 2, 0, 0]]), 2.0),
+            Exit(1, "stair", 2, np.array([[15.0, 0, 15, 2]]), 2.0),
+        ),
+        (),
+        walls,
+        np.array([0, 0, 1, 1, 2, 2], dtype=np.int32),
+        {},
+    )
+
+
+def scene(building, behaviour, groups, routes=ANY, route=None):
+    """Return a scene of groups, given as (x positions, speeds up, settings), on the lower floor."""
+    fields = build_fields(building, tuple(dict.fromkeys((*routes, *behaviour.routes()))), speeds=(1.0, 0.5, 0.5))
+    x = np.concatenate([np.array(positions, dtype=float) for positions, _, _ in groups])
+    made, first = [], 0
+    for name, (positions, _, settings) in enumerate(groups):
+        rows = np.arange(first, first + len(positions), dtype=np.int32)
+        made.append(SimpleNamespace(name=f"group {name}", rows=rows, settings=settings))
+        first += len(positions)
+    up = np.concatenate([np.array(speeds, dtype=float) for _, speeds, _ in groups])
+    crowd = SimpleNamespace(
+        position=np.column_stack((x, np.ones(len(x)))),
+        level=np.zeros(len(x), dtype=np.int32),
+        speed=np.column_stack((np.ones(len(x)), up, up)),
+        route=np.zeros(len(x), dtype=np.int32) if route is None else np.array(route, dtype=np.int32),
+    )
+    return BehaviourScene(crowd, building, fields, tuple(made), np.random.default_rng(0), 0.1)
+
+
+def chosen(of):
+    """Return the routes of everybody."""
+    return [of.fields.routes[index] for index in of.crowd.route]
+
+
+def test_costs_weigh_lengths_with_own_speeds(building):
+    behaviour = RouteChoice(exits=["flat", "stair"])
+    of = scene(building, behaviour, [([4.0, 4.0], [0.5, 1.0], {})])
+    routes = [of.fields.routes.index(route) for route in behaviour.routes()]
+    rows = np.arange(2, dtype=np.int32)
+    costs = {m: route_costs(of.fields, of.crowd, rows, routes, m) for m in ("shortest", "fastest", "comfortable")}
+    assert costs["shortest"] == pytest.approx(np.array([[4.0, 12.0], [4.0, 12.0]]), abs=0.05)
+    assert costs["fastest"] == pytest.approx(np.array([[4.0, 17.0], [4.0, 12.0]]), abs=0.05)
+    assert costs["comfortable"] == pytest.approx(np.array([[4.0, 37.0], [4.0, 22.0]]), abs=0.2)
+
+
+def test_people_slow_on_stairs_take_the_other_exit(building):
+    """At x = 7.5 the flat exit costs 7.5 s, the stair 3.5 s + 5 m / speed up."""
+    behaviour = RouteChoice(exits=["flat", "stair"])
+    of = scene(building, behaviour, [([7.5, 7.5, 9.0], [1.0, 2.0, 0.5], {})])
+    behaviour.prepare(of)
+    assert [route.exits for route in chosen(of)] == [("flat",), ("stair",), ("flat",)]
+    assert not behaviour.acts_at_ticks()
+
+
+def test_strategies_have_their_own_measure(building):
+    """At x = 9 the ways are 9 m and 7 m long; they take 9 s and 7 s, with stairs counted three times 9 s and 17 s."""
+    taken = {}
+    for strategy in ("shortest", "fastest", "comfortable"):
+        behaviour = RouteChoice(exits=["flat", "stair"], strategies=[strategy])
+        of = scene(building, behaviour, [([9.0, 9.0], [1.0, 0.5], {})])
+        behaviour.prepare(of)
+        taken[strategy] = [route.exits[0] for route in chosen(of)]
+    assert taken == {"shortest": ["stair"] * 2, "fastest": ["stair", "flat"], "comfortable": ["flat"] * 2}
+
+
+def test_exits_of_the_case_and_of_the_group_limit_the_choice(building):
+    behaviour = RouteChoice(exits=["flat", "stair"])
+    routes = (Route(), Route(("stair",)))
+    groups = [([1.0], [0.5], {}), ([1.0], [0.5], {"exits": ["stair"]}), ([1.0], [0.5], {})]
+    of = scene(building, behaviour, groups, routes, route=[0, 0, 1])
+    behaviour.prepare(of)
+    assert [route.exits for route in chosen(of)] == [("flat",), ("stair",), ("stair",)]
+
+
+def test_a_strategy_changes_during_the_run(building):
+    behaviour = RouteChoice(exits=["flat", "stair"], change_at=20.0, change_to="comfortable")
+    groups = [([9.0], [1.0], {}), ([9.0], [1.0], {"change_at": math.inf})]
+    of = scene(building, behaviour, groups)
+    behaviour.prepare(of)
+    assert behaviour.acts_at_ticks()
+    behaviour.act(of.crowd, 19.9)
+    assert chosen(of) == [Route(("stair",))] * 2
+    behaviour.act(of.crowd, 199 * 0.1 + 0.1)
+    assert chosen(of) == [Route(("flat",), "comfortable"), Route(("stair",))]
+
+
+def test_people_choose_again_once_a_period_from_where_they_are(building):
+    behaviour = RouteChoice(exits=["flat", "stair"], every=5.0)
+    of = scene(building, behaviour, [([9.0, 9.0], [1.0, 1.0], {})])
+    behaviour.prepare(of)
+    of.crowd.position[:, 0] = 2.0
+    of.crowd.level[1] = -1
+    behaviour.act(of.crowd, 4.9)
+    assert [route.exits for route in chosen(of)] == [("stair",), ("stair",)]
+    behaviour.act(of.crowd, 5.0)
+    assert [route.exits for route in chosen(of)] == [("flat",), ("stair",)]
+
+
+def test_goes_on_from_a_saved_state(building):
+    settings = {"exits": ["flat", "stair"], "every": 5.0, "change_at": 3.0, "change_to": "comfortable"}
+    one, two = RouteChoice(**settings), RouteChoice(**settings)
+    scenes = [scene(building, behaviour, [([9.0], [1.0], {})]) for behaviour in (one, two)]
+    for behaviour, of in zip((one, two), scenes, strict=True):
+        behaviour.prepare(of)
+    one.act(scenes[0].crowd, 3.0)
+    one.act(scenes[0].crowd, 5.0)
+    two.restore(one.state())
+    for behaviour, of in zip((one, two), scenes, strict=True):
+        of.crowd.position[:, 0] = 13.0
+        of.crowd.level[:] = 1
+        of.crowd.route[:] = 0
+        behaviour.act(of.crowd, 9.9)
+        assert chosen(of) == [Route()]
+        behaviour.act(of.crowd, 10.0)
+        assert chosen(of) == [Route(("stair",), "comfortable")]
+
+
+def test_left_out_where_there_is_one_route(building):
+    behaviour = RouteChoice()
+    assert behaviour.routes() == (Route(),)
+    assert not behaviour.is_needed(scene(building, behaviour, [([1.0], [1.0], {})]))
+    behaviour = RouteChoice(exits=["flat"])
+    assert behaviour.is_needed(scene(building, behaviour, [([1.0], [1.0], {})]))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"strategies": ["fast"]}, "did you mean 'fastest'"),
+        ({"strategies": []}, "at least one"),
+        ({"exits": "flat"}, "expected a list of words"),
+        ({"change_at": 5.0}, "set change_to"),
+        ({"every": -1.0}, "at least 0"),
+    ],
+)
+def test_refuses_settings(settings, message):
+    with pytest.raises(PluginError, match=message):
+        RouteChoice(**settings)
+
+
+@pytest.mark.parametrize(
+    ("group", "route", "message"),
+    [
+        ({"exits": ["stairs"]}, 0, r"people\.group 0\.behaviours\.route_choice\.exits: 'stairs'.*did you mean 'stair'"),
+        ({"strategies": ["shortest"]}, 0, r"strategies: 'shortest' is not among"),
+        ({"change_at": 5.0}, 0, "set behaviours.route_choice.change_to"),
+        ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: none of flat"),
+    ],
+)
+def test_refuses_groups_that_ask_for_more(building, group, route, message):
+    behaviour = RouteChoice(exits=["flat", "stair"])
+    of = scene(building, behaviour, [([1.0], [1.0], group)], (Route(), Route(("flat",))), route=[route])
+    with pytest.raises(ScenarioError, match=message):
+        behaviour.prepare(of)
