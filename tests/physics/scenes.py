@@ -3,6 +3,9 @@
 from pathlib import Path
 
 import numpy as np
+from evac_plugins.contact_dem import Dem
+from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm2 import Nsm2
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level, Portal
@@ -103,3 +106,77 @@ def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, 
     for first in range(0, steps, tick):
         engine.advance(model, crowd, first, min(tick, steps - first), h, explicit, report)
     return engine
+
+
+def fields_towards(point, levels=1, extent=12.0, spacing=0.5):
+    """Directions that converge on a point, the same for all levels; the travel time is the distance."""
+    nodes = round(2 * extent / spacing) + 1
+    axis = -extent + spacing * np.arange(nodes)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    away = np.stack([x - point[0], y - point[1]], axis=2).reshape(-1, 2)
+    distance = np.hypot(*away.T)
+    return Fields(
+        routes=(Route(),),
+        grid_origin=np.full((levels, 2), -extent),
+        grid_shape=np.full((levels, 2), nodes, np.int32),
+        spacing=spacing,
+        field_of=np.zeros((levels, 1), np.int32),
+        field_offset=np.zeros(1, np.int64),
+        direction=-away / np.maximum(distance, 1e-9)[:, None],
+        travel_time=distance,
+        graph=None,
+    )
+
+
+def cut_wall(x1, y1, x2, y2, pieces):
+    """Return a wall as so many equal pieces, in order."""
+    share = np.linspace(0.0, 1.0, pieces + 1)
+    x, y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
+    return [tuple(piece) for piece in np.column_stack([x[:-1], y[:-1], x[1:], y[1:]])]
+
+
+def random_crowd(number, low, high, seed=1, gap=0.0, **settings):
+    """People of various sizes at random places of a rectangle, at least `gap` apart; settings as `make_crowd`."""
+    random = np.random.default_rng(seed)
+    radius = random.uniform(0.18, 0.25, number)
+    places = []
+    while len(places) < number:
+        place = random.uniform(np.array(low) + radius[len(places)], np.array(high) - radius[len(places)])
+        if all(np.hypot(*(place - other)) > radius[len(places)] + r + gap for other, r in zip(places, radius, strict=False)):
+            places.append(place)
+    given = {
+        "radius": radius,
+        "mass": random.uniform(50.0, 100.0, number),
+        "tau": random.uniform(0.1, 0.5, number),
+        "speed": random.uniform(1.2, 2.0, number),
+    }
+    return make_crowd(places, **(given | settings))
+
+
+def copy_crowd(crowd):
+    return Crowd(*(array.copy() for array in crowd))
+
+
+def precise_models():
+    """One of each model that is to agree to rounding: solved as far as it goes."""
+    solved = {"velocity_tolerance": 1e-12, "iterations": 20000}
+    return [
+        Dem(),
+        Nsm1(gap_tolerance=1e-12, **solved),
+        Nsm1(variant="overdamped", gap_tolerance=1e-12, **solved),
+        Nsm2(**solved),
+        Nsm2(normal_dissipation=0.0, **solved),
+    ]
+
+
+def name_of(model):
+    """Return an identifier for parametrised tests."""
+    if model.name == "nsm1":
+        return f"nsm1-{model.variant}"
+    if model.name == "nsm2":
+        return f"nsm2-{model.normal_dissipation:g}"
+    return model.name
+
+
+def kinetic_energy(crowd):
+    return float(0.5 * (crowd.mass * (crowd.velocity**2).sum(axis=1)).sum())

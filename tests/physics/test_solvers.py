@@ -1,0 +1,200 @@
+"""Contact solvers against a quadratic program solved by other means, and the residual against its definition."""
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from evac.jit import kernel
+from evac.physics.engine import make_contacts
+from evac.physics.solvers import INELASTIC, SOLVERS, constraint_norm, residual, solve
+
+DISSIPATION = [0.0, 10.0, 1e3, 1e5]
+
+
+@kernel
+def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):
+    n = inverse_mass.shape[0]
+    return solve(method, n, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit)
+
+
+@kernel
+def find_residual(velocity, contacts, compliance, tangential):
+    return residual(velocity, contacts, compliance, tangential)
+
+
+@kernel
+def find_norm(contacts, image, bodies):
+    return constraint_norm(contacts, image, bodies)
+
+
+class Problem:
+    """A random contact problem among n bodies and walls, as arrays and as matrices."""
+
+    def __init__(self, seed, n=6, pairs=7, walls=3, biased=True):
+        random = np.random.default_rng(seed)
+        c = pairs + walls
+        self.mass = random.uniform(50.0, 100.0, n)
+        body = np.empty(c, np.int32)
+        other = np.full(c, -1, np.int32)
+        for k in range(pairs):
+            body[k], other[k] = np.sort(random.choice(n, 2, replace=False))
+        body[pairs:] = random.choice(n, walls, replace=False)
+        angle = random.uniform(0.0, 2.0 * np.pi, c)
+        self.normal = np.column_stack([np.cos(angle), np.sin(angle)])
+        self.free = random.normal(0.0, 1.5, (n, 2))
+        self.gradient = np.zeros((c, 2 * n))  # rows of G: w = G v
+        for k in range(c):
+            self.gradient[k, 2 * body[k] : 2 * body[k] + 2] = self.normal[k]
+            if other[k] >= 0:
+                self.gradient[k, 2 * other[k] : 2 * other[k] + 2] = -self.normal[k]
+        self.inverse = np.repeat(1.0 / self.mass, 2)
+        self.delassus = self.gradient * self.inverse @ self.gradient.T
+        self.omega = np.diag(self.delassus).copy()
+        self.bias = random.uniform(0.0, 0.5, c) if biased else np.zeros(c)
+        self.approach = self.gradient @ random.normal(0.0, 1.5, 2 * n)
+        self.contacts = make_contacts(n, c)
+        self.contacts.count[0] = c
+        for name, values in (
+            ("body", body), ("other", other), ("normal", self.normal), ("omega", self.omega),
+            ("bias", self.bias), ("approach", self.approach),
+        ):  # fmt: skip
+            getattr(self.contacts, name)[:] = values
+
+    def solve(self, solver, dissipation=0.0, tolerance=1e-11, limit=400000):
+        velocity = np.zeros_like(self.free)
+        compliance = 2.0 / dissipation if dissipation else INELASTIC
+        iterations, found = run_solver(
+            SOLVERS.index(solver), 1.0 / self.mass, self.free, velocity, self.contacts,
+            compliance, 0.0, tolerance, limit,
+        )  # fmt: skip
+        assert found <= tolerance
+        assert iterations > 0
+        return velocity, self.contacts.impulse.copy()
+
+    def reference(self, dissipation=0.0):
+        """Return the velocities as the point nearest to the free ones under the constraints.
+
+        NSM1, and NSM2 with K_N = 0: min 1/2 |v - V|_M^2 with G v + b >= 0. With K_N > 0 the pseudopotential
+        K_N/4 max(0, -(w+ + w-))^2 is added, with a slack for the maximum. Scaled to a least-distance problem,
+        min |x| with E x >= f, it is solved by non-negative least squares (Lawson and Hanson, 1974, chapter 23).
+        """
+        root = self.gradient * np.sqrt(self.inverse)
+        free = self.gradient @ self.free.ravel()
+        left, right = root, -free - self.bias
+        if dissipation > 0.0:
+            c = len(free)
+            left = np.block([[root, np.zeros((c, c))], [root, np.sqrt(2.0 / dissipation) * np.eye(c)]])
+            right = np.concatenate([-free, -free - self.approach])
+        target = np.append(np.zeros(left.shape[1]), 1.0)
+        system = np.vstack([left.T, right])
+        share, _ = nnls(system, target, maxiter=10000)
+        rest = system @ share - target
+        nearest = -rest[: root.shape[1]] / rest[-1]
+        return self.free + (np.sqrt(self.inverse) * nearest).reshape(-1, 2)
+
+    def law(self, velocity, impulse, dissipation):
+        """Return the residual max omega |P - P_local| by its definition."""
+        after = self.gradient @ velocity.ravel()
+        alone = after - self.omega * impulse
+        local = np.maximum(0.0, -(alone + self.bias) / self.omega)
+        if dissipation > 0.0:
+            local = np.maximum(local, -(alone + self.approach) / (self.omega + 2.0 / dissipation))
+        return np.max(self.omega * np.abs(impulse - local))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("seed", range(6))
+def test_nsm1_problem_is_the_projection(solver, seed):
+    problem = Problem(seed)
+    velocity, impulse = problem.solve(solver)
+    np.testing.assert_allclose(velocity, problem.reference(), rtol=0, atol=1e-8)
+    gap = problem.gradient @ velocity.ravel() + problem.bias
+    assert (impulse >= 0.0).all()
+    assert gap.min() >= -1e-9
+    assert np.abs(impulse * gap).max() <= 1e-7  # N s times m/s
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+@pytest.mark.parametrize("seed", range(4))
+def test_nsm2_problem_is_the_minimum_of_its_pseudopotential(solver, dissipation, seed):
+    problem = Problem(seed, biased=False)
+    velocity, impulse = problem.solve(solver, dissipation)
+    np.testing.assert_allclose(velocity, problem.reference(dissipation), rtol=0, atol=1e-7)
+    after = problem.gradient @ velocity.ravel()
+    spring = dissipation * np.maximum(0.0, -(after + problem.approach) / 2.0)
+    reaction = impulse - spring
+    scale = 1.0 + dissipation
+    assert after.min() >= -1e-9
+    assert reaction.min() >= -1e-9 * scale
+    assert np.abs(reaction * after).max() <= 1e-8 * scale
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_velocity_is_the_free_one_and_the_percussions(solver):
+    problem = Problem(11)
+    velocity, impulse = problem.solve(solver, 1e3)
+    expected = problem.free + (problem.inverse * (problem.gradient.T @ impulse)).reshape(-1, 2)
+    np.testing.assert_allclose(velocity, expected, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+def test_residual_is_its_definition(dissipation):
+    for seed in range(5):
+        problem = Problem(seed)
+        problem.contacts.impulse[:] = np.random.default_rng(seed).exponential(40.0, len(problem.omega))
+        velocity = problem.free + 0.1
+        compliance = 2.0 / dissipation if dissipation else INELASTIC
+        found = find_residual(velocity, problem.contacts, compliance, 0.0)
+        assert found == pytest.approx(problem.law(velocity, problem.contacts.impulse, dissipation), rel=1e-12)
+        assert found > 0.1
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_warm_start_from_the_answer_needs_no_iteration(solver):
+    problem = Problem(2)
+    first, _ = problem.solve(solver, 1e3, tolerance=1e-10)
+    velocity = np.zeros_like(first)
+    iterations, _ = run_solver(
+        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
+        2e-3, 0.0, 1e-9, 100,
+    )  # fmt: skip
+    assert iterations == 0
+    np.testing.assert_allclose(velocity, first, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_what_did_not_converge_says_so(solver):
+    problem = Problem(3)
+    velocity = np.zeros_like(problem.free)
+    iterations, found = run_solver(
+        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
+        INELASTIC, 0.0, 1e-14, 3,
+    )  # fmt: skip
+    assert iterations == 3
+    assert found > 1e-14
+    assert found == pytest.approx(problem.law(velocity, problem.contacts.impulse, 0.0), rel=1e-9)
+
+
+def test_uzawa_bound_is_the_greatest_eigenvalue():
+    for seed in range(10):
+        problem = Problem(seed)
+        found = find_norm(problem.contacts, np.zeros((len(problem.mass), 4)), len(problem.mass))
+        exact = np.linalg.eigvalsh(problem.gradient @ problem.gradient.T)[-1]
+        assert 0.97 * exact <= found <= exact * (1 + 1e-12)  # rho is 0.95 of the bound, so below it
+
+
+def test_tangential_law():
+    """One contact that slides: K_T Y_T opposes, with Y_T the mean of the sliding velocity before and after."""
+    problem = Problem(1, n=2, pairs=1, walls=0, biased=False)
+    contacts = problem.contacts
+    tangent = np.array([-problem.normal[0, 1], problem.normal[0, 0]])
+    first, second = contacts.body[0], contacts.other[0]
+    before = 0.8
+    contacts.sticky[0], contacts.work[0, 5] = 1, before
+    velocity = np.zeros((2, 2))
+    run_solver(1, 1.0 / problem.mass, problem.free, velocity, contacts, INELASTIC, 300.0, 1e-12, 1000)
+    after = tangent @ (velocity[first] - velocity[second])
+    assert contacts.friction[0] == pytest.approx(-300.0 * (before + after) / 2.0, rel=1e-9)
+    free = tangent @ (problem.free[first] - problem.free[second])
+    assert after == pytest.approx(free + problem.omega[0] * contacts.friction[0], rel=1e-9)
