@@ -1,0 +1,82 @@
+"""Evacuation of multi-floor buildings, person by person, with swappable contact models.
+
+>>> import evac
+>>> case = evac.load("classroom").change({"contact.model": "nsm1", "simulation.seed": 7})  # doctest: +SKIP
+>>> results = evac.run(case, "classroom-result")  # doctest: +SKIP
+>>> time, number_out = results.egress()  # doctest: +SKIP
+>>> positions = evac.read_trajectory("classroom-result").position  # doctest: +SKIP
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from evac.behaviour import Behaviour as Behaviour
+    from evac.behaviour import BehaviourScene as BehaviourScene
+    from evac.building.model import Building as Building
+    from evac.building.reading import read_building as read_building
+    from evac.errors import BuildingError as BuildingError
+    from evac.errors import EvacError as EvacError
+    from evac.errors import PluginError as PluginError
+    from evac.errors import ResultError as ResultError
+    from evac.errors import ScenarioError as ScenarioError
+    from evac.errors import SimulationError as SimulationError
+    from evac.hookspecs import hookimpl as hookimpl
+    from evac.output.recorder import Recorder as Recorder
+    from evac.output.results import Results as Results
+    from evac.output.trajectory import Trajectory as Trajectory
+    from evac.output.trajectory import read_trajectory as read_trajectory
+    from evac.parameters import Parameter as Parameter
+    from evac.physics.contact_model import ContactModel as ContactModel
+    from evac.physics.force import Force as Force
+    from evac.registry import Registry as Registry
+    from evac.running import run as run
+    from evac.scenario.loading import load_case as load
+    from evac.scenario.schema import Case as Case
+    from evac.simulation import Progress as Progress
+    from evac.simulation import Simulation as Simulation
+
+#: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
+_HOMES = {
+    "Behaviour": "evac.behaviour",
+    "BehaviourScene": "evac.behaviour",
+    "Building": "evac.building.model",
+    "BuildingError": "evac.errors",
+    "Case": "evac.scenario.schema",
+    "ContactModel": "evac.physics.contact_model",
+    "EvacError": "evac.errors",
+    "Force": "evac.physics.force",
+    "Parameter": "evac.parameters",
+    "PluginError": "evac.errors",
+    "Progress": "evac.simulation",
+    "Recorder": "evac.output.recorder",
+    "Registry": "evac.registry",
+    "ResultError": "evac.errors",
+    "Results": "evac.output.results",
+    "ScenarioError": "evac.errors",
+    "Simulation": "evac.simulation",
+    "SimulationError": "evac.errors",
+    "Trajectory": "evac.output.trajectory",
+    "hookimpl": "evac.hookspecs",
+    "load": "evac.scenario.loading",
+    "read_building": "evac.building.reading",
+    "read_trajectory": "evac.output.trajectory",
+    "run": "evac.running",
+}
+
+__all__ = list(_HOMES)  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first asked for."""
+    if name == "__version__":
+        return importlib.import_module("importlib.metadata").version("evac")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'evac' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), "load_case" if name == "load" else name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

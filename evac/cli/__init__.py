@@ -1,0 +1,3 @@
+"""The command line: the only part of evac that prints and exits."""
+
+from evac.cli.main import main as main

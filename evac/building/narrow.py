@@ -1,0 +1,100 @@
+"""Places too narrow for a body: portals, exits, and necks inside a level."""
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.model import Building, Exit, Level, Portal
+
+#: Ground that a body's centre can reach and that is smaller than this is a niche, not a room behind a neck [m2].
+LEAST_PART = 0.05
+#: A level that falls apart even for a body as wide as this is closed there, not narrow [m].
+CLOSED = 0.02
+#: To what a neck's width is found [m].
+PRECISION = 1e-3
+
+
+def narrow_places(building: Building, width: float) -> tuple[str, ...]:
+    """Return one line for each place that a body cannot pass.
+
+    Inside a level, the ground that a centre can reach is the polygon less everything nearer to a wall than half
+    a width; where that falls apart, there is a neck.
+
+    Parameters
+    ----------
+    width : float [m]
+        Diameter of the widest body.
+    """
+    notes = []
+    for portal in building.portals:
+        if portal.width < width:
+            one, other = (building.levels[index].name for index in portal.levels)
+            notes.append(_note(f"portal {portal.name!r} between {one!r} and {other!r}", portal, width))
+    for way in building.exits:
+        if way.width < width:
+            notes.append(_note(f"exit {way.name!r} on level {building.levels[way.level].name!r}", way, width))
+    for level in building.levels:
+        for neck, (x, y) in necks(building, level, width):
+            notes.append(
+                f"level {level.name!r} is only {neck:.2f} m wide at ({x:.2f}, {y:.2f}), "
+                f"less than the widest person ({width:.2f} m): widen it"
+            )
+    return tuple(notes)
+
+
+def necks(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
+    """Return width [m] and plan position of each neck of `level` that a body `width` wide cannot pass."""
+    width -= PRECISION  # a body as wide as the neck passes
+    walls = shapely.multilinestrings(building.walls[building.wall_level == level.index].reshape(-1, 2, 2))
+    parts = _reachable(level, walls, width)
+    parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
+    found: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
+    for index in range(len(parts) - 1):
+        neck = _neck_of(level, walls, width, parts[index], shapely.union_all(parts[:index] + parts[index + 1 :]))
+        if neck is not None:  # seen from both of its sides, it counts once
+            found.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
+    return list(found.values())
+
+
+def _neck_of(
+    level: Level, walls: BaseGeometry, width: float, part: BaseGeometry, others: BaseGeometry
+) -> tuple[float, tuple[float, float]] | None:
+    """Find by bisection the greatest width that joins `part` to `others`, and the place where it does."""
+    passes, stops = CLOSED, width
+    joined = _around(level, walls, passes, part)
+    if not joined.intersects(others):
+        return None
+    while stops - passes > PRECISION:
+        middle = 0.5 * (passes + stops)
+        wider = _around(level, walls, middle, part)
+        if wider.intersects(others):
+            passes, joined = middle, wider
+        else:
+            stops = middle
+    one = _around(level, walls, stops, part)
+    rest = [piece for piece in _reachable(level, walls, stops) if piece.intersects(others)]
+    other = shapely.union_all(rest)
+    reach = 2.0 * PRECISION
+    links = shapely.get_parts(joined.difference(one.buffer(reach)).difference(other.buffer(reach)))
+    between = [link for link in links if link.dwithin(one, 2.0 * reach) and link.dwithin(other, 2.0 * reach)]
+    place = min(between, key=lambda link: link.area) if between else shapely.shortest_line(one, other)
+    x, y = place.centroid.coords[0]
+    return passes, (x, y)
+
+
+def _around(level: Level, walls: BaseGeometry, width: float, part: BaseGeometry) -> BaseGeometry:
+    """Return everything that a body `width` wide can reach from `part`, which is reached by a wider one."""
+    return shapely.union_all([piece for piece in _reachable(level, walls, width) if piece.intersects(part)])
+
+
+def _reachable(level: Level, walls: BaseGeometry, width: float) -> list[BaseGeometry]:
+    """Return the connected parts of a level in which the centre of a body `width` wide can be."""
+    free = level.polygon.difference(walls.buffer(0.5 * width))
+    return [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
+
+
+def _note(what: str, way: Portal | Exit, width: float) -> str:
+    x, y = way.segments.reshape(-1, 2).mean(axis=0)
+    return (
+        f"{what} at ({x:.2f}, {y:.2f}) is only {way.width:.2f} m wide, "
+        f"less than the widest person ({width:.2f} m): widen it"
+    )

@@ -1,0 +1,58 @@
+"""Arguments that name a case, and how it is loaded."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import Case
+
+
+def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None:
+    """Add CASE, --set, --seed and --plugin to a command."""
+    parser.add_argument("case", metavar=metavar, help="a case.toml, a folder that holds one, or a shipped case")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="change keys of the case, such as contact.model=nsm1 people.class_1.number=5",
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of everything random (simulation.seed)")
+    declare_plugin(parser)
+
+
+def declare_plugin(parser: argparse.ArgumentParser) -> None:
+    """Add --plugin to a command."""
+    parser.add_argument(
+        "--plugin",
+        dest="plugins",
+        metavar="FILE",
+        action="append",
+        default=[],
+        help="a Python file with a plugin, beside those installed (may be repeated)",
+    )
+
+
+def case_of(arguments: argparse.Namespace) -> "Case":
+    """Load the case that the arguments name.
+
+    Raises
+    ------
+    ScenarioError, PluginError
+        As `evac.load`.
+    """
+    from evac.scenario.loading import load_case
+
+    overrides = list(arguments.overrides)
+    if arguments.seed is not None:
+        overrides.append(f"simulation.seed={arguments.seed}")
+    return load_case(arguments.case, overrides, arguments.plugins)
+
+
+def default_folder(case: "Case") -> Path:
+    """Return where results go if nothing is said: ``./CASE-result``."""
+    name = case.folder.name if case.source.name == "case.toml" else case.source.stem
+    return Path(f"{name}-result")

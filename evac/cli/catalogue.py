@@ -1,0 +1,34 @@
+"""evac list: the cases that evac and the installed plugins ship."""
+
+import argparse
+import tomllib
+from pathlib import Path
+
+from evac.cli.cases import declare_plugin
+from evac.cli.screen import show_table
+from evac.errors import ScenarioError
+
+#: Of the built-in plugins only this one ships cases; the others, and numba with them, are not loaded for a list.
+CASE_PLUGINS = ("evac_plugins.cases",)
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_plugin(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Print name, title and folder of each case."""
+    from evac.registry import Registry
+
+    cases = Registry(arguments.plugins, builtins=CASE_PLUGINS).cases
+    show_table("Cases", ("name", "title", "folder"), [(name, _title(path), path) for name, path in cases.items()])
+    return 0
+
+
+def _title(folder: Path) -> str:
+    path = folder / "case.toml"
+    try:
+        return str(tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""))
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}; correct the file or remove its plugin") from error

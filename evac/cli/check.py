@@ -1,0 +1,105 @@
+"""evac check: read a case or a mesh file and show what evac makes of it."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evac.cli.cases import case_of, declare_case
+from evac.cli.screen import show_facts, show_table, show_warnings
+
+if TYPE_CHECKING:
+    from evac.building.model import Building
+    from evac.simulation import Simulation
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_case(parser, "CASE|MESH")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Show the building, and of a case people and directions; raise what is wrong with it."""
+    path = Path(arguments.case)
+    if path.is_file() and path.suffix != ".toml":
+        building = _read_mesh(path, arguments)
+        show_building(building)
+        show_warnings(building.warnings)
+        return 0
+    case = case_of(arguments)
+    from evac.building.narrow import narrow_places
+    from evac.simulation import Simulation
+
+    simulation = Simulation(case)
+    show_facts({"case": case.title, "file": case.source})
+    show_building(simulation.building)
+    show_people(simulation)
+    widest = 2.0 * float(simulation.population.crowd.radius.max())
+    show_warnings((*simulation.building.warnings, *narrow_places(simulation.building, widest)))
+    return 0
+
+
+def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":
+    """Read a mesh alone: by the first plugin that takes the file, or by evac."""
+    from evac.building.reading import read_building
+    from evac.errors import ScenarioError
+    from evac.registry import Registry
+
+    if arguments.overrides or arguments.seed is not None:
+        raise ScenarioError(f"{path}: --set and --seed change a case, and this is a mesh alone; leave them out")
+    read = Registry(arguments.plugins).hook.evac_read_building(path=path, options={})
+    return read if read is not None else read_building(path)
+
+
+def show_building(building: "Building") -> None:
+    """Show levels, portals, exits, areas and stairs."""
+    show_facts({"mesh": building.source, "walls": f"{len(building.walls)} segments"})
+    levels = [
+        (
+            level.name,
+            level.kind,
+            _span(level.z_min, level.z_max),
+            round(level.polygon.area, 2),
+            round(math.degrees(level.slope), 1),
+            int((building.wall_level == level.index).sum()),
+        )
+        for level in building.levels
+    ]
+    show_table("Levels", ("level", "kind", "z [m]", "area in plan [m2]", "slope [deg]", "walls"), levels)
+    names = [level.name for level in building.levels]
+    if building.portals:
+        rows = [(p.name, " - ".join(names[index] for index in p.levels), round(p.width, 3)) for p in building.portals]
+        show_table("Portals", ("portal", "between", "width [m]"), rows)
+    show_table(
+        "Exits", ("exit", "level", "width [m]"), [(e.name, names[e.level], round(e.width, 3)) for e in building.exits]
+    )
+    if building.areas:
+        areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
+        show_table("Areas", ("area", "level", "m2"), areas)
+    if building.stairs:
+        stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
+        show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
+
+
+def show_people(simulation: "Simulation") -> None:
+    """Show the groups, where they start and how far it is; that everybody can reach an exit has been checked."""
+    population = simulation.population
+    crowd = population.crowd
+    time = simulation.fields.travel_time_at(crowd.level, crowd.position, crowd.route)
+    names = [level.name for level in simulation.building.levels]
+    rows = [
+        (
+            group.name,
+            len(group.rows),
+            ", ".join(sorted({names[index] for index in crowd.level[group.rows]})),
+            f"{time[group.rows].min():.1f} to {time[group.rows].max():.1f}",
+            _span(crowd.radius[group.rows].min(), crowd.radius[group.rows].max()),
+        )
+        for group in population.groups
+    ]
+    columns = ("group", "people", "on", "seconds to an exit, unhindered", "radius [m]")
+    show_table(f"People: {len(crowd.level)}, all of whom can reach an exit", columns, rows)
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"

@@ -1,0 +1,24 @@
+"""evac explain: what a case needs, part by part, and why.
+
+What is left out changes no bit of the trajectories; `evac run --full` forces everything in.
+"""
+
+import argparse
+
+from evac.cli.cases import case_of, declare_case
+from evac.cli.screen import show_table
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_case(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Print every part that can be left out, in or out, and why."""
+    case = case_of(arguments)
+    from evac.simulation import Simulation
+
+    rows = [part.as_row() for part in Simulation(case).plan]
+    show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
+    return 0

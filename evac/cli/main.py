@@ -1,0 +1,54 @@
+"""``evac COMMAND ...``: the parser, and what becomes of errors."""
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from evac.errors import EvacError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+#: Commands in the order of the help, and the module that declares and executes each.
+COMMANDS = {
+    "run": "evac.cli.run",
+    "list": "evac.cli.catalogue",
+    "check": "evac.cli.check",
+    "explain": "evac.cli.explain",
+    "plugins": "evac.cli.plugins",
+    "export": "evac.cli.export",
+    "render": "evac.cli.render",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Execute one command and return the exit status: 0, 2 for bad input, 3 for people left, 130 if interrupted."""
+    arguments = parser().parse_args(argv)
+    try:
+        status: int = arguments.execute(arguments)
+    except EvacError as error:
+        print(f"evac: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("evac: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return status
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    top = argparse.ArgumentParser(
+        prog="evac",
+        description="Evacuation of multi-floor buildings, person by person.",
+        epilog="Exit status: 0 everybody out or done, 2 bad input, 3 people left, 130 interrupted.",
+    )
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, home in COMMANDS.items():
+        module = importlib.import_module(home)
+        summary = (module.__doc__ or "").partition(": ")[2].partition("\n")[0]
+        sub = commands.add_parser(name, help=summary, description=module.__doc__)
+        sub.formatter_class = argparse.RawDescriptionHelpFormatter
+        module.declare(sub)
+        sub.set_defaults(execute=module.execute)
+    return top

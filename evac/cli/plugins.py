@@ -1,0 +1,28 @@
+"""evac plugins: everything registered, with its parameters, units and defaults."""
+
+import argparse
+
+from evac.cli.cases import declare_plugin
+from evac.cli.screen import console, show_table, shown
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_plugin(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Print where each plugin came from and what it provides."""
+    from evac.registry import Registry
+
+    for entry in Registry(arguments.plugins).describe():
+        console().print(f"{entry['plugin']}  ({entry['source']}, {entry['origin']} {entry['version']})", style="bold")
+        for item in entry["provides"]:
+            console().print(f"  {item['kind'].replace('_', ' ')} {item['name']}: {item['doc']}")
+            rows = [
+                (f"    {name}", shown(parameter["default"]), parameter["unit"], parameter["doc"])
+                for name, parameter in item["parameters"].items()
+            ]
+            if rows:
+                show_table("", ("    parameter", "default", "unit", "meaning"), rows)
+    return 0

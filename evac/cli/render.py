@@ -1,0 +1,43 @@
+"""evac render: draw a picture and a film of a run, off screen.
+
+Works on what is left of a killed run as well.
+"""
+
+import argparse
+from pathlib import Path
+
+#: What is drawn if nothing is said.
+DEFAULT_NAMES = ("picture.png", "film.gif")
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        nargs="+",
+        help="what to draw: .png or .jpg a picture, .gif or .mp4 a film (default: picture.png and film.gif in RESULT)",
+    )
+    parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
+    parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
+    parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
+    parser.add_argument("--stretch", type=float, metavar="N", help="factor on heights (default: to look into storeys)")
+    parser.add_argument("--colour-by", choices=("group", "speed"), default="group", help="what colours mean (group)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Draw each file asked for."""
+    from evac.output.render import FILMS, render_animation, render_picture
+    from evac.output.trajectory import read_trajectory
+
+    trajectory = read_trajectory(arguments.result)
+    look = {"stretch": arguments.stretch, "colour_by": arguments.colour_by}
+    for path in arguments.out or [trajectory.path.parent / name for name in DEFAULT_NAMES]:
+        if path.suffix in FILMS:
+            render_animation(trajectory, path, fps=arguments.fps, speed=arguments.speed, **look)
+        else:
+            render_picture(trajectory, path, time=arguments.time, **look)
+        print(path)
+    return 0

@@ -1,0 +1,79 @@
+"""The tables shown after a run."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from evac.cli.screen import show_facts, show_table
+from evac.output.results import Results
+from evac.output.vtk_export import PVD_NAME
+
+#: So many people who can no longer move are listed; summary.json has all.
+MOST_LISTED = 20
+
+
+def show_results(results: Results, folder: Path) -> None:
+    """Show what a run came to: egress, stairs, exits, contact, time of each phase, where the results are."""
+    summary = results.summary()
+    _show_outcome(summary)
+    _show_places(summary)
+    _show_contact(summary["contact"])
+    wall = summary["wall_time"]
+    total = sum(wall.values())
+    show_table("Wall time", ("phase", "s"), [*((name, round(s, 3)) for name, s in wall.items()), ("all", total)])
+    _show_left(summary)
+    animation = f", {PVD_NAME} (ParaView)" if (folder / PVD_NAME).is_file() else ""
+    show_facts({"results in": f"{folder}{animation}"})
+
+
+def _show_outcome(summary: dict[str, Any]) -> None:
+    last = summary["last_out"]
+    show_facts(
+        {
+            "case": summary["title"],
+            "ended": summary["ended"],
+            "people": summary["people"],
+            "out": summary["evacuated"],
+            "last out": None if last is None else f"{last:.2f} s",
+            "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
+        }
+    )
+
+
+def _show_places(summary: dict[str, Any]) -> None:
+    exits = [(name, use["people"], use["last_out"]) for name, use in summary["exits"].items()]
+    show_table("Exits", ("exit", "people", "last out [s]"), exits)
+    if summary["stairs"]:
+        stairs = [
+            (name, use["people"], use["greatest_number"], use["last_left"]) for name, use in summary["stairs"].items()
+        ]
+        show_table("Stairs", ("stair", "people", "greatest number", "last left [s]"), stairs)
+
+
+def _show_contact(contact: dict[str, Any]) -> None:
+    energy = contact["energy"]
+    balance = energy["driving_work"] - energy["contact_dissipation"] + energy["contact_creation"]
+    rows = [
+        ("contact model", contact["model"]),
+        ("greatest overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
+        ("mean overlap", f"{1000.0 * contact['mean_overlap']:.3g} mm"),
+        ("greatest residual", contact["greatest_residual"]),
+        ("unconverged steps", f"{contact['unconverged_steps']:.0f} of {contact['steps']:.0f}"),
+        ("work of driving", f"{energy['driving_work']:.4g} J"),
+        ("dissipated in contacts", f"{energy['contact_dissipation']:.4g} J"),
+        ("created in contacts", f"{energy['contact_creation']:.4g} J"),
+        ("balance: carried out or still in motion", f"{balance:.4g} J"),
+    ]
+    show_table("Contact", ("quantity", "value"), rows)
+
+
+def _show_left(summary: dict[str, Any]) -> None:
+    """Name those who can no longer move on standard error too: nobody is deleted, the run ended without them."""
+    left = summary["people"] - summary["evacuated"]
+    if left:
+        print(f"evac: {left} of {summary['people']} people are still inside ({summary['ended']})", file=sys.stderr)
+    stuck = summary["stuck"]
+    if stuck:
+        rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
+        more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
+        show_table(f"Can no longer move{more}", ("person", "level", "x [m]", "y [m]"), rows)

@@ -1,0 +1,97 @@
+"""evac run: run a case and write its results.
+
+Results go to ./CASE-result, or to --out: a new or empty folder, or the result folder of an earlier run,
+whose files are replaced; other files are never touched. A run that is stopped by Ctrl-C keeps what it has.
+"""
+
+import argparse
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Self
+
+from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.progress import Display
+
+if TYPE_CHECKING:
+    from evac.output.results import Results
+    from evac.simulation import Progress, Simulation
+
+#: How a run ended that Ctrl-C stopped, and the exit status.
+STOPPED = "interrupted"
+STOPPED_STATUS = 130
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_case(parser)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
+    parser.add_argument(
+        "--full", action="store_true", help="do even what the scene does not need: the same trajectories, slower"
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run, write, report; return 0 if everybody is out, 3 if people are left, 130 if interrupted."""
+    with Display() as display:
+        display.phase("reading the case")
+        case = case_of(arguments)
+        from evac.building.narrow import narrow_places
+        from evac.cli.report import show_results
+        from evac.cli.screen import show_warnings
+        from evac.running import check_folder, clear_folder, write_outputs
+        from evac.simulation import Simulation
+
+        folder = arguments.out or default_folder(case)
+        check_folder(folder)
+        display.phase("reading the building, computing directions")
+        simulation = Simulation(case, folder, arguments.full)
+        widest = 2.0 * float(simulation.population.crowd.radius.max())
+        warnings = (*simulation.building.warnings, *narrow_places(simulation.building, widest))
+        clear_folder(folder)
+        display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
+        results = _run(simulation, display)
+        display.phase("writing the results")
+        results = write_outputs(results, folder)
+    show_warnings(warnings)
+    show_results(results, folder)
+    return STOPPED_STATUS if results.ended == STOPPED else results.exit_status
+
+
+def _run(simulation: "Simulation", display: Callable[["Progress"], None]) -> "Results":
+    """Run to the end, or to the tick at which Ctrl-C is seen."""
+    with _Interrupt() as interrupt:
+
+        def progress(state: "Progress") -> None:
+            display(state)
+            if interrupt.is_wanted:
+                raise KeyboardInterrupt
+
+        try:
+            return simulation.run(progress)
+        except KeyboardInterrupt:
+            if not interrupt.is_wanted:
+                raise
+            simulation.ended = STOPPED
+            return simulation.results()
+
+
+class _Interrupt:
+    """Takes the first Ctrl-C as a wish to stop at the end of the tick; the second stops at once."""
+
+    def __init__(self) -> None:
+        self.is_wanted = False
+
+    def __enter__(self) -> Self:
+        self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.is_wanted = True
+        signal.signal(signal.SIGINT, self._before)
