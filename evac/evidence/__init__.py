@@ -1,0 +1,1 @@
+"""Evidence: `evac evidence` recomputes every table, plot and page of docs/evidence/ from scratch."""
