@@ -143,6 +143,7 @@ class ContactModel(Configurable, ABC):
                 time,
                 h,
                 self.reach_share,
+                0.0,
                 self.overdamped,
             )
             if status:

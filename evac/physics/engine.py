@@ -67,7 +67,7 @@ class Engine:
                 clock = Clock(first, last, step, explicit, report, self.cutoff, self.full)
                 first, status = model.run(self, clock)
                 if status != neighbours.OK:
-                    self._handle(int(status), first * step)
+                    self.handle(int(status), first * step)
         self.tally[0, 0] += steps
         stepping.scatter(crowd, self.bodies)
         return self.events
@@ -76,8 +76,8 @@ class Engine:
         """Return what the run has added up so far, by name."""
         return dict(zip(TALLY, (float(value) for value in self.tally[0]), strict=True))
 
-    def _handle(self, status: int, time: float) -> None:
-        """Grow what was full, or raise."""
+    def handle(self, status: int, time: float) -> None:
+        """Grow what a status says was full, or raise SimulationError."""
         if status == neighbours.PAIRS_FULL:
             self.lists = self.lists._replace(pair_body=_grown(self.lists.pair_body), stale=np.ones(1, np.uint8))
         elif status == neighbours.WALLS_FULL:

@@ -245,7 +245,7 @@ def open_step(bodies, events, tally):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, share, overdamped):  # type: ignore[no-untyped-def]
+def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, share, floor, overdamped):  # type: ignore[no-untyped-def]
     """Set the free velocities and find the contacts of a sub-step; return a status."""
     status, fastest = free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
     if status != OK:
@@ -255,7 +255,7 @@ def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, shar
         smallest = min(smallest, bodies.radius[i])
     if is_too_fast(bodies, h, 0.5 * smallest):
         return TOO_FAST
-    return meet(world, bodies, lists, contacts, tally, h, share, 0.0, fastest)
+    return meet(world, bodies, lists, contacts, tally, h, share, floor, fastest)
 
 
 @kernel

@@ -23,15 +23,18 @@ def make_world(building: Building, fields: Fields) -> World:
     Returns
     -------
     World
-        Frozen except for its open flags.
+        Frozen except for its open flags, which `set_open` writes.
     """
     count = len(building.levels)
     segment, start, to, link = _links(building)
-    bucket_wall, bucket_start, shape, frame = _buckets(building.walls)
+    # Every link also stands among the walls, open for as long as the link is: closed doors are walls.
+    link_level = np.repeat(np.arange(count), np.diff(start))
+    walls = np.concatenate([building.walls.reshape(-1, 4), segment])
+    bucket_wall, bucket_start, shape, frame = _buckets(walls)
     return World(
-        wall=np.ascontiguousarray(building.walls, dtype=np.float64).reshape(-1, 4),
-        wall_level=np.ascontiguousarray(building.wall_level, dtype=np.int32),
-        wall_open=np.zeros(len(building.walls), np.uint8),
+        wall=np.ascontiguousarray(walls, dtype=np.float64),
+        wall_level=np.concatenate([building.wall_level, link_level]).astype(np.int32),
+        wall_open=np.concatenate([np.zeros(len(building.walls)), np.ones(len(segment))]).astype(np.uint8),
         bucket_wall=bucket_wall,
         bucket_start=bucket_start,
         bucket_shape=shape,
@@ -52,6 +55,22 @@ def make_world(building: Building, fields: Fields) -> World:
         direction=fields.direction,
         travel_time=fields.travel_time,
     )
+
+
+def set_open(world: World, link: int, is_open: bool) -> None:
+    """Open or close a portal or exit: a closed one is a wall on both sides.
+
+    Parameters
+    ----------
+    world : World
+        Its open flags are written.
+    link : int
+        Portal index, or number of portals + exit index.
+    is_open : bool
+    """
+    world.link_open[link] = is_open
+    walls = len(world.wall) - len(world.link_segment) + np.flatnonzero(world.link_id == link)
+    world.wall_open[walls] = is_open
 
 
 def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray]:

@@ -1,0 +1,191 @@
+"""Contact problems of crowds at a door: arriving, jammed, just opened; made again from a seed.
+
+A square room at 3.5 people per m2, 1 m door in the middle of one wall, directions straight to the door. The
+crowd walks until it is arriving, or is pressed against the closed door until it has settled.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import box
+
+from evac.building.model import Building, Exit, Level
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.physics import stepping
+from evac.physics.bundles import Clock, Contacts, Crowd
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.world import make_world, set_open
+
+#: The kinds of crowd.
+KINDS = ("arriving", "settled", "opened")
+
+DENSITY = 3.5  # people per m2
+DOOR = 1.0  # m
+STEP = 0.01  # s
+
+
+@dataclass(frozen=True)
+class DoorCrowd:
+    """A crowd in a room with a door, ready for its next step.
+
+    Attributes
+    ----------
+    kind : str
+    engine : Engine
+    crowd : Crowd
+    step : int
+        Steps made so far.
+    """
+
+    kind: str
+    engine: Engine
+    crowd: Crowd
+    step: int
+
+
+def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCrowd:
+    """Walk a crowd to a door.
+
+    Parameters
+    ----------
+    kind : str
+        ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed against
+        the closed door for twice that time; ``"opened"``: the same, 0.05 s after the door opens.
+    people : int
+    seed : int
+    model : ContactModel
+        Used to get there; NSM1 leaves no overlaps.
+    """
+    side = float(np.sqrt(people / DENSITY))
+    generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
+    crowd = _crowd(people, side, generator)
+    building = door_room(side)
+    engine = Engine(make_world(building, door_fields(side)), people, [])
+    if kind != "arriving":
+        set_open(engine.world, 0, False)
+    packing = 0.35 * side / 1.3
+    steps = {"arriving": packing, "settled": 2.0 * packing + 2.0, "opened": 2.0 * packing + 2.0}[kind]
+    made = 10 * int(np.ceil(10.0 * steps))
+    for first in range(0, made, 10):
+        engine.advance(model, crowd, first, 10, STEP, False, False)
+    if kind == "opened":
+        set_open(engine.world, 0, True)
+        engine.advance(model, crowd, made, 5, STEP, False, False)
+        made += 5
+    return DoorCrowd(kind, engine, crowd, made)
+
+
+def door_room(side: float) -> Building:
+    """Return a square room with a door in the middle of its right wall."""
+    low, high = 0.5 * (side - DOOR), 0.5 * (side + DOOR)
+    walls = np.array(
+        [
+            [0.0, 0.0, side, 0.0],
+            [0.0, 0.0, 0.0, side],
+            [0.0, side, side, side],
+            [side, 0.0, side, low],
+            [side, high, side, side],
+        ]
+    )
+    level = Level(0, "room", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0)
+    door = Exit(0, "door", 0, np.array([[side, low, side, high]]), DOOR)
+    return Building(
+        Path("a room with a door"), np.zeros((0, 3)), (level,), (), (door,), (), walls, np.zeros(5, np.int32), {}
+    )
+
+
+def door_fields(side: float, spacing: float = 0.1) -> Fields:
+    """Return the field that points straight to the door, shrunk by 0.25 m at its posts."""
+    axis = np.arange(-2, int(side / spacing) + 5) * spacing
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    across = np.clip(y, 0.5 * (side - DOOR) + 0.25, 0.5 * (side + DOOR) - 0.25) - y
+    ahead = np.maximum(side - x, 0.0) + 0.05
+    distance = np.hypot(ahead, across)
+    return Fields(
+        routes=(Route(),),
+        grid_origin=np.array([[axis[0], axis[0]]]),
+        grid_shape=np.array([[len(axis), len(axis)]], np.int32),
+        spacing=spacing,
+        field_of=np.zeros((1, 1), np.int32),
+        field_offset=np.zeros(1, np.int64),
+        direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
+        travel_time=distance.ravel(),
+        graph=None,
+    )
+
+
+def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
+    """Return people on a jittered lattice, with the radii, masses and speeds of the paper's table 2."""
+    columns = int(np.ceil(np.sqrt(people)))
+    pitch = side / columns
+    cell = np.arange(people)
+    centre = pitch * (np.stack([cell // columns, cell % columns], axis=1) + 0.5)
+    slack = max(0.0, 0.5 * pitch - 0.25)
+    full: NDArray[np.float64] = np.ones(people)
+    speed = generator.uniform(1.5, 2.0, people)
+    return Crowd(
+        position=centre + generator.uniform(-slack, slack, (people, 2)),
+        velocity=np.zeros((people, 2)),
+        level=np.zeros(people, np.int32),
+        radius=generator.uniform(0.2, 0.25, people),
+        mass=generator.uniform(60.0, 100.0, people),
+        tau=generator.uniform(0.1, 0.5, people),
+        speed=np.repeat(speed[:, None], 3, axis=1),
+        group=np.zeros(people, np.int32),
+        start_time=0.0 * full,
+        route=np.zeros(people, np.int32),
+        speed_factor=full.copy(),
+        extra_direction=np.zeros((people, 2)),
+        exit_time=np.full(people, np.nan),
+        exit_used=np.full(people, -1, np.int32),
+        distance=0.0 * full,
+        contact_force=0.0 * full,
+    )
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """The contact problem of a crowd's next step, cold: percussions zero.
+
+    Attributes
+    ----------
+    contacts : Contacts
+        With gaps, normals, approach velocities and zero percussions.
+    free : (n, 2) [m/s]
+    inverse_mass : (n,) [1/kg]
+    step : float [s]
+    """
+
+    contacts: Contacts
+    free: NDArray[np.float64]
+    inverse_mass: NDArray[np.float64]
+    step: float
+
+
+def contact_problem(crowd: DoorCrowd, reach: float = 0.02) -> ContactProblem:
+    """Return the problem of the next step, with every contact whose gap is below `reach` [m] per body."""
+    engine = crowd.engine
+    stepping.gather(engine.world, crowd.crowd, engine.bodies, engine.lists, engine.contacts)
+    clock = Clock(crowd.step, crowd.step + 1, STEP, False, False, 0.0, False)
+    time = crowd.step * STEP
+    while status := stepping.approach(
+        engine.world,
+        engine.bodies,
+        engine.lists,
+        engine.contacts,
+        engine.forces,
+        clock,
+        engine.tally,
+        time,
+        STEP,
+        1.0,
+        reach,
+        False,
+    ):
+        engine.handle(int(status), time)
+    n = int(engine.bodies.count[0])
+    return ContactProblem(engine.contacts, engine.bodies.free[:n].copy(), engine.bodies.inverse_mass[:n].copy(), STEP)
