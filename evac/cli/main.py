@@ -19,6 +19,7 @@ COMMANDS = {
     "plugins": "evac.cli.plugins",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
+    "evidence": "evac.cli.evidence",
 }
 
 

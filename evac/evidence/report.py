@@ -118,8 +118,10 @@ class Evidence:
 
     def write_page(self, title: str) -> Path:
         """Write README.md: title, what was added in its order, and what it was computed with; also run.json."""
+        summary = next((part for part in self._page if not part.startswith(("#", "|", "!"))), "")
         conditions = self.conditions()
-        (self.folder / "run.json").write_text(json.dumps(conditions, indent=2) + "\n")
+        described = {"title": title, "summary": summary, **conditions}
+        (self.folder / "run.json").write_text(json.dumps(described, indent=2) + "\n")
         command = f"evac evidence {self.kind}{' --quick' if self.quick else ''}"
         lines = [f"# {title}", f"Recomputed from scratch by `{command}`; nothing on this page is typed by hand."]
         if self.quick:

@@ -1,0 +1,25 @@
+"""evac evidence: recompute tables, plots and pages on accuracy, stability and speed."""
+
+import argparse
+import sys
+from pathlib import Path
+
+KINDS = ("accuracy", "stability", "lean", "table3", "scaling")
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("kind", choices=KINDS, help="what is computed")
+    parser.add_argument("--quick", action="store_true", help="smaller and fewer: seconds instead of minutes")
+    parser.add_argument(
+        "--out", type=Path, default=Path("evidence"), metavar="DIR", help="folder; the page goes to DIR/KIND (evidence)"
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Compute, and say where the page is."""
+    from evac.evidence.command import run_evidence
+
+    print(f"computing {arguments.kind} from scratch", file=sys.stderr, flush=True)
+    print(run_evidence(arguments.kind, arguments.out, arguments.quick))
+    return 0

@@ -1,0 +1,28 @@
+"""The contact models that the evidence compares, under the names its tables and plots use."""
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+from evac.physics.contact_model import ContactModel
+from evac.registry import Registry
+
+#: Plugin and parameters of each; what is not given is the plugin's default.
+MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "DEM": ("dem", {"stiffness": 1.2e5}),
+    "NSM1 inertial": ("nsm1", {"variant": "inertial"}),
+    "NSM1 overdamped": ("nsm1", {"variant": "overdamped"}),
+    "NSM2": ("nsm2", {"normal_dissipation": 1e5, "tangential_dissipation": 0.0}),
+}
+
+
+def make_model(name: str, registry: Registry | None = None, **parameters: Any) -> ContactModel:
+    """Return a contact model by its name in `MODELS`, with more parameters or others."""
+    plugin, given = MODELS[name]
+    model = (registry or Registry()).get("contact_model", plugin)(**{**given, **parameters})
+    return cast(ContactModel, model)
+
+
+def model_overrides(name: str) -> dict[str, Any]:
+    """Return the keys of a case that choose a model by its name in `MODELS`."""
+    plugin, given = MODELS[name]
+    return {"contact.model": plugin} | {f"contact.{plugin}.{key}": value for key, value in given.items()}
