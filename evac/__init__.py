@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from evac.physics.force import Force as Force
     from evac.registry import Registry as Registry
     from evac.running import run as run
-    from evac.scenario.loading import load_case as load
+    from evac.scenario.loading import load_case as load  # noqa: F401
     from evac.scenario.schema import Case as Case
     from evac.simulation import Progress as Progress
     from evac.simulation import Simulation as Simulation
@@ -64,7 +64,7 @@ _HOMES = {
     "run": "evac.running",
 }
 
-__all__ = list(_HOMES)  # noqa: PLE0604
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

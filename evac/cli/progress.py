@@ -74,10 +74,9 @@ def numbers_of(state: "Progress", wall: float) -> str:
     """
     speed = state.time / wall if wall > 0 else 0.0
     left = (state.duration - state.time) / speed if speed > 0 else 0.0
+    bound = "" if state.out else "< "
     if state.out:
         left = min(left, (state.people - state.out) * wall / state.out)
     minutes, seconds = divmod(round(left), 60)
-    return (
-        f"{state.out}/{state.people} out, t = {state.time:.1f} s, "
-        f"{speed:.3g} x real time, ETA {minutes}:{seconds:02d}"
-    )
+    counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
+    return f"{counts}, {speed:.3g} x real time, ETA {bound}{minutes}:{seconds:02d}"

@@ -4,6 +4,7 @@ Works on what is left of a killed run as well.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 #: What is drawn if nothing is said.
@@ -35,9 +36,9 @@ def execute(arguments: argparse.Namespace) -> int:
     trajectory = read_trajectory(arguments.result)
     look = {"stretch": arguments.stretch, "colour_by": arguments.colour_by}
     for path in arguments.out or [trajectory.path.parent / name for name in DEFAULT_NAMES]:
+        print(f"drawing {path}", file=sys.stderr, flush=True)
         if path.suffix in FILMS:
             render_animation(trajectory, path, fps=arguments.fps, speed=arguments.speed, **look)
         else:
             render_picture(trajectory, path, time=arguments.time, **look)
-        print(path)
     return 0

@@ -1,0 +1,67 @@
+"""Places too narrow for a body."""
+
+import numpy as np
+import pytest
+
+from evac.building.narrow import PRECISION, narrow_places, necks
+
+DOOR = {"name": "door", "segment": [[0, 1], [0, 2]], "z": 0.0}
+
+
+def two_rooms(mesh, width: float, length: float):
+    """Two rooms of 4 m by 4 m, joined by a passage of `width` and `length` in the middle of their facing walls."""
+    low, high = 2 - width / 2, 2 + width / 2
+    for x in (0.0, 4.0 + length):
+        for y1, y2 in ((0.0, low), (low, high), (high, 4.0)):
+            mesh.rectangle(x, y1, x + 4.0, y2)
+    return mesh.rectangle(4.0, low, 4.0 + length, high)
+
+
+@pytest.mark.parametrize("length", [0.1, 0.5, 3.0])
+def test_a_neck_is_found_with_its_width_and_place(mesh, read, length):
+    building = read(two_rooms(mesh, 0.45, length), exits=[DOOR])
+    (found,) = necks(building, building.levels[0], 0.5)
+    assert found[0] == pytest.approx(0.45, abs=3 * PRECISION)
+    x, y = found[1]
+    assert 3.9 <= x <= 4.1 + length
+    assert y == pytest.approx(2.0, abs=0.05)
+    assert len(narrow_places(building, 0.5)) == 1
+
+
+def test_a_body_as_wide_as_the_neck_passes(mesh, read):
+    building = read(two_rooms(mesh, 0.5, 0.2), exits=[DOOR])
+    assert narrow_places(building, 0.5) == ()
+    assert len(narrow_places(building, 0.51)) == 1
+
+
+def test_obstacles_make_necks_and_niches_do_not(mesh, read):
+    counter = {"name": "counter", "polygon": [[3, 0.3], [3.5, 0.3], [3.5, 3.6], [3, 3.6]], "z": 0.0}
+    building = read(mesh.rectangle(0, 0, 8, 4), exits=[DOOR], obstacles=[counter])
+    assert necks(building, building.levels[0], 0.28) == []
+    (found,) = necks(building, building.levels[0], 0.45)  # the wider of the two ways round the counter
+    assert found[0] == pytest.approx(0.4, abs=3 * PRECISION)
+    assert found[1][1] == pytest.approx(3.8, abs=0.05)
+
+
+def test_each_of_three_rooms_in_a_row_is_named_once(mesh, read):
+    two_rooms(mesh, 0.4, 0.2)
+    for y1, y2 in ((0.0, 1.8), (1.8, 2.2), (2.2, 4.0)):
+        mesh.rectangle(8.4, y1, 12.4, y2)
+    mesh.rectangle(8.2, 1.8, 8.4, 2.2)
+    building = read(mesh, exits=[DOOR])
+    places = sorted(place for _, place in necks(building, building.levels[0], 0.5))
+    np.testing.assert_allclose(places, [(4.1, 2.0), (8.3, 2.0)], atol=0.1)
+
+
+def test_rooms_with_no_way_between_them_have_no_neck(mesh, read):
+    wall = {"name": "wall", "polygon": [[4, -1], [4.2, -1], [4.2, 5], [4, 5]], "z": 0.0}
+    building = read(mesh.rectangle(0, 0, 8, 4), exits=[DOOR], obstacles=[wall])
+    assert narrow_places(building, 0.5) == ()
+
+
+def test_portals_and_exits(stair_mesh, read):
+    building = read(stair_mesh, exits=[{"name": "hatch", "segment": [[0, 0.2], [0, 0.6]], "z": 0.0}])
+    (hatch,) = narrow_places(building, 0.5)
+    assert "exit 'hatch' on level 'floor z=0.00' at (0.00, 0.40) is only 0.40 m wide" in hatch
+    notes = narrow_places(building, 2.2)
+    assert sum(note.startswith("portal ") for note in notes) == 2

@@ -1,0 +1,56 @@
+"""evac list, evac plugins, evac explain."""
+
+from evac.registry import Registry
+
+
+def test_list_names_every_case_that_is_registered(evac, capsys):
+    assert evac("list") == 0
+    out = capsys.readouterr().out
+    rows = {line.split()[0]: line for line in out.splitlines() if "/" in line}
+    registry = Registry()
+    assert set(rows) == set(registry.cases)
+    assert "Twenty people leave a square room" in rows["square_room"]
+
+
+def test_list_shows_cases_of_a_plugin_file(evac, tmp_path, capsys):
+    (tmp_path / "hall").mkdir()
+    (tmp_path / "hall" / "case.toml").write_text('title = "A hall [red]"\n')
+    (tmp_path / "halls.py").write_text(
+        "from pathlib import Path\nfrom evac import hookimpl\n\n\n"
+        "@hookimpl\ndef evac_building_cases():\n    return [Path(__file__).parent / 'hall']\n"
+    )
+    assert evac("list", "--plugin", "halls.py") == 0
+    assert "A hall [red]" in capsys.readouterr().out
+
+
+def test_list_refuses_a_case_that_is_no_toml(evac, tmp_path, capsys):
+    (tmp_path / "hall").mkdir()
+    (tmp_path / "hall" / "case.toml").write_text("title = \n")
+    (tmp_path / "halls.py").write_text(
+        "from pathlib import Path\nfrom evac import hookimpl\n\n\n"
+        "@hookimpl\ndef evac_building_cases():\n    return [Path(__file__).parent / 'hall']\n"
+    )
+    assert evac("list", "--plugin", "halls.py") == 2
+    assert "case.toml: cannot be read" in capsys.readouterr().err
+
+
+def test_plugins_shows_everything_with_unit_and_default(evac, capsys):
+    assert evac("plugins") == 0
+    out = capsys.readouterr().out
+    for entry in Registry().describe():
+        assert entry["plugin"] in out
+        for item in entry["provides"]:
+            assert f"{item['kind'].replace('_', ' ')} {item['name']}" in out
+            assert all(f" {name} " in out for name in item["parameters"])
+    assert any(line.split()[:3] == ["stiffness", "1.2e+05", "kg/s2"] for line in out.splitlines())
+
+
+def test_explain_says_what_is_left_out_and_why(evac, capsys):
+    assert evac("explain", "square_room") == 0
+    out = capsys.readouterr().out
+    parts = {line.split("  ")[0].strip(): line.split() for line in out.splitlines() if " in " in line or " out " in line}
+    assert "out" in parts["portals"]
+    assert "0 portals between 1 levels" in out
+    assert "in" in parts["fields: fastest"]
+    assert evac("explain", "square_room", "--set", "people.people.strategy=shortest") == 0
+    assert "fields: fastest" in capsys.readouterr().out

@@ -1,0 +1,61 @@
+"""evac check."""
+
+from pathlib import Path
+
+import evac_buildings
+
+
+def _lines(text, start):
+    return [line.split() for line in text.splitlines() if line.strip().startswith(start)]
+
+
+def test_shows_the_building_and_the_people(evac, capsys):
+    assert evac("check", "primary_school") == 0
+    out, err = capsys.readouterr()
+    assert _lines(out, "ground")[0] == ["ground", "floor", "0.00", "162.5", "0", "125"]
+    assert _lines(out, "main_door")[0] == ["main_door", "ground", "1.8"]
+    assert _lines(out, "class_0a")[1][:3] == ["class_0a", "22", "ground"]
+    assert "People: 136, all of whom can reach an exit" in out
+    assert out.count("30.5") == 4
+    assert err == ""
+
+
+def test_takes_a_mesh_alone(evac, capsys):
+    mesh = Path(evac_buildings.__file__).parent / "classroom" / "classroom.msh"
+    assert evac("check", mesh) == 0
+    out = capsys.readouterr().out
+    assert _lines(out, "door")[0] == ["door", "classroom", "0.5"]
+    assert "People" not in out
+
+
+def test_a_mesh_alone_has_no_keys_to_change(evac, capsys):
+    mesh = Path(evac_buildings.__file__).parent / "classroom" / "classroom.msh"
+    assert evac("check", mesh, "--seed", 3) == 2
+    assert "--set and --seed change a case" in capsys.readouterr().err
+
+
+def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):
+    assert evac("check", "square_room", "--set", "people.people.radius=0.45") == 0
+    assert "exit 'door' on level 'room'" in capsys.readouterr().err
+
+
+def test_a_plugin_may_read_the_mesh(evac, tmp_path, capsys):
+    (tmp_path / "room.plan").write_text("6 4")
+    (tmp_path / "reader.py").write_text(
+        """
+from dataclasses import replace
+from pathlib import Path
+from evac import hookimpl, read_building
+
+@hookimpl
+def evac_read_building(path, options):
+    if path.suffix != ".plan":
+        return None
+    x, y = path.read_text().split()
+    mesh = path.with_suffix(".obj")
+    mesh.write_text(f"v 0 0 0\\nv {x} 0 0\\nv {x} {y} 0\\nv 0 {y} 0\\nf 1 2 3 4\\n")
+    return read_building(mesh, exits=[{"name": "way", "segment": [[0, 1], [0, 2]], "z": 0.0}])
+"""
+    )
+    assert evac("check", "room.plan", "--plugin", "reader.py") == 0
+    assert _lines(capsys.readouterr().out, "way")[0] == ["way", "floor", "z=0.00", "1"]

@@ -1,0 +1,51 @@
+"""The progress display."""
+
+import io
+
+import pytest
+
+from evac.cli import progress
+from evac.cli.progress import Display, numbers_of
+from evac.simulation import Progress
+
+
+@pytest.mark.parametrize(
+    ("state", "wall", "words"),
+    [
+        # nobody is out: at most the 90 s that are left of the duration, at 10 times real time
+        (Progress(10.0, 100.0, 50, 0), 1.0, "0/50 out, t = 10.0 s, 10 x real time, ETA < 0:09"),
+        # 25 of 50 out in 2 s: 2 s more
+        (Progress(10.0, 1000.0, 50, 25), 2.0, "25/50 out, t = 10.0 s, 5 x real time, ETA 0:02"),
+        # 1 of 50 out in 2 s would be 98 s more, but the duration ends after 18 s
+        (Progress(10.0, 100.0, 50, 1), 2.0, "1/50 out, t = 10.0 s, 5 x real time, ETA 0:18"),
+        (Progress(10.0, 10.0, 50, 50), 100.0, "50/50 out, t = 10.0 s, 0.1 x real time, ETA 0:00"),
+    ],
+)
+def test_numbers(state, wall, words):
+    assert numbers_of(state, wall) == words
+
+
+def test_plain_lines_come_now_and_then(monkeypatch, capsys):
+    clock = iter([0.0, 0.0, 5.0, 10.0, 15.0, 25.0])
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
+    with Display() as display:
+        display.phase("running")
+        for tick in range(1, 5):
+            display(Progress(float(tick), 100.0, 4, tick))
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines] == ["2/4 out", "4/4 out"]
+
+
+def test_a_terminal_gets_a_bar(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "BAR_EVERY", 0.0)
+    with Display() as display:
+        display.phase("reading the [case]")
+        display(Progress(3.0, 100.0, 8, 2))
+    assert "2/8 out, t = 3.0 s" in screen.getvalue()

@@ -1,0 +1,181 @@
+"""evac run."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from evac.output.trajectory import FILE_NAME, read_trajectory
+
+FILES = {
+    "summary.json",
+    "egress.csv",
+    "people.csv",
+    "egress.png",
+    "trajectory.evac",
+    "animation.pvd",
+    "building.vtp",
+    "frames",
+}
+
+
+def test_writes_a_result_folder(result):
+    assert {path.name for path in result.iterdir()} == FILES
+    summary = json.loads((result / "summary.json").read_text())
+    assert (summary["people"], summary["evacuated"], summary["exit_status"]) == (20, 20, 0)
+    assert summary["wall_time"]["output"] > 0.0
+    with (result / "egress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert int(rows[-1]["number_out"]) == 20
+    assert float(rows[-1]["time"]) == summary["last_out"]
+    assert len(list((result / "frames").iterdir())) == len(read_trajectory(result))
+
+
+def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
+    assert evac("run", "square_room", "--set", "output.animation=false", "output.picture=false") == 0
+    folder = tmp_path / "square_room-result"
+    assert {path.name for path in folder.iterdir()} == {"summary.json", "egress.csv", "people.csv", FILE_NAME}
+    out = capsys.readouterr().out
+    for word in ("last out", "greatest overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
+        assert word in out
+
+
+def test_takes_a_folder_and_a_file(evac, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "room.obj").write_text("v 0 0 0\nv 6 0 0\nv 6 4 0\nv 0 4 0\nf 1 2 3 4\n")
+    text = """
+[building]
+mesh = "room.obj"
+[[building.exits]]
+name = "door"
+segment = [[0, 1], [0, 3]]
+z = 0
+[[people]]
+name = "one"
+positions = [[3, 2]]
+z = 0
+[contact]
+model = "dem"
+"""
+    (tmp_path / "mine" / "case.toml").write_text(text)
+    (tmp_path / "mine" / "alone.toml").write_text(text)
+    assert evac("run", "mine") == 0
+    assert evac("run", "mine/alone.toml") == 0
+    assert (tmp_path / "mine-result" / FILE_NAME).read_bytes() == (tmp_path / "alone-result" / FILE_NAME).read_bytes()
+
+
+def test_seed_and_set_change_the_case(evac, tmp_path):
+    evac("run", "square_room", "--out", "a", "--seed", 5)
+    evac("run", "square_room", "--out", "b", "--set", "simulation.seed=5", "contact.model=nsm2")
+    evac("run", "square_room", "--out", "c", "--set", "simulation.seed=5", "--set", "contact.model=nsm1")
+    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in "abc"]
+    assert [summary["seed"] for summary in summaries] == [5, 5, 5]
+    assert [summary["contact"]["model"] for summary in summaries] == ["nsm2", "nsm2", "nsm1"]
+    a, b, c = (read_trajectory(tmp_path / name) for name in "abc")
+    np.testing.assert_array_equal(a.position, b.position)
+    assert a.position.shape != c.position.shape or not np.array_equal(a.position, c.position, equal_nan=True)
+
+
+def test_full_gives_identical_trajectories(evac, tmp_path, result):
+    assert evac("run", "square_room", "--out", "full", "--full") == 0
+    lean, full = read_trajectory(result), read_trajectory(tmp_path / "full")
+    np.testing.assert_array_equal(lean.time, full.time)
+    for one, other in zip(lean.records, full.records, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_people_left_give_status_3(evac, tmp_path, capsys):
+    assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2") == 3
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["ended"] == "duration over"
+    assert summary["evacuated"] < 20
+    assert f"{20 - summary['evacuated']} of 20 people are still inside" in capsys.readouterr().err
+
+
+def test_a_folder_of_others_is_refused(evac, tmp_path, capsys):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("precious")
+    assert evac("run", "square_room", "--out", "mine") == 2
+    assert "mine: holds files and is no result folder" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+    assert evac("run", "square_room", "--out", "mine/thesis.txt") == 2
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
+
+
+def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
+    evac("run", "square_room", "--out", "r")
+    (tmp_path / "r" / "notes.txt").write_text("mine")
+    (tmp_path / "r" / "frames" / "own.vtp").write_text("mine")
+    quiet = ["output.animation=false", "output.picture=false"]
+    assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {"summary.json", "egress.csv", "people.csv", FILE_NAME, "frames", "notes.txt"}
+    assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
+
+
+def test_bad_input_leaves_earlier_results_alone(evac, tmp_path):
+    evac("run", "square_room", "--out", "r")
+    before = (tmp_path / "r" / "summary.json").read_bytes()
+    assert evac("run", "square_room", "--out", "r", "--set", "people.people.number=5000") == 2
+    assert (tmp_path / "r" / "summary.json").read_bytes() == before
+
+
+def test_a_plugin_file_is_used(evac, tmp_path):
+    plugin = tmp_path / "counting.py"
+    plugin.write_text(
+        "from evac import hookimpl\n\n\n@hookimpl\ndef evac_metrics(results):\n    return {'twice': 2 * results.people}\n"
+    )
+    assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
+    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
+    assert metrics[str(plugin)] == {"twice": 40}
+
+
+def _start_long_run(folder):
+    """Start a run of many minutes and return it when it has written some frames."""
+    words = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(folder), "--set"]
+    words += ["simulation.step=0.00005", "output.every=0.1"]
+    process = subprocess.Popen(words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    path = folder / FILE_NAME
+    deadline = time.monotonic() + 240.0
+    while time.monotonic() < deadline and process.poll() is None:
+        if path.is_file() and path.stat().st_size > 100_000:
+            return process
+        time.sleep(0.05)
+    process.kill()
+    raise AssertionError(f"the run wrote no frames: {process.communicate()}")
+
+
+def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
+    process = _start_long_run(tmp_path / "r")
+    process.kill()
+    assert process.wait() == -signal.SIGKILL
+    process.communicate()
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {FILE_NAME}
+    frames = len(read_trajectory(tmp_path / "r"))
+    assert frames >= 3
+    assert evac("export", "r", "--vtk") == 0
+    assert f"{frames} frames" in capsys.readouterr().out
+    assert len(list((tmp_path / "r" / "frames").iterdir())) == frames
+    assert evac("render", "r", "--out", "picture.png") == 0
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
+    assert evac("run", "square_room", "--out", "r") == 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
+def test_ctrl_c_keeps_what_there_is(tmp_path):
+    process = _start_long_run(tmp_path / "r")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["ended"] == "interrupted"
+    assert summary["simulated_time"] == pytest.approx(read_trajectory(tmp_path / "r").time[-1])
+    assert "interrupted" in out
+    assert (tmp_path / "r" / "animation.pvd").is_file()

@@ -1,0 +1,61 @@
+"""evac from Python: load, change, run, get arrays."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import evac
+
+
+def test_ten_lines(tmp_path):
+    case = evac.load("square_room", ["simulation.seed=3"])
+    case = case.change({"people.people.number": 12, "contact.model": "dem"})
+    results = evac.run(case, tmp_path / "result")
+    assert results.evacuated == results.people == 12
+    time, number_out = results.egress()
+    np.testing.assert_array_equal(number_out, np.arange(13))
+    trajectory = evac.read_trajectory(tmp_path / "result")
+    assert trajectory.position.shape == (len(trajectory.time), 12, 2)
+    np.testing.assert_allclose(trajectory.position[0], results.start_position, rtol=0, atol=1e-6)
+    out_after = trajectory.time[:, None] >= results.crowd.exit_time
+    np.testing.assert_array_equal(np.isnan(trajectory.position[:, :, 0]), out_after)
+    assert time[-1] == results.last_out
+
+
+def test_a_run_without_a_folder_writes_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ticks = []
+    results = evac.run(evac.load("square_room"), progress=ticks.append)
+    assert list(tmp_path.iterdir()) == []
+    assert ticks[-1] == evac.Progress(results.time, 60.0, 20, 20)
+    assert len(ticks) == round(results.time / 0.1)
+
+
+def test_the_run_with_a_folder_is_the_same(tmp_path):
+    one = evac.run(evac.load("square_room"))
+    other = evac.run(evac.load("square_room"), str(tmp_path / "r"), full=True)
+    np.testing.assert_array_equal(one.crowd.exit_time, other.crowd.exit_time)
+    assert "output" in other.phases
+
+
+def test_every_public_name_is_there():
+    for name in evac.__all__:
+        assert getattr(evac, name) is not None
+        assert name in dir(evac)
+    assert evac.__version__.count(".") == 2
+    with pytest.raises(AttributeError, match="no attribute 'simulate'"):
+        evac.simulate  # noqa: B018
+
+
+def test_public_names_are_those_typed():
+    text = open(evac.__file__).read()  # noqa: SIM115
+    typed = {line.rpartition(" as ")[2].split()[0] for line in text.splitlines() if line.startswith("    from evac")}
+    assert typed == set(evac.__all__)
+
+
+def test_importing_is_fast():
+    code = "import time; t = time.perf_counter(); import evac; print(time.perf_counter() - t)"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert float(process.stdout) < 0.5
