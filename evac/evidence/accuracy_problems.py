@@ -1,0 +1,211 @@
+"""The contact problems that solvers are compared on: what a model solves in one step of a crowd at a door."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from evac.evidence.reference import gradient_matrix, solve_contact_qp
+from evac.evidence.snapshots import STEP, DoorCrowd, door_crowd
+from evac.jit import kernel
+from evac.physics.bundles import Bodies, Contacts, Crowd, FloatArray
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.solvers import INELASTIC, SOLVERS, residual, solve
+from evac.physics.world import set_open
+from evac.registry import Registry
+
+#: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.
+STEPS_BEFORE = 5
+
+#: Walking to the snapshot is solved this coarsely; the last steps are solved with the defaults.
+COARSE = {"gap_tolerance": 1e-3, "velocity_tolerance": 0.02}
+SETTLING_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Law:
+    """A contact law to be solved: its model and its dissipation K_N [kg] (NSM2)."""
+
+    label: str
+    model: str
+    dissipation: float = 0.0
+
+    @property
+    def compliance(self) -> float:
+        """2/K_N [1/kg], or INELASTIC."""
+        return 2.0 / self.dissipation if self.dissipation > 0.0 else INELASTIC
+
+    @property
+    def scale(self) -> float:
+        """What a residual [m/s] is multiplied by for the error that the model stops at: h for NSM1's gap error [m]."""
+        return STEP if self.model == "nsm1" else 1.0
+
+    @property
+    def unit(self) -> str:
+        """Unit of that error."""
+        return "m" if self.model == "nsm1" else "m/s"
+
+    def make(self, registry: Registry) -> ContactModel:
+        """Return the contact model, solved to its default tolerance."""
+        parameters = {"normal_dissipation": self.dissipation} if self.model == "nsm2" else {}
+        model: ContactModel = registry.get("contact_model", self.model)(**parameters)
+        return model
+
+
+LAWS = (
+    Law("NSM1", "nsm1"),
+    Law("NSM2, K_N = 0", "nsm2", 0.0),
+    Law("NSM2, K_N = 1e3", "nsm2", 1e3),
+    Law("NSM2, K_N = 1e5", "nsm2", 1e5),
+)
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """The contact problem of one step.
+
+    Attributes
+    ----------
+    law : Law
+    inverse_mass : (n,) [1/kg]
+    free : (n, 2) [m/s]
+    contacts : Contacts
+        Copies; ``impulse`` is where a solver starts.
+    warm : (c,) [N s]
+        Percussions found in the step before, where a contact was there already.
+    velocity : (n, 2) [m/s]
+        Where a solver writes.
+    """
+
+    law: Law
+    inverse_mass: FloatArray
+    free: FloatArray
+    contacts: Contacts
+    warm: FloatArray
+    velocity: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of contacts."""
+        return len(self.warm)
+
+    def start(self, is_warm: bool) -> None:
+        """Set the percussions that a solver starts from: the last step's, or zero."""
+        self.contacts.impulse[: self.size] = self.warm if is_warm else 0.0
+        self.contacts.friction[:] = 0.0
+
+    def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
+        """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
+        iterations, found = run_solver(
+            SOLVERS.index(solver),
+            self.inverse_mass,
+            self.free,
+            self.velocity,
+            self.contacts,
+            self.law.compliance,
+            tolerance,
+            limit,
+        )
+        return int(iterations), float(found)
+
+    def reference(self) -> FloatArray:
+        """Return the velocities (n, 2) from the library's interior-point solver."""
+        c = self.size
+        gradient = gradient_matrix(
+            self.contacts.body[:c], self.contacts.other[:c], self.contacts.normal[:c], len(self.free)
+        )
+        return solve_contact_qp(
+            gradient,
+            np.repeat(1.0 / self.inverse_mass, 2),
+            self.free.ravel(),
+            self.contacts.bias[:c],
+            self.contacts.approach[:c],
+            self.law.dissipation,
+        ).reshape(-1, 2)
+
+
+@kernel
+def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tolerance, limit):  # type: ignore[no-untyped-def]
+    """Call a solver on a problem without tangential law; return (iterations, residual)."""
+    n = inverse_mass.shape[0]
+    return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
+
+
+@kernel
+def find_residual(velocity, contacts, compliance):  # type: ignore[no-untyped-def]
+    """Return the shared residual of velocities and percussions [m/s]."""
+    return residual(velocity, contacts, compliance, 0.0)
+
+
+def snapshots(people: int, kinds: tuple[str, ...], seed: int, registry: Registry) -> dict[str, DoorCrowd]:
+    """Return crowds at a door by kind; "opened" goes on from "settled", so that nothing is walked twice."""
+    made = {}
+    rough = registry.get("contact_model", "nsm1")(**COARSE)
+    for kind in kinds:
+        if kind == "opened" and "settled" in made:
+            made[kind] = _opened(made["settled"], registry)
+        else:
+            made[kind] = _walked_on(door_crowd(kind, people, seed, rough), SETTLING_STEPS, registry)
+    return made
+
+
+def _walked_on(crowd: DoorCrowd, steps: int, registry: Registry) -> DoorCrowd:
+    """Make some more steps with NSM1 as it is shipped."""
+    crowd.engine.advance(registry.get("contact_model", "nsm1")(), crowd.crowd, crowd.step, steps, STEP, False, False)
+    return DoorCrowd(crowd.kind, crowd.engine, crowd.crowd, crowd.step + steps)
+
+
+def _opened(settled: DoorCrowd, registry: Registry) -> DoorCrowd:
+    """Return a copy of a settled crowd 0.05 s after its door has opened."""
+    world = settled.engine.world
+    copied = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
+    set_open(copied, 0, True)
+    crowd = Crowd(*(array.copy() for array in settled.crowd))
+    engine = Engine(copied, len(crowd.level), [])
+    return _walked_on(DoorCrowd("opened", engine, crowd, settled.step), 5, registry)
+
+
+def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> ContactProblem:
+    """Return the contact problem of a law in the sixth of its steps from a snapshot, as the model itself poses it."""
+    model = law.make(registry)
+    _, held = _after(snapshot, model, STEPS_BEFORE)
+    bodies, contacts = _after(snapshot, model, STEPS_BEFORE + 1)
+    n, c = int(bodies.count[0]), int(contacts.count[0])
+    known = {
+        (int(body), int(key)): float(impulse)
+        for body, key, impulse in zip(
+            held.body[: held.count[0]], held.key[: held.count[0]], held.impulse[: held.count[0]], strict=True
+        )
+    }
+    warm = np.array(
+        [known.get((int(b), int(k)), 0.0) for b, k in zip(contacts.body[:c], contacts.key[:c], strict=True)]
+    )
+    # A fresh bundle: nothing in it can come from the step that the model has made already.
+    return ContactProblem(
+        law, bodies.inverse_mass[:n].copy(), bodies.free[:n].copy(), contacts, warm.reshape(c), np.zeros((n, 2))
+    )
+
+
+def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> tuple[Bodies, Contacts]:
+    """Return bodies and contacts of the last of some steps made in one tick from a snapshot, which stays as it is."""
+    crowd = Crowd(*(array.copy() for array in snapshot.crowd))
+    engine = Engine(snapshot.engine.world, len(crowd.level), [])
+    engine.advance(model, crowd, snapshot.step, steps, STEP, False, False)
+    return engine.bodies, engine.contacts
+
+
+def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:
+    """Return the greatest distance of the velocities found from the true ones, in the unit of the law."""
+    return float(np.max(np.hypot(*(problem.velocity - truth).T))) * problem.law.scale
+
+
+def reference_residual(problem: ContactProblem, velocity: FloatArray) -> float:
+    """Return by how much velocities break the constraint w+ + b >= 0 of the law, in its unit: zero if by nothing."""
+    c = problem.size
+    gradient = gradient_matrix(
+        problem.contacts.body[:c], problem.contacts.other[:c], problem.contacts.normal[:c], len(problem.free)
+    )
+    separation = gradient @ velocity.ravel() + problem.contacts.bias[:c]
+    worst = -float(separation.min()) if c else 0.0
+    return max(worst, 0.0) * problem.law.scale if math.isfinite(worst) else math.inf
