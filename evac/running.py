@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 #: What a run writes to its folder; nothing else there is ever touched.
 SUMMARY_NAME = "summary.json"
 EGRESS_PICTURE_NAME = "egress.png"
+ANIMATION_NAME = "animation.pvd"
 WRITTEN = (
     SUMMARY_NAME,
     FILE_NAME,
     "egress.csv",
     "people.csv",
     EGRESS_PICTURE_NAME,
-    "animation.pvd",
+    ANIMATION_NAME,
     "building.vtp",
     "frames/frame_*.vtp",
 )

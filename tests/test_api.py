@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def test_every_public_name_is_there():
 
 
 def test_public_names_are_those_typed():
-    text = open(evac.__file__).read()  # noqa: SIM115
+    text = Path(evac.__file__).read_text()
     typed = {line.rpartition(" as ")[2].split()[0] for line in text.splitlines() if line.startswith("    from evac")}
     assert typed == set(evac.__all__)
 

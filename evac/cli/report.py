@@ -6,7 +6,7 @@ from typing import Any
 
 from evac.cli.screen import show_facts, show_table
 from evac.output.results import Results
-from evac.output.vtk_export import PVD_NAME
+from evac.running import ANIMATION_NAME
 
 #: So many people who can no longer move are listed; summary.json has all.
 MOST_LISTED = 20
@@ -22,7 +22,7 @@ def show_results(results: Results, folder: Path) -> None:
     total = sum(wall.values())
     show_table("Wall time", ("phase", "s"), [*((name, round(s, 3)) for name, s in wall.items()), ("all", total)])
     _show_left(summary)
-    animation = f", {PVD_NAME} (ParaView)" if (folder / PVD_NAME).is_file() else ""
+    animation = f", {ANIMATION_NAME} (ParaView)" if (folder / ANIMATION_NAME).is_file() else ""
     show_facts({"results in": f"{folder}{animation}"})
 
 

@@ -48,7 +48,9 @@ def test_plugins_shows_everything_with_unit_and_default(evac, capsys):
 def test_explain_says_what_is_left_out_and_why(evac, capsys):
     assert evac("explain", "square_room") == 0
     out = capsys.readouterr().out
-    parts = {line.split("  ")[0].strip(): line.split() for line in out.splitlines() if " in " in line or " out " in line}
+    parts = {
+        line.split("  ")[0].strip(): line.split() for line in out.splitlines() if " in " in line or " out " in line
+    }
     assert "out" in parts["portals"]
     assert "0 portals between 1 levels" in out
     assert "in" in parts["fields: fastest"]

@@ -61,11 +61,14 @@ def test_overrides_gather():
     ("code", "absent"),
     [
         ("import evac", ("numpy", "numba", "scipy", "pyvista", "matplotlib", "pydantic", "rich")),
-        ("from evac.cli import main; main(['list'])", ("numba", "scipy", "pyvista", "matplotlib", "shapely", "pydantic")),
+        (
+            "from evac.cli import main; main(['list'])",
+            ("numba", "scipy", "pyvista", "matplotlib", "shapely", "pydantic"),
+        ),
         (
             "from evac.cli import main; main(['run', 'square_room', '--set', 'output.animation=false', "
             "'output.picture=false', 'simulation.duration=1'])",
-            ("pyvista", "matplotlib", "meshio"),
+            ("pyvista", "matplotlib", "vtkmodules"),
         ),
         ("from evac.cli import main; main(['run', 'square_room'])", ("pyvista",)),
     ],

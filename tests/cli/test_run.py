@@ -129,7 +129,13 @@ def test_bad_input_leaves_earlier_results_alone(evac, tmp_path):
 def test_a_plugin_file_is_used(evac, tmp_path):
     plugin = tmp_path / "counting.py"
     plugin.write_text(
-        "from evac import hookimpl\n\n\n@hookimpl\ndef evac_metrics(results):\n    return {'twice': 2 * results.people}\n"
+        """
+from evac import hookimpl
+
+@hookimpl
+def evac_metrics(results):
+    return {"twice": 2 * results.people}
+"""
     )
     assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
     metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
