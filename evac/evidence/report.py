@@ -103,13 +103,20 @@ class Evidence:
             Format specification of a column on the page, e.g. ``{"time [s]": ".2f"}``; otherwise floats have
             three significant digits.
         """
-        columns = list(rows[0])
-        with (self.folder / f"{name}.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, columns, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        self._write_csv(name, rows)
         self._page.append(f"{caption} ([{name}.csv]({name}.csv))")
         self._page.append(markdown_table(rows, formats or {}))
+
+    def data(self, name: str, rows: Sequence[Row], words: str = "The numbers behind it") -> None:
+        """Write NAME.csv and only a link to it on the page: for what is too long to read."""
+        self._write_csv(name, rows)
+        self._page.append(f"{words}: [{name}.csv]({name}.csv)")
+
+    def _write_csv(self, name: str, rows: Sequence[Row]) -> None:
+        with (self.folder / f"{name}.csv").open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
 
     def plot(self, name: str, figure: "Figure", caption: str) -> None:
         """Write NAME.png and put it on the page."""
@@ -201,8 +208,8 @@ def timed(call: Callable[[], Any], repeats: int = 5, prepare: Callable[[], Any] 
 
 
 def reference_time(repeats: int = 5) -> float:
-    """Return the median time of a fixed piece of work on one core [s]: sorting 200,000 numbers, about 10 ms."""
-    numbers = np.random.default_rng(0).random(200_000)
+    """Return the median time of a fixed piece of work on one core [s]: sorting a million numbers."""
+    numbers = np.random.default_rng(0).random(1_000_000)
     spans = []
     for _ in range(repeats):
         start = time.perf_counter()

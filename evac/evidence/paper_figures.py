@@ -1,0 +1,191 @@
+"""Figures 2 and 3 of the paper drawn again: a disc that hits the ground, two people who walk into each other."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import box
+
+from evac.building.model import Building, Level
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.evidence.models import make_model
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.physics.bundles import Crowd
+from evac.physics.engine import Engine
+from evac.physics.world import make_world
+
+FloatArray = NDArray[np.float64]
+
+EXTENT = 10.0  # m
+STEP = 0.01  # s, of both figures
+
+#: Figure 2: a disc of this radius starts here with unit speed, 45 degrees downwards.
+RADIUS = 0.22
+START = 0.5
+
+#: Figure 3: relaxation times, sideways offset of the two and their speed; the paper prints no numbers.
+TAUS = (0.1, 0.25, 0.5)
+OFFSET = 0.1
+SPEED = 1.5
+DURATION = 4.0
+
+
+def draw_figure_2(evidence: Evidence) -> None:
+    """Draw the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
+    exact = (START - RADIUS) * np.sqrt(2.0)
+    figure, axes = new_figure(9.0, 3.8, 1, 2)
+    rows = []
+    for name in ("NSM1 inertial", "NSM2"):
+        position, velocity = _hit_ground(name)
+        step = np.arange(len(position))
+        axes[0].plot(position[:, 0], position[:, 1], ".-", color=MODEL_COLOURS[name], label=name)
+        axes[1].step(step * STEP, velocity[:, 1], ".-", where=_jump(name), color=MODEL_COLOURS[name], label=name)
+        before = int(exact / STEP)
+        rows.append(
+            {
+                "model": name,
+                "y before contact [m]": position[before, 1],
+                "y after contact [m]": position[before + 1, 1],
+                "gap after contact [mm]": 1e3 * (position[before + 1, 1] - RADIUS),
+                "u_y one step after [m/s]": velocity[before + 1, 1],
+                "u_y two steps after [m/s]": velocity[before + 2, 1],
+                "x at 0.8 s [m]": position[80, 0],
+            }
+        )
+    axes[0].axhline(RADIUS, color="0.5", linewidth=0.8)
+    axes[0].set(xlim=(0.72, 0.84), ylim=(0.2195, 0.2305), xlabel="x [m]", ylabel="y of the centre [m]")
+    axes[1].axvline(exact, color="0.5", linewidth=0.8)
+    axes[1].set(xlim=(0.37, 0.43), xlabel="t [s]", ylabel="velocity along y [m/s]")
+    axes[0].legend(frameon=False)
+    evidence.heading("Figure 2 of the paper")
+    evidence.text(
+        f"""A disc of radius {RADIUS} m starts at ({START}, {START}) m with 1 m/s, 45 degrees downwards, and hits the
+        ground y = 0 at t = {exact:.6f} s; K_N = K_T = 0, h = {STEP} s. NSM1 comes to lie on the ground exactly, over
+        one step with a velocity in between; NSM2 stops at mid-step and leaves a gap or an overlap of the order of h."""
+    )
+    formats = {key: ".6f" for key in rows[0] if key != "model"}
+    evidence.table("figure2", rows, "The steps before and after the contact.", formats)
+    caption = "Left: path of the centre, grey: in contact; right: velocity along y, grey: exact time of contact."
+    evidence.plot("figure2", figure, caption)
+
+
+def draw_figure_3(evidence: Evidence) -> None:
+    """Draw two people who walk into each other, for several tau, under NSM2."""
+    figure, axes = new_figure(9.0, 3.8, 1, 2)
+    rows = []
+    for tau, colour in zip(TAUS, ("#0072B2", "#D55E00", "#009E73"), strict=True):
+        time, position, velocity = _meet(tau)
+        for person, style in ((0, "-"), (1, "--")):
+            label = f"tau = {tau} s" if person == 0 else None
+            axes[0].plot(position[:, person, 0], position[:, person, 1], style, color=colour, label=label)
+        axes[1].plot(time, velocity[:, 0, 0], "-", color=colour)
+        struck = int(np.argmax(velocity[:, 0, 0] < 0.5 * SPEED))
+        back = struck + int(np.argmax(velocity[struck:, 0, 0] > 0.95 * SPEED))
+        rows.append(
+            {
+                "tau [s]": tau,
+                "first hit [s]": time[struck],
+                "back at 95 % of its velocity after [s]": time[back] - time[struck],
+                "drift sideways [m]": position[-1, 0, 1] - position[0, 0, 1],
+            }
+        )
+    axes[0].set(xlabel="x [m]", ylabel="y [m]")
+    axes[1].set(xlabel="t [s]", ylabel="velocity along x of the first [m/s]")
+    axes[0].legend(frameon=False)
+    spans = [f"{row['back at 95 % of its velocity after [s]']:.2f} s for tau = {row['tau [s]']} s" for row in rows]
+    evidence.heading("Figure 3 of the paper")
+    evidence.text(
+        f"""Two identical people walk against each other at {SPEED} m/s, {OFFSET} m beside each other's line, NSM2 with
+        K_N = 1e5 kg, h = {STEP} s (the paper prints no numbers). After the hit each needs to come back to its desired
+        velocity: {", ".join(spans)}."""
+    )
+    evidence.table("figure3", rows, "Time to come back to the desired velocity.", {"tau [s]": "g"})
+    evidence.plot("figure3", figure, "Left: paths (first: full, second: dashed); right: velocity of the first.")
+
+
+def _jump(name: str) -> Any:
+    """Return where between two steps a model's velocity changes, as matplotlib says it."""
+    return "mid" if name == "NSM2" else "pre"
+
+
+def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities (81, 2) at every step."""
+    ground = np.array([[-EXTENT, 0.0, EXTENT, 0.0]])
+    crowd = _people([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
+    engine = Engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1, [])
+    model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
+    position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
+    for step in range(80):
+        engine.advance(model, crowd, step, 1, STEP, False, False)
+        position.append(crowd.position[0].copy())
+        velocity.append(crowd.velocity[0].copy())
+    return np.array(position), np.array(velocity)
+
+
+def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (k,), positions and velocities (k, 2, 2) of two people who walk into each other."""
+    start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
+    crowd = _people(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
+    crowd.route[1] = 1
+    engine = Engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2, [])
+    model = make_model("NSM2")
+    position, velocity = [crowd.position.copy()], [crowd.velocity.copy()]
+    steps = round(DURATION / STEP)
+    for step in range(steps):
+        engine.advance(model, crowd, step, 1, STEP, False, False)
+        position.append(crowd.position.copy())
+        velocity.append(crowd.velocity.copy())
+    return STEP * np.arange(steps + 1.0), np.array(position), np.array(velocity)
+
+
+def _plane(walls: FloatArray) -> Building:
+    """Return an endless floor with some walls."""
+    none = np.zeros((0, 3))
+    square = box(-EXTENT, -EXTENT, EXTENT, EXTENT)
+    level = Level(0, "plane", "floor", None, none.astype(np.int32), square, np.zeros(2), 0.0, 0.0, 0.0)
+    return Building(Path("a plane"), none, (level,), (), (), (), walls, np.zeros(len(walls), np.int32), {})
+
+
+def _fields(directions: list[list[float]]) -> Fields:
+    """Return one route for each direction, the same everywhere."""
+    routes = len(directions)
+    node = np.array([[-EXTENT, -EXTENT], [-EXTENT, EXTENT], [EXTENT, -EXTENT], [EXTENT, EXTENT]])
+    ahead = np.array(directions)
+    return Fields(
+        routes=tuple(Route((f"exit {k}",)) for k in range(routes)),
+        grid_origin=np.full((1, 2), -EXTENT),
+        grid_shape=np.full((1, 2), 2, np.int32),
+        spacing=2.0 * EXTENT,
+        field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
+        field_offset=4 * np.arange(routes, dtype=np.int64),
+        direction=np.repeat(ahead, 4, axis=0),
+        travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
+        graph=None,
+    )
+
+
+def _people(
+    position: list[list[float]], velocity: list[list[float]], *, radius: float, tau: float, speed: float
+) -> Crowd:
+    """Return people of 80 kg with the same body and speed."""
+    n = len(position)
+    return Crowd(
+        position=np.array(position, dtype=np.float64),
+        velocity=np.array(velocity, dtype=np.float64),
+        level=np.zeros(n, np.int32),
+        radius=np.full(n, radius),
+        mass=np.full(n, 80.0),
+        tau=np.full(n, tau),
+        speed=np.full((n, 3), speed),
+        group=np.zeros(n, np.int32),
+        start_time=np.zeros(n),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )

@@ -1,0 +1,130 @@
+"""Runs of the primary school (paper, section 4.3): egress curves with and without following a teacher."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.evidence.report import Evidence, in_processes, new_figure
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+FloatArray = NDArray[np.float64]
+
+#: The two variants, and what each changes in the shipped case.
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "following a teacher": {},
+    "everybody alone": {"behaviours.teacher_following": False},
+}
+COLOURS = {"following a teacher": "#0072B2", "everybody alone": "#D55E00"}
+
+#: The exercise's curve stalled between these times, says the paper [s].
+STALL = (38.0, 48.0)
+
+
+@dataclass(frozen=True)
+class SchoolTask:
+    """Some runs of one variant: a task of one process."""
+
+    variant: str
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class SchoolRuns:
+    """Exit times (runs, people) [s], NaN for who stayed inside; storey (people,) and group names."""
+
+    times: FloatArray
+    storey: NDArray[np.int64]
+
+
+def run_school(task: SchoolTask) -> SchoolRuns:
+    """Run the shipped school for some seeds."""
+    case = load_case("primary_school", VARIANTS[task.variant])
+    times = []
+    for seed in task.seeds:
+        results = Simulation(case.change({"simulation.seed": seed})).run()
+        times.append(results.crowd.exit_time)
+    height = np.array([results.building.levels[level].z_min for level in results.start_level])
+    return SchoolRuns(np.array(times), np.unique(height, return_inverse=True)[1])
+
+
+def report_school(evidence: Evidence) -> None:
+    """Add the school to the page."""
+    runs = 6 if evidence.quick else 100
+    seeds = [evidence.seed + run for run in range(runs)]
+    tasks = [SchoolTask(name, tuple(part)) for name in VARIANTS for part in (seeds[::2], seeds[1::2])]
+    parts = in_processes(run_school, tasks)
+    found = {
+        name: SchoolRuns(np.concatenate([parts[2 * k].times, parts[2 * k + 1].times]), parts[2 * k].storey)
+        for k, name in enumerate(VARIANTS)
+    }
+    rows = [_row(name, found[name]) for name in VARIANTS]
+    with_teacher, alone = rows
+    evidence.heading("The primary school: egress curves (section 4.3)")
+    last, pause = "last out, mean [s]", "longest pause, mean [s]"
+    evidence.text(
+        f"""{runs} runs of NSM2 with the social force, seeds {seeds[0]} to {seeds[-1]}, with and without classes that
+        follow their teachers. With teachers everybody is out after {with_teacher[last]:.1f} s on average, without after
+        {alone[last]:.1f} s. Between the first and the last tenth of the people, the longest time in which nobody leaves
+        is {with_teacher[pause]:.1f} s with teachers, on average, and {alone[pause]:.1f} s without. The exercise stalled
+        from {STALL[0]:.0f} to {STALL[1]:.0f} s, the paper's model did not; the building here is our own drawing, and no
+        fit to either is claimed."""
+    )
+    evidence.table("school", rows, "All runs; storeys counted from the ground.")
+    _report_curves(evidence, found)
+
+
+def curve(times: FloatArray, grid: FloatArray) -> FloatArray:
+    """Return how many are out (runs, k) at the times `grid` (k,) in each run."""
+    return np.array([np.searchsorted(np.sort(run[np.isfinite(run)]), grid, side="right") for run in times], dtype=float)
+
+
+def longest_pause(times: FloatArray) -> FloatArray:
+    """Return the longest time between two exits (runs,) [s], the first and the last tenth of the people left out."""
+    tenth = times.shape[1] // 10
+    middle = np.sort(times, axis=1)[:, tenth : times.shape[1] - tenth]
+    pause: FloatArray = np.nanmax(np.diff(middle, axis=1), axis=1)
+    return pause
+
+
+def _row(name: str, runs: SchoolRuns) -> dict[str, Any]:
+    last = np.nanmax(runs.times, axis=1)
+    row: dict[str, Any] = {
+        "variant": name,
+        "runs": len(last),
+        "runs with people left": int(np.isnan(runs.times).any(axis=1).sum()),
+        "half are out, mean [s]": float(np.nanmedian(runs.times, axis=1).mean()),
+        "last out, mean [s]": float(last.mean()),
+        "least [s]": float(last.min()),
+        "greatest [s]": float(last.max()),
+        "longest pause, mean [s]": float(longest_pause(runs.times).mean()),
+    }
+    for storey in np.unique(runs.storey):
+        of_storey = np.nanmax(runs.times[:, runs.storey == storey], axis=1)
+        row[f"storey {storey} empty, mean [s]"] = float(of_storey.mean())
+    return row
+
+
+def _report_curves(evidence: Evidence, found: dict[str, SchoolRuns]) -> None:
+    """Add the curves of all runs and their means."""
+    end = max(float(np.nanmax(runs.times)) for runs in found.values())
+    grid = np.arange(0.0, np.ceil(end) + 0.5, 0.5)
+    figure, axes = new_figure(9.0, 4.2, 1, 2, sharex=True, sharey=True)
+    rows: list[dict[str, Any]] = [{"time [s]": float(time)} for time in grid]
+    for axis, (name, runs) in zip(axes, found.items(), strict=True):
+        out = curve(runs.times, grid)
+        for line in out:
+            axis.plot(grid, line, color=COLOURS[name], alpha=0.15 if len(out) > 20 else 0.4, linewidth=0.7)
+        axis.plot(grid, out.mean(axis=0), color="black", linewidth=2.0, label=f"mean of {len(out)} runs")
+        axis.axvspan(*STALL, color="0.92", zorder=0, label="stall of the exercise")
+        axis.set(title=name, xlabel="t [s]")
+        axis.legend(frameon=False, loc="upper left")
+        for row, mean, low, high in zip(rows, out.mean(axis=0), out.min(axis=0), out.max(axis=0), strict=True):
+            row |= {f"{name}, mean": float(mean), f"{name}, least": float(low), f"{name}, greatest": float(high)}
+    axes[0].set(ylabel="people out")
+    caption = "Egress curves of all runs and their mean (figure 8 of the paper, without its measured curve)."
+    evidence.plot("school_egress", figure, caption)
+    evidence.data("school_egress", rows)

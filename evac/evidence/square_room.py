@@ -1,0 +1,184 @@
+"""Runs of the square room (paper, section 4.1) and the flow through its door.
+
+The recipe, kept fixed: the shipped case (door in mid-wall, walls without thickness, directions as shipped; who
+crosses the door line with the centre is out). Positions and parameters have seeds of their own: a position set is
+placed with the greatest radius, and each of its runs redraws radius, mass, tau and speed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.evidence.models import MODELS, make_model
+from evac.people.distributions import generator_for
+from evac.people.population import Population, build_population
+from evac.physics.bundles import Crowd, World
+from evac.physics.engine import Engine
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import Case
+
+FloatArray = NDArray[np.float64]
+
+#: A run is stopped and counted apart when nobody got out for so long [s].
+GAP = 10.0
+
+TICK = 0.1  # s
+
+#: Resamples of the bootstrap, and the confidence of its intervals.
+RESAMPLES = 2000
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class SetTask:
+    """The runs of one position set at one step: a task of one process."""
+
+    seed: int
+    position_set: int
+    runs: int
+    step: float  # [s]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What the runs of one model at one step say about the flow [people per minute].
+
+    ``pooled`` is the slope of the linear regression of the number out on time over the pooled exits of all
+    runs that were not stopped, ``low`` and ``high`` its interval by bootstrap over position sets, ``median`` the
+    median of the slopes of single runs; ``stopped`` of ``runs`` runs were counted apart.
+    """
+
+    pooled: float
+    low: float
+    high: float
+    median: float
+    runs: int
+    stopped: int
+
+
+def run_set(task: SetTask) -> dict[str, FloatArray]:
+    """Return the sorted exit times (runs, people) [s] of each model; NaN after the last exit of a stopped run."""
+    positions = start_positions(task.seed, task.position_set)
+    found = {}
+    for name in MODELS:
+        times = [
+            exit_times(name, crowd_at(positions, task.seed, task.position_set, run), task.step)
+            for run in range(task.runs)
+        ]
+        found[name] = np.sort(times, axis=1)
+    return found
+
+
+def start_positions(seed: int, position_set: int) -> FloatArray:
+    """Return positions (20, 2) [m] at which people of the greatest radius do not touch."""
+    case, simulation, _ = _room()
+    greatest = case.people[0].radius.support()[1]
+    wide = _changed(greatest)
+    place_seed = int(generator_for(seed, "square room", "positions", str(position_set)).integers(2**31))
+    return build_population(wide, simulation.building, simulation.fields, place_seed).crowd.position
+
+
+def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> Crowd:
+    """Return people at given positions, with the parameters of one run."""
+    case, simulation, _ = _room()
+    people = case.people[0]
+    n = len(positions)
+
+    def drawn(quantity: str) -> FloatArray:
+        generator = generator_for(seed, "square room", quantity, str(position_set), str(run))
+        values: FloatArray = getattr(people, quantity).draw(generator, n)
+        return values
+
+    empty = simulation.population.crowd
+    fresh = {name: array.copy() for name, array in empty._asdict().items()}
+    fresh["position"] = positions.copy()
+    for quantity in ("radius", "mass", "tau"):
+        fresh[quantity] = drawn(quantity)
+    fresh["speed"] = np.repeat(drawn("speed")[:, None], 3, axis=1)
+    return Crowd(**fresh)
+
+
+def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
+    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN."""
+    _, simulation, world = _room()
+    contact = make_model(model, simulation.registry)
+    engine = Engine(world, len(crowd.level), [])
+    population = Population(crowd, (), len(simulation.building.portals))
+    per_tick = round(TICK / step)
+    made, last_out = 0, 0.0
+    while population.inside and made * step - last_out <= GAP:
+        events = engine.advance(contact, crowd, made, per_tick, step, False, False)
+        made += per_tick
+        if events.count[0]:
+            population.settle(events)
+            last_out = float(np.nanmax(crowd.exit_time))
+    return crowd.exit_time
+
+
+def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
+    """Return the flow of one model at one step.
+
+    Parameters
+    ----------
+    sets : sequence of (runs, people) [s]
+        Sorted exit times of each position set.
+    generator : numpy Generator
+        Draws the resamples of position sets.
+    """
+    whole = [times[~stopped(times)] for times in sets]
+    sums = np.array([_sums(times) for times in whole])
+    picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
+    slopes = _slope(sums[picks].sum(axis=1))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.nanpercentile(slopes, [tail, 100.0 - tail])
+    runs = np.concatenate(whole)
+    single = _slope(np.array([_sums(times[None]) for times in runs])) if len(runs) else np.array([np.nan])
+    count = sum(len(times) for times in sets)
+    return Flow(
+        60.0 * float(_slope(sums.sum(axis=0))),
+        60.0 * float(low),
+        60.0 * float(high),
+        60.0 * float(np.median(single)),
+        count,
+        count - len(runs),
+    )
+
+
+def stopped(times: FloatArray) -> NDArray[np.bool_]:
+    """Say of each run (runs, people) whether somebody stayed inside or two exits were more than `GAP` apart."""
+    gaps = np.diff(times, axis=1, prepend=0.0)
+    return np.asarray(np.isnan(times).any(axis=1) | (np.nan_to_num(gaps) > GAP).any(axis=1))
+
+
+def _sums(times: FloatArray) -> FloatArray:
+    """Return the sums (5,) of 1, t, N, t t and t N over all exits of some runs."""
+    number = np.broadcast_to(np.arange(1.0, times.shape[1] + 1.0), times.shape)
+    return np.array([times.size, times.sum(), number.sum(), (times * times).sum(), (times * number).sum()])
+
+
+def _slope(sums: FloatArray) -> FloatArray:
+    """Return the slopes (...,) of the regression of N on t from sums (..., 5) [people per s]."""
+    count, t, n, tt, tn = np.moveaxis(sums, -1, 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope: FloatArray = (count * tn - t * n) / (count * tt - t * t)
+    return slope
+
+
+@cache
+def _room() -> tuple["Case", Simulation, World]:
+    """Return the shipped case, its simulation, of which building and fields are used, and the world."""
+    case = load_case("square_room")
+    simulation = Simulation(case)
+    return case, simulation, simulation.engine.world
+
+
+@cache
+def _changed(radius: float) -> "Case":
+    return _room()[0].change({"people.people.radius": radius})
