@@ -1,0 +1,35 @@
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="session")
+def root():
+    """The checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def python_blocks():
+    """Return the Python blocks of a document, in order."""
+
+    def blocks(path):
+        return re.findall(r"^```python\n(.*?)^```", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+    return blocks
+
+
+@pytest.fixture(scope="session")
+def plugin_files(python_blocks, tmp_path_factory):
+    """The files of docs/plugins.md as written, by name: each block starts with its file name in a comment."""
+    folder = tmp_path_factory.mktemp("plugins")
+    files = {}
+    for text in python_blocks("docs/plugins.md"):
+        name = text.partition("\n")[0].removeprefix("# ")
+        assert name.endswith(".py"), f"a block of docs/plugins.md does not start with its file name: {name}"
+        files[name] = folder / name
+        files[name].write_text(text, encoding="utf-8")
+    return files

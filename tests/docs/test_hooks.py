@@ -1,0 +1,191 @@
+"""Each hook is documented with its signature and does what it says."""
+
+import ast
+import inspect
+import textwrap
+
+import pytest
+
+import evac
+from evac import hookspecs
+from evac.registry import Registry
+
+HOOKS = [name for name, item in vars(hookspecs).items() if name.startswith("evac_") and inspect.isfunction(item)]
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    """Write a plugin file and return its path."""
+
+    def write(text):
+        path = tmp_path / "plugin.py"
+        path.write_text("from evac import hookimpl\n" + textwrap.dedent(text), encoding="utf-8")
+        return path
+
+    return write
+
+
+def signatures():
+    """Return the signature of each hook as its source says it, names of types unquoted."""
+    for item in ast.parse(inspect.getsource(hookspecs)).body:
+        if isinstance(item, ast.FunctionDef):
+            arguments = ast.unparse(item.args).replace("'", "")
+            yield f"{item.name}({arguments}) -> {ast.unparse(item.returns)}".replace("'", "")
+
+
+def test_every_hook_is_documented_with_its_signature(root):
+    text = (root / "docs/plugins.md").read_text(encoding="utf-8")
+    found = list(signatures())
+    assert len(found) == len(HOOKS)
+    for signature in found:
+        assert f"- `{signature}`: " in text
+
+
+@pytest.mark.parametrize("hook", HOOKS)
+def test_every_hook_has_a_test(hook):
+    assert callable(globals()[f"test_{hook}"])
+
+
+CLASS = """
+    from evac import {base}, Parameter
+
+    class Mine({base}):
+        '''Mine.'''
+        name = "mine"
+        pair = None
+        def cutoff(self):
+            return 0.0
+        def record(self, simulation):
+            pass
+
+    @hookimpl
+    def {hook}():
+        return [Mine]
+"""
+
+
+def test_evac_contact_models(plugin):
+    registry = Registry([plugin(CLASS.format(base="ContactModel", hook="evac_contact_models"))])
+    assert issubclass(registry.get("contact_model", "mine"), evac.ContactModel)
+
+
+def test_evac_forces(plugin):
+    registry = Registry([plugin(CLASS.format(base="Force", hook="evac_forces"))])
+    assert issubclass(registry.get("force", "mine"), evac.Force)
+
+
+def test_evac_behaviours(plugin):
+    registry = Registry([plugin(CLASS.format(base="Behaviour", hook="evac_behaviours"))])
+    assert issubclass(registry.get("behaviour", "mine"), evac.Behaviour)
+
+
+def test_evac_recorders(plugin):
+    registry = Registry([plugin(CLASS.format(base="Recorder", hook="evac_recorders"))])
+    assert issubclass(registry.get("recorder", "mine"), evac.Recorder)
+
+
+def test_evac_building_cases(plugin, tmp_path, root):
+    folder = tmp_path / "my_room"
+    folder.mkdir()
+    for name in ("case.toml", "square_room.msh"):
+        (folder / name).write_bytes((root / "buildings/square_room" / name).read_bytes())
+    path = plugin(
+        """
+        from pathlib import Path
+
+        @hookimpl
+        def evac_building_cases():
+            return [Path(__file__).parent / "my_room"]
+        """
+    )
+    assert evac.load("my_room", plugin_files=[path]).source == folder / "case.toml"
+
+
+def test_evac_read_building(plugin, tmp_path, root):
+    """A file of a format of one's own is read; what the plugin leaves is read by the core."""
+    path = plugin(
+        """
+        from evac import read_building
+
+        @hookimpl
+        def evac_read_building(path, options):
+            if path.suffix == ".renamed":
+                return read_building(path.with_suffix(""), **options)
+            return None
+        """
+    )
+    mesh = (root / "buildings/square_room/square_room.msh").read_bytes()
+    (tmp_path / "square_room.msh").write_bytes(mesh)
+    (tmp_path / "square_room.msh.renamed").write_bytes(b"nothing the core can read")
+    text = (root / "buildings/square_room/case.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    case = evac.load(tmp_path, plugin_files=[path])
+    plain = evac.Simulation(case).building
+    renamed = evac.Simulation(case.change({"building.mesh": "square_room.msh.renamed"})).building
+    assert plain.source == renamed.source == tmp_path / "square_room.msh"
+    assert len(renamed.walls) == len(plain.walls) > 0
+
+
+def test_evac_configure(plugin):
+    path = plugin(
+        """
+        from evac import ScenarioError
+
+        @hookimpl
+        def evac_configure(scenario, registry):
+            if scenario.contact.model in registry.contact_models:
+                raise ScenarioError(f"not with {scenario.contact.model}")
+        """
+    )
+    with pytest.raises(evac.ScenarioError, match="not with nsm2"):
+        evac.Simulation(evac.load("square_room", plugin_files=[path]))
+
+
+def test_evac_prepare(plugin):
+    path = plugin(
+        """
+        @hookimpl
+        def evac_prepare(simulation):
+            simulation.population.crowd.start_time[:] = 1.0
+        """
+    )
+    simulation = evac.Simulation(evac.load("square_room", plugin_files=[path]))
+    for _ in range(10):
+        simulation.advance_tick()
+    assert (simulation.population.crowd.distance == 0.0).all()
+
+
+def test_evac_finish(plugin):
+    path = plugin(
+        """
+        seen = []
+
+        @hookimpl
+        def evac_finish(simulation, results, error):
+            simulation.case.registry.seen = (simulation.time, results, error)
+        """
+    )
+    case = evac.load("square_room", {"simulation.duration": 0.5}, plugin_files=[path])
+    results = evac.run(case)
+    assert case.registry.seen == (0.5, results, None)
+
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evac.run(case, progress=stop)
+    time, results, error = case.registry.seen
+    assert (time, results) == (0.1, None)
+    assert isinstance(error, KeyboardInterrupt)
+
+
+def test_evac_metrics(plugin):
+    path = plugin(
+        """
+        @hookimpl
+        def evac_metrics(results):
+            return {"people": results.people}
+        """
+    )
+    case = evac.load("square_room", {"simulation.duration": 0.5}, plugin_files=[path])
+    assert evac.run(case).metrics == {str(path): {"people": 20}}

@@ -1,0 +1,148 @@
+"""The plugins of docs/plugins.md run as they are written there."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import evac
+from evac.conformance import check_plugin
+from evac.registry import Registry
+
+NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "crossing_guard.py"]
+
+
+def positions(case, ticks):
+    simulation = evac.Simulation(case)
+    for _ in range(ticks):
+        simulation.advance_tick()
+    return simulation.population.crowd.position
+
+
+def test_every_file_is_tried_here(plugin_files):
+    assert [*NAMES, "test_my_plugins.py"] == list(plugin_files)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_documented_plugin_conforms(plugin_files, name):
+    registry = Registry([plugin_files[name]])
+    classes = [
+        cls
+        for table in (registry.contact_models, registry.forces, registry.behaviours, registry.recorders)
+        for cls in table.values()
+        if sys.modules[cls.__module__].__file__ == str(plugin_files[name])
+    ]
+    assert len(classes) == 1
+    check_plugin(classes[0])
+
+
+@pytest.mark.parametrize("name", NAMES[:3])
+def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
+    code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
+    assert len(code) <= 36
+
+
+def test_documented_tests_pass_with_pytest(plugin_files):
+    folder = plugin_files["test_my_plugins.py"].parent
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_plugins.py"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 passed" in done.stdout
+
+
+def test_a_numpy_contact_model_equals_the_compiled_one(plugin_files):
+    case = evac.load("square_room", {"contact.model": "dem"}, plugin_files=[plugin_files["dem_numpy.py"]])
+    compiled = positions(case, 20)
+    plain = positions(case.change({"contact.model": "dem_numpy"}), 20)
+    assert case.simulation.step == 0.01
+    assert case.simulation.tick == 0.1
+    np.testing.assert_allclose(plain, compiled, rtol=0.0, atol=1e-12)
+    unlike = positions(case.change({"contact.model": "nsm2"}), 20)
+    assert np.abs(unlike - compiled).max() > 1e-3
+
+
+def test_a_numpy_contact_model_gives_the_same_report(plugin_files):
+    case = evac.load(
+        "square_room",
+        {"contact.model": "dem", "simulation.duration": 2.0},
+        plugin_files=[plugin_files["dem_numpy.py"]],
+    )
+    compiled = evac.run(case).report
+    plain = evac.run(case.change({"contact.model": "dem_numpy"})).report
+    assert compiled["contacts"] > 0
+    for key in ("steps", "sub_steps", "contacts", "greatest_overlap", "mean_overlap"):
+        assert plain[key] == pytest.approx(compiled[key], rel=1e-9), key
+    assert plain["energy"] == pytest.approx(compiled["energy"], rel=1e-9, abs=1e-9)
+
+
+def test_a_step_at_which_a_packing_is_unstable_is_refused(plugin_files):
+    case = evac.load(
+        "square_room",
+        {"contact.model": "dem_numpy", "simulation.step": 0.02, "simulation.tick": 0.1},
+        plugin_files=[plugin_files["dem_numpy.py"]],
+    )
+    with pytest.raises(evac.ScenarioError, match="too long for contact model 'dem_numpy'"):
+        evac.Simulation(case)
+
+
+def test_crowding_slows_a_crowd_and_nobody_alone(plugin_files):
+    case = evac.load("square_room", plugin_files=[plugin_files["crowding.py"]])
+    slow = case.change({"behaviours.crowding": {"loss": 0.2}})
+    assert evac.run(slow).last_out > evac.run(case).last_out + 1.0
+    alone = {"people.people.number": 1}
+    np.testing.assert_array_equal(positions(slow.change(alone), 10), positions(case.change(alone), 10))
+
+
+def test_personal_space_keeps_people_apart(plugin_files):
+    def least_distance(case):
+        place = positions(case.change({"people.people.speed": 0.01}), 30)
+        first, second = np.triu_indices(len(place), 1)
+        return np.hypot(*(place[first] - place[second]).T).min()
+
+    case = evac.load("square_room", plugin_files=[plugin_files["personal_space.py"]])
+    assert least_distance(case.change({"forces.personal_space": {}})) > least_distance(case) + 0.05
+
+
+def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):
+    case = evac.load("square_room", plugin_files=[plugin_files["crossing_guard.py"]])
+    results = evac.run(case, tmp_path / "result")
+    assert list(results.metrics.values()) == [{results.building.exits[0].name: 20}]
+    table = np.loadtxt(tmp_path / "result" / "inside.csv", delimiter=",", skiprows=1)
+    assert table[0].tolist() == [0.0, 20.0]
+    assert (np.diff(table[:, 1]) <= 0).all()
+    with pytest.raises(evac.ScenarioError, match="nobody is in at night"):
+        evac.Simulation(case.change({"title": "a room by night"}))
+
+
+def test_a_plugin_is_named_in_a_case(plugin_files, root, tmp_path):
+    text = (root / "buildings/square_room/case.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(
+        text + '\n[behaviours.crowding]\n\n[plugins]\nfiles = ["my_crowding.py"]\n', encoding="utf-8"
+    )
+    (tmp_path / "square_room.msh").write_bytes((root / "buildings/square_room/square_room.msh").read_bytes())
+    (tmp_path / "my_crowding.py").write_bytes(plugin_files["crowding.py"].read_bytes())
+    simulation = evac.Simulation(evac.load(tmp_path))
+    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["crowding"]
+
+
+def test_a_plugin_is_named_on_the_command_line(plugin_files, tmp_path):
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "evac", "run", "square_room", "--out", str(tmp_path / "result")),
+            *("--plugin", str(plugin_files["dem_numpy.py"]), "--set", "contact.model=dem_numpy", "output.animation=false"),
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert '"model": "dem_numpy"' in (tmp_path / "result" / "summary.json").read_text(encoding="utf-8")
