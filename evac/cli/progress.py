@@ -37,6 +37,7 @@ class Display:
         )
         self._task = self._bar.add_task("starting", total=None, numbers="")
         self._start = self._shown = time.perf_counter()
+        self._first: Progress | None = None
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -48,35 +49,43 @@ class Display:
         self._bar.stop()
 
     def phase(self, what: str) -> None:
-        """Say what is going on, and count the speed from here."""
-        self._start = time.perf_counter()
-        self._bar.update(self._task, description=what)
+        """Say what is going on."""
+        self._bar.reset(self._task, total=None, description=what, numbers="")
 
     def __call__(self, state: "Progress") -> None:
-        """Show a tick, unless one was shown just now."""
+        """Show a tick, unless one was shown just now; the speed counts from the first tick, which may compile."""
         now = time.perf_counter()
+        if self._first is None:
+            self._first, self._start = state, now
+            self.phase("running")
         if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY):
             return
         self._shown = now
-        numbers = numbers_of(state, now - self._start)
+        numbers = numbers_of(self._first, state, now - self._start)
         if self._is_bar:
-            self._bar.update(
-                self._task, description="running", total=state.people, completed=state.out, numbers=numbers
-            )
+            self._bar.update(self._task, total=state.people, completed=state.out, numbers=numbers)
         else:
             print(numbers, file=sys.stderr, flush=True)
 
 
-def numbers_of(state: "Progress", wall: float) -> str:
+def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
     """Return people out, simulated time, speed against real time and the time left, in words.
 
     The time left is that to the end of ``simulation.duration``, or less where people leave fast enough.
+
+    Parameters
+    ----------
+    first, state : Progress
+        Then and now.
+    wall : float [s]
+        Wall time between them.
     """
-    speed = state.time / wall if wall > 0 else 0.0
+    speed = (state.time - first.time) / wall if wall > 0 else 0.0
     left = (state.duration - state.time) / speed if speed > 0 else 0.0
-    bound = "" if state.out else "< "
-    if state.out:
-        left = min(left, (state.people - state.out) * wall / state.out)
+    gone = state.out - first.out
+    bound = "" if gone else "< "
+    if gone:
+        left = min(left, (state.people - state.out) * wall / gone)
     minutes, seconds = divmod(round(left), 60)
     counts = f"{state.out}/{state.people} out, t = {state.time:.1f} s"
     return f"{counts}, {speed:.3g} x real time, ETA {bound}{minutes}:{seconds:02d}"

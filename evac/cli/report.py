@@ -1,6 +1,7 @@
 """The tables shown after a run."""
 
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ def show_results(results: Results, folder: Path) -> None:
     _show_places(summary)
     _show_contact(summary["contact"])
     wall = summary["wall_time"]
-    total = sum(wall.values())
-    show_table("Wall time", ("phase", "s"), [*((name, round(s, 3)) for name, s in wall.items()), ("all", total)])
-    _show_left(summary)
+    phases = [*wall.items(), ("all", sum(wall.values()))]
+    show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
+    _show_left(summary, results)
     animation = f", {ANIMATION_NAME} (ParaView)" if (folder / ANIMATION_NAME).is_file() else ""
     show_facts({"results in": f"{folder}{animation}"})
 
@@ -67,11 +68,16 @@ def _show_contact(contact: dict[str, Any]) -> None:
     show_table("Contact", ("quantity", "value"), rows)
 
 
-def _show_left(summary: dict[str, Any]) -> None:
-    """Name those who can no longer move on standard error too: nobody is deleted, the run ended without them."""
+def _show_left(summary: dict[str, Any], results: Results) -> None:
+    """Say where people are left, on standard error, and list those who can no longer move."""
     left = summary["people"] - summary["evacuated"]
     if left:
-        print(f"evac: {left} of {summary['people']} people are still inside ({summary['ended']})", file=sys.stderr)
+        number = Counter(results.crowd.level[results.crowd.level >= 0].tolist())
+        where = ", ".join(f"{number[index]} on {results.building.levels[index].name!r}" for index in sorted(number))
+        print(
+            f"evac: {left} of {summary['people']} people are still inside ({summary['ended']}): {where}",
+            file=sys.stderr,
+        )
     stuck = summary["stuck"]
     if stuck:
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]

@@ -5,7 +5,9 @@ whose files are replaced; other files are never touched. A run that is stopped b
 """
 
 import argparse
+import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -66,19 +68,21 @@ def _run(simulation: "Simulation", display: Callable[["Progress"], None]) -> "Re
         def progress(state: "Progress") -> None:
             display(state)
             if interrupt.is_wanted:
-                raise KeyboardInterrupt
+                raise _Stopped
 
         try:
             return simulation.run(progress)
-        except KeyboardInterrupt:
-            if not interrupt.is_wanted:
-                raise
+        except _Stopped:
             simulation.ended = STOPPED
             return simulation.results()
 
 
+class _Stopped(KeyboardInterrupt):
+    """Raised between two ticks, where everything that has been computed fits together."""
+
+
 class _Interrupt:
-    """Takes the first Ctrl-C as a wish to stop at the end of the tick; the second stops at once."""
+    """Takes the first Ctrl-C as a wish to stop at the end of the tick; the second stops at once, without results."""
 
     def __init__(self) -> None:
         self.is_wanted = False
@@ -94,4 +98,5 @@ class _Interrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.is_wanted = True
+        os.write(sys.stderr.fileno(), b"\nevac: stopping at the end of this tick; Ctrl-C again to stop at once\n")
         signal.signal(signal.SIGINT, self._before)

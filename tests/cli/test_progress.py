@@ -22,7 +22,12 @@ from evac.simulation import Progress
     ],
 )
 def test_numbers(state, wall, words):
-    assert numbers_of(state, wall) == words
+    assert numbers_of(Progress(0.0, state.duration, 50, 0), state, wall) == words
+
+
+def test_the_first_tick_does_not_count():
+    first = Progress(0.1, 100.0, 50, 10)
+    assert numbers_of(first, Progress(20.1, 100.0, 50, 20), 2.0) == "20/50 out, t = 20.1 s, 10 x real time, ETA 0:06"
 
 
 def test_plain_lines_come_now_and_then(monkeypatch, capsys):
@@ -30,10 +35,10 @@ def test_plain_lines_come_now_and_then(monkeypatch, capsys):
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
     with Display() as display:
         display.phase("running")
-        for tick in range(1, 5):
-            display(Progress(float(tick), 100.0, 4, tick))
+        for tick in range(1, 6):
+            display(Progress(float(tick), 100.0, 5, tick))
     lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(",")[0] for line in lines] == ["2/4 out", "4/4 out"]
+    assert [line.partition(",")[0] for line in lines] == ["3/5 out", "5/5 out"]
 
 
 def test_a_terminal_gets_a_bar(monkeypatch):
@@ -47,5 +52,7 @@ def test_a_terminal_gets_a_bar(monkeypatch):
     monkeypatch.setattr(progress, "BAR_EVERY", 0.0)
     with Display() as display:
         display.phase("reading the [case]")
+        display(Progress(1.0, 100.0, 8, 0))
         display(Progress(3.0, 100.0, 8, 2))
+    assert "reading the [case]" in screen.getvalue()
     assert "2/8 out, t = 3.0 s" in screen.getvalue()

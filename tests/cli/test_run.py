@@ -184,4 +184,5 @@ def test_ctrl_c_keeps_what_there_is(tmp_path):
     assert summary["ended"] == "interrupted"
     assert summary["simulated_time"] == pytest.approx(read_trajectory(tmp_path / "r").time[-1])
     assert "interrupted" in out
+    assert "stopping at the end of this tick" in err
     assert (tmp_path / "r" / "animation.pvd").is_file()
