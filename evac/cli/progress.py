@@ -56,8 +56,9 @@ class Display:
         """Show a tick, unless one was shown just now; the speed counts from the first tick, which may compile."""
         now = time.perf_counter()
         if self._first is None:
-            self._first, self._start = state, now
+            self._first, self._start, self._shown = state, now, now
             self.phase("running")
+            return
         if now - self._shown < (BAR_EVERY if self._is_bar else LINE_EVERY):
             return
         self._shown = now
