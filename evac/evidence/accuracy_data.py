@@ -1,0 +1,23 @@
+"""Tables too long for a page: written as CSV, with a link on the page."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.report import Evidence
+
+
+def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], words: str) -> None:
+    """Write NAME.csv with full precision, and a line on the page that says what it holds."""
+    with (evidence.folder / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    evidence.text(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
+
+
+def order_of(steps: Sequence[float], errors: Sequence[float]) -> float:
+    """Return the measured order of convergence: the slope of log error over log step, least squares."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])

@@ -1,0 +1,158 @@
+"""Accuracy, part c: greatest overlap against run time on one crowd: which model to take."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.snapshots import door_crowd
+from evac.physics.bundles import Crowd
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.world import set_open
+from evac.registry import Registry
+
+#: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
+CLOSED, OPEN = 3.0, 2.0
+
+#: DEM's step is this share of the limit of a dense packing, h^2 6k/m = 4.
+SHARE = 0.5
+
+TICK = 0.1  # s
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A model, what is varied, and the step."""
+
+    label: str
+    model: ContactModel
+    knob: str
+    value: float
+    step: float
+
+
+def run(evidence: Evidence) -> None:
+    """Compute part c and add it to the page."""
+    people = 60 if evidence.quick else 300
+    evidence.heading("c. Greatest overlap against run time: which model to take")
+    start = _start(people, evidence.seed)
+    rows = [
+        measure(setting, start)
+        for setting in settings(float(start[1].mass.min()), evidence.quick)
+    ]
+    evidence.text(
+        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s. DEM with
+        stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h = 0.01 s, without
+        its limit on velocities, so that the tolerance alone acts; NSM2 (K_N = 1e5 kg) varies the step. The overlap is the
+        greatest between any two bodies, or body and wall, at any step. It says nothing about the rest of the
+        trajectory, which part b is about."""
+    )
+    evidence.table("overlap", rows, "Greatest overlap and the wall time of one simulated second.")
+    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd: towards the lower left is better.")
+    _recommend(evidence, rows)
+
+
+def settings(lightest: float, is_quick: bool) -> list[Setting]:
+    """Return the models with what is varied."""
+    registry = Registry()
+    get = registry.get
+    found = []
+    for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
+        step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))
+        found.append(Setting("DEM", get("contact_model", "dem")(stiffness=stiffness), "k [kg/s2]", stiffness, step))
+    for tolerance in (1e-3, 1e-5) if is_quick else (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        model = get("contact_model", "nsm1")(
+            gap_tolerance=tolerance, velocity_tolerance=tolerance / 0.01, iterations=20_000
+        )
+        found.append(Setting("NSM1 inertial", model, "gap tolerance [m]", tolerance, 0.01))
+    for step in (0.01, 0.002) if is_quick else (0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005):
+        found.append(Setting("NSM2", get("contact_model", "nsm2")(), "h [s]", step, step))
+    return found
+
+
+def _start(people: int, seed: int) -> tuple[Engine, Crowd]:
+    """Return the crowd before its first step, the door closed."""
+    still = _Still()
+    crowd = door_crowd("settled", people, seed, still)
+    crowd.crowd.contact_force[:] = 0.0
+    return crowd.engine, crowd.crowd
+
+
+class _Still(ContactModel):
+    """Nobody moves: leaves the crowd where it starts."""
+
+    name = "still"
+
+    def run(self, engine: Any, clock: Any) -> tuple[int, int]:
+        """Make no step."""
+        return clock.last, 0
+
+
+def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
+    """Run a setting from the same start; return its row."""
+    crowd = Crowd(*(array.copy() for array in start[1]))
+    world = start[0].world
+    world = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
+    engine = Engine(world, len(crowd.level), [])
+    per_tick = round(TICK / setting.step)
+    # Compiles; a copy, so that the run itself starts at the start.
+    Engine(world, len(crowd.level), []).advance(
+        setting.model, Crowd(*(array.copy() for array in crowd)), 0, 1, setting.step, False, False
+    )
+    begin = time.perf_counter()
+    made = 0
+    for tick in range(round((CLOSED + OPEN) / TICK)):
+        if tick == round(CLOSED / TICK):
+            set_open(world, 0, True)
+        engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+        made += per_tick
+    span = time.perf_counter() - begin
+    report = engine.report()
+    return {
+        "model": setting.label,
+        "varied": setting.knob,
+        "value": f"{setting.value:.3g}",
+        "h [s]": setting.step,
+        "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
+        "time per simulated second [s]": span / (CLOSED + OPEN),
+        "out": int(np.sum(crowd.level < 0)),
+        "unconverged steps": int(report["unconverged_steps"]),
+    }
+
+
+def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
+    """Draw the chart."""
+    figure, axis = new_figure(7.5, 4.8)
+    for model in dict.fromkeys(row["model"] for row in rows):
+        line = [row for row in rows if row["model"] == model]
+        across = [row["time per simulated second [s]"] for row in line]
+        up = [row["greatest overlap [mm]"] for row in line]
+        axis.loglog(across, up, "o-", color=MODEL_COLOURS[model], label=f"{model}: {line[0]['varied']}")
+        for row, x, y in zip(line, across, up, strict=True):
+            axis.annotate(row["value"], (x, y), textcoords="offset points", xytext=(4, 4), fontsize=7)
+    axis.set_xlabel("wall time of one simulated second [s]")
+    axis.set_ylabel("greatest overlap [mm]")
+    axis.set_title(f"{people} people at a door, closed and then open", fontsize=10)
+    axis.legend(fontsize=8)
+    return figure
+
+
+def _recommend(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:
+    """Say which model is the cheapest for each overlap allowed."""
+    table = []
+    for allowed in (30.0, 10.0, 3.0, 1.0, 0.1, 0.01):
+        good = [row for row in rows if row["greatest overlap [mm]"] <= allowed]
+        cheapest = min(good, key=lambda row: row["time per simulated second [s]"]) if good else None
+        table.append(
+            {
+                "overlap allowed [mm]": f"{allowed:g}",
+                "cheapest here": f"{cheapest['model']}, {cheapest['varied']} = {cheapest['value']}" if cheapest else "none",
+                "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
+            }
+        )
+    evidence.table("overlap_cheapest", table, "The cheapest of the settings above that keeps an overlap.")

@@ -1,0 +1,262 @@
+"""Accuracy, part a: contact solvers on crowds at a door, error against run time."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.accuracy_data import add_data
+from evac.evidence.accuracy_problems import LAWS, ContactProblem, Law, contact_problem, snapshots, velocity_error
+from evac.evidence.report import Evidence, new_figure, reference_time
+from evac.physics.bundles import FloatArray
+from evac.physics.solvers import SOLVERS
+from evac.registry import Registry
+
+#: What is asked of a solver, in the unit of the law: m for NSM1, m/s for NSM2.
+ASKED = tuple(10.0**-k for k in range(2, 11))
+
+#: What the page compares.
+GOALS = (1e-4, 1e-6, 1e-10)
+
+STARTS = ("cold", "warm")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Crowds of one size: which kinds and laws, and how long a solver may take for one solve [s]."""
+
+    people: int
+    kinds: tuple[str, ...]
+    laws: tuple[Law, ...]
+    cap: float
+
+
+QUICK = (Stage(100, ("arriving", "settled", "opened"), LAWS, 0.02),)
+FULL = (
+    Stage(100, ("arriving", "settled", "opened"), LAWS, 0.1),
+    Stage(1_000, ("arriving", "settled", "opened"), LAWS, 0.3),
+    Stage(4_000, ("arriving", "settled", "opened"), LAWS, 1.0),
+    Stage(10_000, ("arriving",), LAWS, 1.0),
+)
+
+#: A problem on which slow solvers are given longer, so that their ratio can be stated: kind, law, people; cap [s].
+LONG = {("settled", "NSM1", 4_000): 8.0}
+
+
+def run(evidence: Evidence) -> None:
+    """Compute part a and add it to the page."""
+    registry = Registry()
+    evidence.heading("a. Contact solvers: error against run time")
+    evidence.text(
+        """Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a crowd at
+        a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from no
+        percussions, warm from those of the step before. The error is the greatest distance of the velocities found from
+        those of an independent interior-point solver (Clarabel, checked to 1e-9 m/s): times h, in metres, for NSM1, in
+        m/s for NSM2. The residual that solvers stop at has the same units."""
+    )
+    rows: list[dict[str, Any]] = []
+    for stage in QUICK if evidence.quick else FULL:
+        found = _stage_rows(stage, evidence.seed, registry)
+        rows += found
+        evidence.plot(
+            f"solvers_{stage.people}",
+            draw(stage, found),
+            f"{stage.people} people: error against the independent reference over the time of one solve, cold (full"
+            " lines) and warm (dashed). Crosses: Clarabel. Lines end where the allowed time ends.",
+        )
+    evidence.table("solvers_to_goal", goal_rows(rows), "Time of one solve [ms] to a residual; - where it is not reached in time.")
+    add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")
+    default = registry.get("contact_model", "nsm1").declared()["solver"].default
+    _judge(evidence, rows, str(default))
+
+
+def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
+    """Measure all solvers on all problems of one size."""
+    rows = []
+    for kind, snapshot in snapshots(stage.people, stage.kinds, seed, registry).items():
+        for law in stage.laws:
+            problem = contact_problem(snapshot, law, registry)
+            start = time.perf_counter()
+            truth = problem.reference()
+            duration = time.perf_counter() - start
+            head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
+            rows.append(
+                {
+                    **head,
+                    "start": "cold",
+                    "solver": "clarabel",
+                    "asked": None,
+                    "time [s]": duration,
+                    "iterations": None,
+                    "residual": None,
+                    "error": None,
+                    "reference run [s]": reference_time(3),
+                }
+            )
+            cap = LONG.get((kind, law.label, stage.people), stage.cap)
+            for solver in SOLVERS:
+                for first in STARTS:
+                    for row in measure(problem, truth, solver, first == "warm", cap):
+                        rows.append({**head, "start": first, "solver": solver, **row, "reference run [s]": None})
+    return rows
+
+
+def measure(
+    problem: ContactProblem, truth: FloatArray, solver: str, is_warm: bool, cap: float, asked: Sequence[float] = ASKED
+) -> list[dict[str, Any]]:
+    """Solve to ever smaller residuals until one is not reached within `cap` seconds; one row each."""
+    limit = _affordable(problem, solver, cap)
+    rows = []
+    for goal in asked:
+        duration, iterations, found = _median_solve(problem, solver, is_warm, goal / problem.law.scale, limit)
+        rows.append(
+            {
+                "asked": goal,
+                "time [s]": duration,
+                "iterations": iterations,
+                "residual": found * problem.law.scale,
+                "error": velocity_error(problem, truth),
+            }
+        )
+        if rows[-1]["residual"] > goal:
+            break
+    return rows
+
+
+def _affordable(problem: ContactProblem, solver: str, cap: float) -> int:
+    """Return the number of iterations that take about `cap` seconds; also compiles."""
+    few = 20
+    for _ in range(2):
+        problem.start(False)
+        start = time.perf_counter()
+        problem.solve(solver, 0.0, few)
+        each = (time.perf_counter() - start) / few
+    return max(few, int(cap / each))
+
+
+def _median_solve(
+    problem: ContactProblem, solver: str, is_warm: bool, tolerance: float, limit: int
+) -> tuple[float, int, float]:
+    """Return median time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
+    spans: list[float] = []
+    while len(spans) < 5 and sum(spans) < 0.2:
+        problem.start(is_warm)
+        start = time.perf_counter()
+        iterations, found = problem.solve(solver, tolerance, limit)
+        spans.append(time.perf_counter() - start)
+    return float(np.median(spans)), iterations, found
+
+
+def time_to(rows: Sequence[dict[str, Any]], goal: float, **where: Any) -> float | None:
+    """Return the time [s] of the row that reached a goal, None if none did."""
+    for row in rows:
+        if row["asked"] == goal and row["residual"] <= goal and all(row[key] == value for key, value in where.items()):
+            return float(row["time [s]"])
+    return None
+
+
+def goal_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the table of times to each goal, one column per solver [ms]."""
+    table = []
+    problems = dict.fromkeys((row["people"], row["crowd"], row["law"], row["contacts"]) for row in rows)
+    for people, crowd, law, contacts in problems:
+        for first in STARTS:
+            for goal in GOALS:
+                times = {
+                    solver: time_to(rows, goal, people=people, crowd=crowd, law=law, start=first, solver=solver)
+                    for solver in SOLVERS
+                }
+                table.append(
+                    {
+                        "people": people,
+                        "crowd": crowd,
+                        "contacts": contacts,
+                        "law": law,
+                        "start": first,
+                        "residual": f"{goal:.0e}",
+                        **{solver: None if found is None else 1e3 * found for solver, found in times.items()},
+                    }
+                )
+    return table
+
+
+def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
+    """Draw error over time: a row of panels per law, a column per kind of crowd."""
+    laws, kinds = [law.label for law in stage.laws], stage.kinds
+    figure, axes = new_figure(
+        3.4 * len(kinds) + 1.2, 2.3 * len(laws), len(laws), len(kinds), sharex=True, squeeze=False
+    )
+    for r, law in enumerate(laws):
+        for c, kind in enumerate(kinds):
+            axis = axes[r, c]
+            here = [row for row in rows if row["law"] == law and row["crowd"] == kind]
+            for k, solver in enumerate(SOLVERS):
+                for first, style in zip(STARTS, ("-", "--"), strict=True):
+                    line = [row for row in here if row["solver"] == solver and row["start"] == first]
+                    axis.loglog(
+                        [1e3 * row["time [s]"] for row in line],
+                        [max(row["error"], 1e-12) for row in line],
+                        style,
+                        color=f"C{k}",
+                        marker=".",
+                        markersize=4,
+                        linewidth=1.1,
+                        label=f"{solver}, {first}",
+                    )
+            library = [1e3 * row["time [s]"] for row in here if row["solver"] == "clarabel"]
+            axis.loglog(library, [1e-11] * len(library), "x", color="black", label="Clarabel")
+            axis.set_title(f"{law}, {kind}, {here[0]['contacts']} contacts", fontsize=8)
+            if c == 0:
+                axis.set_ylabel(f"error [{here[0]['unit']}]", fontsize=8)
+            if r == len(laws) - 1:
+                axis.set_xlabel("time of one solve [ms]", fontsize=8)
+            axis.tick_params(labelsize=7)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=7)
+    return figure
+
+
+def _judge(evidence: Evidence, rows: Sequence[dict[str, Any]], default: str) -> None:
+    """Say how the default solver compares with the paper's and with Gauss-Seidel, where it wins and where it loses."""
+    table = []
+    for people, crowd, law in dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows):
+        for goal in GOALS:
+            where = {"people": people, "crowd": crowd, "law": law, "start": "cold"}
+            ours = time_to(rows, goal, solver=default, **where)
+            if ours is None:
+                continue
+            others = {
+                solver: (time_to(rows, goal, solver=solver, **where), _spent(rows, solver, **where))
+                for solver in SOLVERS
+                if solver != default
+            }
+            table.append(
+                {
+                    "people": people,
+                    "crowd": crowd,
+                    "law": law,
+                    "residual": f"{goal:.0e}",
+                    f"{default} [ms]": 1e3 * ours,
+                    **{
+                        f"{solver} / {default}": f"{reached / ours:.1f}" if reached else f"> {spent / ours:.0f}"
+                        for solver, (reached, spent) in others.items()
+                    },
+                }
+            )
+    evidence.table(
+        "solvers_ratio",
+        table,
+        f"Cold starts: times of the other solvers over that of the default, {default}; below 1 the default loses.",
+    )
+
+
+def _spent(rows: Sequence[dict[str, Any]], solver: str, **where: Any) -> float:
+    """Return the longest time that a solver was given on a problem [s]."""
+    return max(
+        float(row["time [s]"])
+        for row in rows
+        if row["solver"] == solver and all(row[key] == value for key, value in where.items())
+    )
+
