@@ -54,8 +54,9 @@ def report_classroom(evidence: Evidence) -> None:
     order = ", ".join(f"{row['model']} {row['blocked']} of {row['runs']}" for row in shares)
     evidence.text(
         f"""{runs} runs of each model with the seeds {seeds[0]} to {seeds[-1]}, the same people for every model. Blocked
-        for good were: {order}. The paper reports that DEM and NSM2 evacuate without problem and that NSM1 often blocks, and
-        gives no shares; our door stands in the corner (buildings/classroom/README.md says why, and that it matters)."""
+        for good were: {order}. The paper reports that DEM and NSM2 evacuate without problem and that NSM1 often blocks,
+        and gives no shares; our door stands in the corner (buildings/classroom/README.md says why, and that it
+        matters)."""
     )
     evidence.table("classroom_blocked", shares, "Runs that end with people left: share with Clopper-Pearson interval.")
     _report_desks(evidence, times, blocked)
@@ -74,7 +75,6 @@ def share_interval(count: int, runs: int, confidence: float = CONFIDENCE) -> tup
 def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> dict[str, Any]:
     count, runs = int(blocked.sum()), len(blocked)
     low, high = share_interval(count, runs)
-    last = times[~blocked].max(axis=1) if count < runs else np.array([math.nan])
     return {
         "model": name,
         "runs": runs,
@@ -82,7 +82,7 @@ def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> dict
         "share [%]": 100.0 * count / runs,
         "from [%]": 100.0 * low,
         "to [%]": 100.0 * high,
-        "last out, mean of the others [s]": float(last.mean()),
+        "last out, mean of the others [s]": float(times[~blocked].max(axis=1).mean()) if count < runs else None,
     }
 
 
@@ -104,8 +104,8 @@ def _report_desks(evidence: Evidence, times: dict[str, FloatArray], blocked: dic
             "way to the door [m]": way[desk],
         }
         for name in MODELS:
-            values = means[name][:, desk] if name in means else np.array([math.nan])
-            row[f"{name} [s]"] = float(values.mean())
+            values = means[name][:, desk] if name in means else np.zeros(0)
+            row[f"{name} [s]"] = float(values.mean()) if len(values) else None
             row[f"{name} +- [s]"] = _standard_error(values)
         rows.append(row)
     falls = {
@@ -120,7 +120,8 @@ def _report_desks(evidence: Evidence, times: dict[str, FloatArray], blocked: dic
     fallen = ", ".join(f"{count} ({name})" for name, count in falls.items())
     evidence.text(
         f"""Within a column the mean escape time should grow from each desk to the one behind it, farther from the door;
-        of {steps} such steps it falls in {fallen}. Experimental times per desk are printed in a figure that is not available, so no fit is claimed."""
+        of {steps} such steps it falls in {fallen}. Experimental times per desk are printed in a figure that is not
+        available, so no fit is claimed."""
     )
     caption = (
         "Mean escape time of each desk over the runs that did not block, with its standard error; columns counted from "
@@ -146,7 +147,8 @@ def _plot_desks(evidence: Evidence, simulation: Simulation, rows: list[dict[str,
     shown = ("DEM", "NSM1 inertial", "NSM2")
     for row in rows:
         for k, name in enumerate(shown):
-            text = f"{row[f'{name} [s]']:.1f}"
+            mean = row[f"{name} [s]"]
+            text = "-" if mean is None else f"{mean:.1f}"
             axis.text(
                 row["x [m]"],
                 row["y [m]"] + 0.17 * (1 - k),

@@ -65,7 +65,7 @@ def draw_figure_2(evidence: Evidence) -> None:
         ground y = 0 at t = {exact:.6f} s; K_N = K_T = 0, h = {STEP} s. NSM1 comes to lie on the ground exactly, over
         one step with a velocity in between; NSM2 stops at mid-step and leaves a gap or an overlap of the order of h."""
     )
-    formats = {key: ".6f" for key in rows[0] if key != "model"}
+    formats = {key: "z.6f" for key in rows[0] if key != "model"}
     evidence.table("figure2", rows, "The steps before and after the contact.", formats)
     caption = "Left: path of the centre, grey: in contact; right: velocity along y, grey: exact time of contact."
     evidence.plot("figure2", figure, caption)

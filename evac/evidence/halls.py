@@ -1,0 +1,109 @@
+"""Halls for the scaling: a square hall with walls and doors, marched directions, a crowd at a given density."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import box
+
+from evac.building.model import Building, Exit, Level
+from evac.directions.build import build_fields
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.people.distributions import generator_for
+from evac.physics.bundles import Crowd
+
+FloatArray = NDArray[np.float64]
+
+#: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].
+RADIUS = (0.2, 0.24)
+
+#: One door of this width in every stretch of this length of the right wall [m].
+DOOR, STRETCH = 1.2, 10.0
+
+#: Spacing of the direction grid [m]; coarser where the hall is larger than `LARGE` [m].
+SPACING, COARSE, LARGE = 0.1, 0.25, 100.0
+
+
+@dataclass(frozen=True)
+class Hall:
+    """A hall and the people in it, before the first step."""
+
+    building: Building
+    fields: Fields
+    crowd: Crowd
+    side: float  # [m]
+
+
+def make_hall(people: int, density: float, seed: int) -> Hall:
+    """Return a hall with `people` at `density` per m2, on a jittered hexagonal lattice, without overlaps."""
+    pitch = math.sqrt(2.0 / (math.sqrt(3.0) * density))
+    position, side = _lattice(people, pitch)
+    generator = generator_for(seed, "hall", str(people), str(density))
+    slack = 0.5 * pitch - RADIUS[1]
+    angle = generator.uniform(0.0, 2.0 * math.pi, people)
+    shift = slack * np.sqrt(generator.uniform(0.0, 1.0, people))
+    position += shift[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    building = _building(side)
+    fields = build_fields(
+        building, (Route(),), spacing=SPACING if side <= LARGE else COARSE, clearance=RADIUS[1], speeds=(1.0, 1.0, 1.0)
+    )
+    return Hall(building, fields, _crowd(position, generator), side)
+
+
+def _lattice(people: int, pitch: float) -> tuple[FloatArray, float]:
+    """Return the places (n, 2) of a hexagonal lattice and the side of the square that holds it [m]."""
+    columns = math.ceil(math.sqrt(people * math.sqrt(0.75)))
+    row, column = np.divmod(np.arange(people), columns)
+    x = pitch * (0.5 + column + 0.5 * (row % 2))
+    y = pitch * (0.5 + math.sqrt(0.75) * row)
+    side = float(max(x.max(), y.max())) + 0.5 * pitch
+    return np.stack([x, y], axis=1), side
+
+
+def _building(side: float) -> Building:
+    doors = max(1, round(side / STRETCH))
+    middle = side * (np.arange(doors) + 0.5) / doors
+    low, high = middle - 0.5 * DOOR, middle + 0.5 * DOOR
+    walls = [[side, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, side], [0.0, side, side, side]]
+    edges = [0.0, *np.stack([low, high], axis=1).ravel(), side]
+    walls += [[side, end, side, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
+    level = Level(
+        0, "hall", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0
+    )
+    exits = tuple(Exit(k, f"door {k}", 0, np.array([[side, low[k], side, high[k]]]), DOOR) for k in range(doors))
+    return Building(
+        source=Path("a hall"),
+        vertices=np.array([[0.0, 0.0, 0.0], [side, 0.0, 0.0], [side, side, 0.0], [0.0, side, 0.0]]),
+        levels=(level,),
+        portals=(),
+        exits=exits,
+        areas=(),
+        walls=np.array(walls),
+        wall_level=np.zeros(len(walls), np.int32),
+        stairs={},
+    )
+
+
+def _crowd(position: FloatArray, generator: np.random.Generator) -> Crowd:
+    n = len(position)
+    return Crowd(
+        position=position,
+        velocity=np.zeros((n, 2)),
+        level=np.zeros(n, np.int32),
+        radius=generator.uniform(*RADIUS, n),
+        mass=generator.uniform(60.0, 100.0, n),
+        tau=generator.uniform(0.1, 0.5, n),
+        speed=np.repeat(generator.uniform(1.2, 2.0, n)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=np.zeros(n),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
