@@ -1,0 +1,139 @@
+"""DEM: the spring, its limits, and the same law written in numpy."""
+
+import numpy as np
+import pytest
+from evac_plugins.contact_dem import Dem
+from evac_plugins.force_social import SocialForce
+
+from evac.errors import ScenarioError, SimulationError
+from evac.parameters import Parameter
+from evac.physics.contact_model import BorderScene, ContactModel
+from tests.physics.scenes import (
+    copy_crowd,
+    cut_wall,
+    fields_towards,
+    kinetic_energy,
+    make_building,
+    make_crowd,
+    make_engine,
+    random_crowd,
+    uniform_fields,
+    walk,
+)
+
+FREE = 1e30
+
+
+def test_static_overlap_is_force_over_stiffness():
+    crowd = make_crowd([(-0.25, 0)], radius=0.2, mass=80.0, tau=0.1, speed=2.0)
+    engine = walk(Dem(), crowd, 1500, building=make_building(walls=[(0, -3, 0, 3)]), report=True)
+    assert 0.2 + crowd.position[0, 0] == pytest.approx(1600.0 / 1.2e5, abs=1e-12)
+    assert crowd.contact_force[0] == pytest.approx(1600.0, abs=1e-6)
+    assert engine.report()["greatest_overlap"] >= 1600.0 / 1.2e5
+
+
+@pytest.mark.parametrize(("stiffness", "masses"), [(1.2e5, (80.0, 80.0)), (1.2e5, (60.0, 100.0)), (5e4, (70.0, 70.0))])
+def test_head_on_overlap(stiffness, masses):
+    """v sqrt(m_reduced / k), 73 mm for two of 80 kg with 2 m/s each, without driving."""
+    crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(2, 0), (-2, 0)], radius=0.2, mass=masses, tau=FREE)
+    engine = walk(Dem(stiffness=stiffness), crowd, 2000, h=1e-4, tick=100)
+    reduced = masses[0] * masses[1] / sum(masses)
+    assert engine.report()["greatest_overlap"] == pytest.approx(4.0 * (reduced / stiffness) ** 0.5, rel=1e-3)
+    assert kinetic_energy(crowd) == pytest.approx(2.0 * sum(masses), rel=1e-2)  # parted again, elastically
+    if masses == (80.0, 80.0):
+        assert engine.report()["greatest_overlap"] == pytest.approx(0.073, abs=5e-4)
+
+
+def border(step, mass=60.0, tau=0.1, explicit=True):
+    array = np.array([mass, 100.0])
+    return BorderScene(step, explicit, np.full(2, 0.2), array, np.array([tau, 0.5]), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("mass", "tau", "explicit", "limit"),
+    [(60.0, 0.5, False, 0.018257), (50.0, 0.5, False, 0.016667), (60.0, 0.1, True, 0.017449)],
+)
+def test_the_border_is_the_limit_of_a_dense_packing(mass, tau, explicit, limit):
+    rate, drag = 6.0 * 1.2e5 / mass, (2.0 / tau if explicit else 0.0)
+    assert limit**2 * rate + limit * drag == pytest.approx(4.0, rel=1e-3)
+    Dem().check_scene(border(0.999 * limit, mass, tau, explicit))
+    with pytest.raises(ScenarioError, match=rf"simulation\.step: .* must be below {limit:.4f} s"):
+        Dem().check_scene(border(1.001 * limit, mass, tau, explicit))
+    Dem(stiffness=1e3).check_scene(border(0.02, mass, tau, explicit))
+
+
+def packing():
+    """46 people of 60 kg in a triangular packing, pressed down into a box that they fill."""
+    rows = [(0.5 * (row % 2) + np.arange(7 - row % 2), 0.75**0.5 * row) for row in range(7)]
+    lattice = np.concatenate([np.column_stack([column, np.full(len(column), height)]) for column, height in rows])
+    crowd = make_crowd(0.395 * lattice, radius=0.2, mass=60.0, tau=0.5, speed=1.5)
+    left, right = -0.2, 0.395 * 6 + 0.2
+    walls = [(left, -0.2, right, -0.2), (right, -0.2, right, 4), (left, 4, left, -0.2)]
+    return crowd, make_building(walls=walls), uniform_fields(1, (0.0, -1.0))
+
+
+@pytest.mark.parametrize(("step", "is_stable"), [(0.01, True), (0.02, False)])
+def test_a_dense_packing_under_load_is_stable_below_the_limit_only(step, is_stable):
+    """What `check_scene` refuses, run all the same."""
+    crowd, building, fields = packing()
+    steps = round(6.0 / step)
+    engine = make_engine(crowd, building, fields)
+    greatest = 0.0
+    try:
+        for first in range(0, steps, 5):
+            engine.advance(Dem(), crowd, first, 5, step, False, False)
+            if first * step > 4.0:
+                greatest = max(greatest, np.abs(crowd.velocity).max())
+    except SimulationError:
+        greatest = np.inf
+    if is_stable:
+        assert greatest < 0.15
+    else:
+        assert greatest > 0.5
+
+
+class NumpyDem(ContactModel):
+    """The spring of eq. 3, written in numpy."""
+
+    name = "numpy_dem"
+    stiffness = Parameter(1.2e5, "contact stiffness", unit="kg/s2", above=0.0)
+
+    def step(self, contacts, h):
+        contacts.impulse[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        push = contacts.impulse[:, None] * contacts.normal
+        velocity = contacts.free.copy()
+        np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
+        pair = contacts.other >= 0
+        np.add.at(velocity, contacts.other[pair], -push[pair] / contacts.mass[contacts.other[pair], None])
+        return velocity
+
+
+@pytest.mark.parametrize("forces", [(), (SocialForce(),)], ids=["alone", "social"])
+def test_the_model_in_numpy_is_the_compiled_one(forces):
+    walls = [(0, 0, 4, 0), (4, 0, 4, 1.1), (4, 1.9, 4, 3), (4, 3, 0, 3), *cut_wall(0, 3, 0, 0, 4)]
+    building = make_building(walls=walls, exits=[(0, (4.5, 0, 4.5, 3))])
+    compiled = random_crowd(20, (0, 0), (4, 3), seed=3)
+    written = copy_crowd(compiled)
+    reports = []
+    for model, crowd in ((Dem(), compiled), (NumpyDem(), written)):
+        engine = make_engine(crowd, building, fields_towards((5.5, 1.5)), forces)
+        for first in range(0, 200, 10):
+            engine.advance(model, crowd, first, 10, 0.01, True, True)
+        reports.append(engine.report())
+    np.testing.assert_allclose(written.position, compiled.position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(written.contact_force, compiled.contact_force, rtol=1e-9, atol=1e-6)
+    np.testing.assert_array_equal(written.level, compiled.level)
+    for name in ("contacts", "greatest_overlap", "contact_dissipation", "driving_work"):
+        assert reports[1][name] == pytest.approx(reports[0][name], rel=1e-9)
+    assert reports[0]["contacts"] > 100
+
+
+class Nothing(ContactModel):
+    """A model that forgot to say what it does."""
+
+    name = "nothing"
+
+
+def test_a_model_without_a_law_says_so():
+    with pytest.raises(Exception, match="'nothing' defines neither step"):
+        walk(Nothing(), make_crowd([(0, 0)]), 1)
