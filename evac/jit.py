@@ -7,17 +7,14 @@ of every source that holds kernels or the bundles they take, and of the flags th
 
 import hashlib
 import os
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
+from llvmlite import ir
 from numba import types
-from numba.core.errors import NumbaExperimentalFeatureWarning
-
-# Forces are passed to kernels as first-class functions, which numba calls experimental at each start.
-warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
+from numba.extending import intrinsic
 
 #: Signature of a pair force: (gap, nx, ny, ex, ey, parameters) -> (fx, fy); see ``evac.physics.force``.
 PAIR_FORCE_SIGNATURE = types.UniTuple(types.float64, 2)(
@@ -82,6 +79,10 @@ def inner(function: Callable[..., Any]) -> Any:
     )
 
 
+#: Compiled pair forces by the address of their machine code, for runs with NUMBA_DISABLE_JIT.
+_pair_forces: dict[int, Any] = {}
+
+
 def pair_force(function: Callable[..., Any]) -> Any:
     """Compile a force between two people to the one signature that the step loop can call.
 
@@ -91,5 +92,41 @@ def pair_force(function: Callable[..., Any]) -> Any:
         ``force(gap, nx, ny, ex, ey, parameters) -> (fx, fy)``: the force [N] on person i from person
         j, with the gap D_ij [m], the unit vector (nx, ny) from j to i, the desired direction
         (ex, ey) of i and the force's own parameters, a float64 array.
+
+    Returns
+    -------
+    numba CFunc
+        Callable from Python; its ``address`` is what kernels call.
     """
-    return _cached(numba.cfunc(PAIR_FORCE_SIGNATURE, cache=True), function)
+    compiled = _cached(numba.cfunc(PAIR_FORCE_SIGNATURE, cache=True), function)
+    _pair_forces[compiled.address] = compiled
+    return compiled
+
+
+@intrinsic
+def _call_address(typing_context, address, gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
+    """Call machine code at an address; passing functions as arguments would cost 25 us each at every call."""
+    numbers = [types.float64] * 5
+    signature = PAIR_FORCE_SIGNATURE.return_type(types.int64, *numbers, types.float64[::1])
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        result = context.get_value_type(signature.return_type)
+        kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
+        pointer = builder.inttoptr(arguments[0], ir.FunctionType(result, kinds).as_pointer())
+        return builder.call(pointer, arguments[1:])
+
+    return signature, generate
+
+
+if numba.config.DISABLE_JIT:
+
+    def call_pair_force(address, gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
+        """Call the pair force at an address: (fx, fy) [N]."""
+        return _pair_forces[int(address)](gap, nx, ny, ex, ey, parameters)
+
+else:
+
+    @inner
+    def call_pair_force(address, gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
+        """Call the pair force at an address: (fx, fy) [N]."""
+        return _call_address(address, gap, nx, ny, ex, ey, parameters)
