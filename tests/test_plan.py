@@ -1,0 +1,74 @@
+"""The plan: which parts a scene needs, and why."""
+
+import numpy as np
+import pytest
+
+from evac.directions.routes import STRATEGIES, Route
+from evac.plan import needed_forces, needed_routes
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+
+def plan_of(case, changes=(), full=False):
+    simulation = Simulation(load_case(case, dict(changes)), full=full)
+    return {part.name: (part.is_in, part.why) for part in simulation.plan}, simulation
+
+
+def test_square_room_needs_next_to_nothing():
+    plan, simulation = plan_of("square_room")
+    needed = {name for name, (is_in, _) in plan.items() if is_in}
+    assert needed == {"fields: fastest", "contact solves", "animation", "picture"}
+    assert plan["portals"][1] == "0 portals between 1 levels"
+    assert simulation.fields.routes == (Route(),)
+    assert simulation.forces == []
+    assert simulation.behaviours == []
+
+
+def test_the_school_needs_its_stairs_its_force_and_its_behaviours():
+    plan, simulation = plan_of("primary_school")
+    for name in ("portals", "stair speeds", "force: social", "behaviour: response_time", "behaviour: teacher_following"):
+        assert plan[name][0], name
+    assert plan["behaviour: response_time"][1] == "once, before the first step"
+    assert plan["behaviour: teacher_following"][1] == "at every tick"
+    assert plan["force: social"][1] == f"felt up to a gap of {0.08 * np.log(2000.0):.2f} m"
+    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["response_time", "teacher_following"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "part", "why"),
+    [
+        ({"forces.social.strength": 0.0}, "force: social", "it is zero everywhere"),
+        ({"behaviours.response_time.time": {"constant": 0}}, "behaviour: response_time", "nobody is concerned"),
+        ({"behaviours.teacher_following.gap": 1.0}, "behaviour: teacher_following", "nobody is concerned"),
+        ({"contact.nsm2.tangential_dissipation": 0.0}, "tangential contact", "K_T = 0 kg"),
+        ({"output.picture": False}, "picture", "output.picture = false"),
+    ],
+)
+def test_what_would_change_nothing_is_out(changes, part, why):
+    plan, simulation = plan_of("square_room", changes)
+    assert plan[part] == (False, why)
+    assert simulation.forces == []
+    assert simulation.behaviours == []
+
+
+def test_full_puts_everything_in():
+    changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
+    _, simulation = plan_of("square_room", changes, full=True)
+    assert [force.name for force in simulation.forces] == ["social"]
+    assert [behaviour.name for behaviour, _ in simulation.behaviours] == ["response_time"]
+    assert {route.strategy for route in simulation.fields.routes} == set(STRATEGIES)
+    assert simulation.engine.full
+
+
+def test_a_route_is_needed_where_somebody_takes_it():
+    case = load_case("square_room", {"people.people.strategy": "shortest"})
+    assert needed_routes(case, [], False) == (Route((), "shortest"),)
+    assert needed_routes(case, [], True)[0] == Route((), "shortest")
+    assert len(needed_routes(case, [], True)) == 3
+
+
+def test_forces_without_strength_are_not_needed():
+    case = load_case("square_room", {"forces.social.strength": 0.0})
+    forces = case.make_forces(case.registry)
+    assert needed_forces(forces, False) == []
+    assert needed_forces(forces, True) == forces
