@@ -63,7 +63,7 @@ def test_a_recorder_conforms(name):
 
 @pytest.mark.parametrize("name", list(REGISTRY.behaviours))
 def test_a_behaviour_conforms(name):
-    source, changes = CASES[name] if name in CASES else ("square_room", {f"behaviours.{name}": {}})
+    source, changes = CASES.get(name, ("square_room", {f"behaviours.{name}": {}}))
     check_plugin(REGISTRY.behaviours[name], load_case(source, changes))
 
 

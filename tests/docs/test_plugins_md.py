@@ -137,7 +137,13 @@ def test_a_plugin_is_named_on_the_command_line(plugin_files, tmp_path):
     done = subprocess.run(
         [
             *(sys.executable, "-m", "evac", "run", "square_room", "--out", str(tmp_path / "result")),
-            *("--plugin", str(plugin_files["dem_numpy.py"]), "--set", "contact.model=dem_numpy", "output.animation=false"),
+            *(
+                "--plugin",
+                str(plugin_files["dem_numpy.py"]),
+                "--set",
+                "contact.model=dem_numpy",
+                "output.animation=false",
+            ),
         ],
         cwd=tmp_path,
         capture_output=True,

@@ -1,0 +1,123 @@
+"""What every plugin has to hold to: checks that plugin authors call in their own tests.
+
+::
+
+    from evac.conformance import check_plugin
+
+    def test_my_model():
+        check_plugin(MyModel)                       # contact model, force, recorder
+        check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
+
+Each check raises `PluginError` that says what was broken, by how much, and what to change. The same checks
+run over everything that evac itself registers.
+"""
+
+from typing import Any
+
+from evac.behaviour import Behaviour
+from evac.conformance.cases import check_declared_arrays, check_looks_only, check_same_bits
+from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
+from evac.conformance.forces import check_pair_force
+from evac.errors import PluginError
+from evac.output.recorder import Recorder
+from evac.parameters import Configurable, Parameter
+from evac.physics.bundles import Crowd
+from evac.physics.contact_model import ContactModel
+from evac.physics.force import Force
+from evac.registry import Registry
+from evac.scenario.loading import load_case
+from evac.scenario.schema import Case
+
+__all__ = ["check_plugin"]
+
+#: What behaviours may write.
+WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
+
+#: Case that a plugin is tried in where its author gives none.
+SHIPPED_CASE = "square_room"
+
+
+def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int = 20, **values: Any) -> None:
+    """Run every check that concerns a plugin class.
+
+    Parameters
+    ----------
+    cls : type
+        A `ContactModel`, `Force`, `Behaviour` or `Recorder`.
+    case : Case, optional
+        Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use.
+    ticks : int
+        Ticks of the case that are run.
+    **values
+        Parameters to set, instead of the defaults, where no case is given.
+
+    Raises
+    ------
+    PluginError
+        The first promise found broken.
+    """
+    check_metadata(cls)
+    if issubclass(cls, ContactModel):
+        for check in CONTACT_MODEL_CHECKS:
+            check(cls(**values))
+    elif issubclass(cls, Force):
+        check_pair_force(cls(**values))
+    case = _case_with(cls, values) if case is None else case
+    if issubclass(cls, Behaviour):
+        check_declared_arrays(case, cls.name, ticks)
+    elif issubclass(cls, Recorder):
+        check_looks_only(cls(**values), case, ticks)
+    check_same_bits(case, ticks)
+
+
+def check_metadata(cls: type[Configurable]) -> None:
+    """Name, docstring, and every parameter with a type, a unit, a sentence and a legal default."""
+    name = getattr(cls, "name", "")
+    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
+        raise PluginError(f"{cls.__name__}.name is {name!r}; it must be one word in lower case, as a case names it")
+    if not (cls.__doc__ or "").strip():
+        raise PluginError(f"{name}: {cls.__name__} has no docstring; its first line is what `evac plugins` shows")
+    for key, parameter in cls.declared().items():
+        if not parameter.doc.strip():
+            raise PluginError(f"{name}.{key}: no doc; say in one sentence what it is")
+        if _is_bounded(parameter) and not isinstance(parameter.default, (int, float)) and not parameter.distribution:
+            raise PluginError(f"{name}.{key}: bounds on {parameter.default!r}, which is no number")
+        parameter.check(f"{name}.{key}", parameter.default)
+    made = cls()
+    if set(made.values()) != set(cls.declared()):
+        raise PluginError(f"{name}: its parameters are lost in __init__; call super().__init__(**values) first")
+    if isinstance(made, Behaviour):
+        _check_declarations(made)
+
+
+def _is_bounded(parameter: Parameter) -> bool:
+    return (parameter.minimum, parameter.above, parameter.maximum) != (None, None, None)
+
+
+def _check_declarations(behaviour: Behaviour) -> None:
+    for array in (*behaviour.reads, *behaviour.writes):
+        if array not in Crowd._fields:
+            raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.bundles.Crowd")
+    for array in behaviour.writes:
+        if array not in WRITABLE:
+            raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
+
+
+def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
+    """Return the shipped case with the plugin in use, registered if it is not."""
+    registry = Registry()
+    if issubclass(cls, ContactModel):
+        registry.contact_models.setdefault(cls.name, cls)
+        changes = {"contact.model": cls.name, f"contact.{cls.name}": values}
+    elif issubclass(cls, Force):
+        registry.forces.setdefault(cls.name, cls)
+        changes = {f"forces.{cls.name}": values}
+    elif issubclass(cls, Behaviour):
+        registry.behaviours.setdefault(cls.name, cls)
+        changes = {f"behaviours.{cls.name}": values}
+    elif issubclass(cls, Recorder):
+        registry.recorders.setdefault(cls.name, cls)
+        changes = {}
+    else:
+        raise PluginError(f"{cls.__name__} is no ContactModel, Force, Behaviour or Recorder; derive it from one")
+    return load_case(SHIPPED_CASE, changes, registry=registry)

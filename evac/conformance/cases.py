@@ -1,0 +1,112 @@
+"""What plugins have to hold to in a case that runs: the same bits, declared arrays, recorders that look only."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.errors import PluginError
+from evac.output.recorder import Recorder
+from evac.physics.bundles import Crowd
+from evac.scenario.schema import Case
+from evac.simulation import Simulation
+
+State = dict[str, NDArray[Any]]
+
+
+def check_same_bits(case: Case, ticks: int = 20) -> None:
+    """The same case gives the same bits: again, stopped and resumed, and with nothing left out."""
+    whole, middle = _run(case, ticks)
+    if different := _difference(whole, _run(case, ticks)[0]):
+        raise PluginError(f"{case.title}: two runs differ in {different}; draw from scene.generator only")
+    resumed = Simulation(case)
+    resumed.restore(middle)
+    while resumed.step < whole["simulation.step"][0]:
+        resumed.advance_tick()
+    if different := _difference(whole, resumed.state()):
+        raise PluginError(f"{case.title}: a run resumed differs in {different}; state() must hold every private array")
+    full, _ = _run(case, ticks, full=True)
+    moving = {key: value for key, value in whole.items() if key.startswith("population.") and key != "population.route"}
+    if different := _difference(moving, full):
+        raise PluginError(f"{case.title}: leaving out what is not needed changes {different}; see is_needed()")
+
+
+def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
+    """A behaviour touches only the arrays that it declares."""
+    try:
+        simulation = Simulation(case, full=True)
+        behaviour, scene = next(pair for pair in simulation.behaviours if pair[0].name == name)
+        scene.crowd = watched = _WatchedCrowd(*scene.crowd)
+        crowd = simulation.population.crowd
+        behaviour.prepare(scene)
+        for _ in range(ticks):
+            before = {key: array.copy() for key, array in crowd._asdict().items() if key not in behaviour.writes}
+            behaviour.act(scene.crowd, simulation.time)
+            for key, array in before.items():
+                if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
+                    raise PluginError(f"{name}: writes {key!r}, which it does not declare")
+            if simulation.ended:
+                break
+            simulation.advance_tick()
+    except StopIteration:
+        raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does") from None
+    except ValueError as error:
+        if "read-only" not in str(error):
+            raise
+        raise PluginError(f"{name}: writes an array that it does not declare in `writes`: {error}") from error
+    if undeclared := sorted(watched.seen - {*behaviour.reads, *behaviour.writes}):
+        raise PluginError(f"{name}: reads {', '.join(undeclared)} without declaring it in `reads`")
+
+
+def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
+    """A recorder changes nothing, works with and without a result folder, and can finish a run that never started."""
+    with tempfile.TemporaryDirectory() as place:
+        for folder in (None, Path(place)):
+            simulation = Simulation(case, folder)
+            simulation.recorders = []
+            type(recorder)(**recorder.values()).finish(simulation, None)
+            recorder.start(simulation)
+            for _ in range(ticks):
+                before = simulation.state()
+                recorder.record(simulation)
+                if different := _difference(before, simulation.state()):
+                    raise PluginError(f"{recorder.name}: changes {different}; a recorder looks only")
+                simulation.advance_tick()
+            recorder.finish(simulation, simulation.results())
+
+
+class _WatchedCrowd(Crowd):
+    """A crowd that notes which arrays are asked for."""
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in Crowd._fields:
+            self.seen.add(name)
+        return super().__getattribute__(name)
+
+    @property
+    def seen(self) -> set[str]:
+        noted: set[str] = self.__dict__.setdefault("noted", set())
+        return noted
+
+
+def _run(case: Case, ticks: int, full: bool = False) -> tuple[State, State]:
+    """Return the state after so many ticks, and after half of them."""
+    simulation = Simulation(case, full=full)
+    middle = simulation.state()
+    for tick in range(ticks):
+        if simulation.ended:
+            break
+        if tick == ticks // 2:
+            middle = simulation.state()
+        simulation.advance_tick()
+    return simulation.state(), middle
+
+
+def _difference(first: State, second: State) -> str:
+    """Return the name of the first array that differs, or nothing."""
+    for key, value in first.items():
+        if key not in second or not np.array_equal(value, second[key], equal_nan=value.dtype.kind == "f"):
+            return key
+    return ""

@@ -1,0 +1,167 @@
+"""Scenes made by hand: one flat level, people who all want to go the same way, walls or none."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import box
+
+from evac.building.model import Building, Level
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.errors import PluginError, SimulationError
+from evac.physics.bundles import Crowd
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.world import make_world
+
+FloatArray = NDArray[np.float64]
+
+#: Step of the scenes [s]; a tick is ten steps.
+STEP = 0.01
+
+#: Half the side of the square room that people are pressed into [m].
+ROOM = 2.5
+
+#: Half the side of the level [m].
+EXTENT = 20.0
+
+
+def room() -> list[tuple[float, float, float, float]]:
+    """Return the walls of a closed square room around the origin."""
+    corners = [(-ROOM, -ROOM), (ROOM, -ROOM), (ROOM, ROOM), (-ROOM, ROOM)]
+    return [(*corner, *corners[(k + 1) % 4]) for k, corner in enumerate(corners)]
+
+
+def pressed(
+    model: ContactModel,
+    steps: int,
+    turn: bool = False,
+    shift: float = 0.0,
+    watch: Callable[[Crowd], None] = lambda crowd: None,
+) -> tuple[Crowd, Engine]:
+    """Press nine people of different sizes against a wall of a closed room, in a scene turned and shifted."""
+    spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
+    position, walls = spread + np.array([0.2, 0.0]), np.array(room())
+    if turn:
+        position = np.column_stack([-position[:, 1], position[:, 0]])
+        walls = np.column_stack([-walls[:, 1], walls[:, 0], -walls[:, 3], walls[:, 2]])
+    crowd = make_crowd(
+        position + shift,
+        speed=np.linspace(1.2, 2.0, 9),
+        radius=np.linspace(0.25, 0.18, 9),
+        mass=np.linspace(60.0, 100.0, 9),
+        tau=0.3,
+    )
+    return walked(model, crowd, steps, walls + shift, (0.0, 1.0) if turn else (1.0, 0.0), watch)
+
+
+def greatest_overlap(crowd: Crowd) -> float:
+    """Return the greatest overlap of two people or of one with the room's walls [m], not below zero."""
+    first, second = np.triu_indices(len(crowd.radius), 1)
+    apart = np.hypot(*(crowd.position[first] - crowd.position[second]).T)
+    between = crowd.radius[first] + crowd.radius[second] - apart
+    outside = np.abs(crowd.position).max(axis=1) + crowd.radius - ROOM
+    return max(0.0, float(between.max()), float(outside.max()))
+
+
+def make_crowd(
+    position: Any,
+    velocity: Any = (0.0, 0.0),
+    speed: Any = 0.0,
+    radius: Any = 0.2,
+    mass: Any = 80.0,
+    tau: Any = 0.5,
+) -> Crowd:
+    """Return people on level 0; a number holds for all of them."""
+    place = np.array(position, dtype=np.float64)
+    n = len(place)
+    return Crowd(
+        position=place,
+        velocity=np.broadcast_to(np.array(velocity, dtype=np.float64), (n, 2)).copy(),
+        level=np.zeros(n, np.int32),
+        radius=np.full(n, radius, dtype=np.float64),
+        mass=np.full(n, mass, dtype=np.float64),
+        tau=np.full(n, tau, dtype=np.float64),
+        speed=np.repeat(np.full(n, speed, dtype=np.float64)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=np.zeros(n),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
+
+
+def walked(
+    model: ContactModel,
+    crowd: Crowd,
+    steps: int,
+    walls: Any = (),
+    direction: tuple[float, float] = (1.0, 0.0),
+    watch: Callable[[Crowd], None] = lambda crowd: None,
+) -> tuple[Crowd, Engine]:
+    """Make so many steps, everybody wanting to go the same way; watch after each tick.
+
+    Raises
+    ------
+    PluginError
+        A step cannot be made.
+    """
+    building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
+    engine = Engine(make_world(building, _fields(np.array(direction))), len(crowd.level), [])
+    for first in range(0, steps, 10):
+        try:
+            engine.advance(model, crowd, first, 10, STEP, True, True)
+        except SimulationError as error:
+            raise PluginError(f"{model.name}: cannot step through a plain scene: {error}") from error
+        watch(crowd)
+    return crowd, engine
+
+
+def _flat(walls: FloatArray) -> Building:
+    """Return one flat level with walls on it."""
+    level = Level(
+        index=0,
+        name="floor",
+        kind="floor",
+        stair=None,
+        triangles=np.zeros((0, 3), np.int32),
+        polygon=box(-EXTENT, -EXTENT, EXTENT, EXTENT),
+        uphill=np.zeros(2),
+        slope=0.0,
+        z_min=0.0,
+        z_max=0.0,
+    )
+    return Building(
+        source=Path("conformance"),
+        vertices=np.zeros((0, 3)),
+        levels=(level,),
+        portals=(),
+        exits=(),
+        areas=(),
+        walls=walls,
+        wall_level=np.zeros(len(walls), np.int32),
+        stairs={},
+    )
+
+
+def _fields(direction: FloatArray) -> Fields:
+    """Return the same direction everywhere; the travel time falls along it."""
+    nodes = EXTENT * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+    return Fields(
+        routes=(Route(),),
+        grid_origin=np.full((1, 2), -EXTENT),
+        grid_shape=np.full((1, 2), 2, np.int32),
+        spacing=2.0 * EXTENT,
+        field_of=np.zeros((1, 1), np.int32),
+        field_offset=np.zeros(1, np.int64),
+        direction=np.tile(direction, (4, 1)),
+        travel_time=100.0 - nodes @ direction,
+        graph=None,
+    )

@@ -1,0 +1,93 @@
+"""What the documents say is there, is there; what they show, runs."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import evac
+from evac.scenario.reference import reference
+
+DOCUMENTS = ("README.md", "docs/architecture.md", "docs/buildings.md", "docs/plugins.md", "docs/trajectory.md")
+
+
+def fenced(text, kind):
+    return re.findall(rf"^```{kind}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def text(root):
+    """Return the text of a document."""
+    return lambda path: (root / path).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_named_files_exist(document, root, text):
+    named = re.findall(r"`((?:evac|plugins|buildings|tests|docs|\.ci)/[\w./*]*)`", text(document))
+    linked = re.findall(r"\]\((?!http)([^)#]+)\)", text(document))
+    for name in [*named, *linked]:
+        assert list(root.glob(name.rstrip("/"))), f"{document} names {name}, which is not there"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_named_modules_exist(document, text):
+    """``evac.a.b.c`` is a module, or a name in one."""
+    import importlib
+
+    for name in re.findall(r"`(evac(?:\.\w+)+)`", text(document)):
+        if name == "evac.egg":
+            continue
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError:
+            module, _, attribute = name.rpartition(".")
+            assert hasattr(importlib.import_module(module), attribute), f"{document} names {name}"
+
+
+def test_commands_of_the_readme_exist(text):
+    words = set(re.findall(r"`evac (\w+)", text("README.md"))) | set(re.findall(r"&& evac (\w+)", text("README.md")))
+    help_text = subprocess.run(
+        [sys.executable, "-m", "evac", "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    assert len(words) >= 5
+    for word in words:
+        assert re.search(rf"^ +{word} ", help_text, re.MULTILINE), word
+
+
+def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
+    (block,) = fenced(text("README.md"), "python")
+    assert len([line for line in block.splitlines() if line.strip()]) == 10
+    done = subprocess.run([sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line.split()[0] for line in lines[:3]] == ["dem", "nsm1", "nsm2"]
+    assert 0.0 < float(re.fullmatch(r"mean speed in the room (\S+) m/s", lines[3])[1]) < 2.0
+
+
+def test_the_reference_of_a_case_is_the_generated_one(text):
+    assert text("docs/buildings.md").endswith("\n\n" + reference())
+
+
+def test_the_building_drawn_in_the_guide_is_read(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (block,) = fenced(text("docs/buildings.md"), "python")
+    exec(compile(block, "draw.py", "exec"), {})
+    building = evac.read_building("hall.msh")
+    assert [level.name for level in building.levels] == ["hall"]
+    assert [area.name for area in building.areas] == ["stage"]
+    assert [(way_out.name, way_out.width) for way_out in building.exits] == [("door", 1.0)]
+
+
+def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
+    (mesh,) = fenced(text("docs/buildings.md"), "text")
+    (case,) = fenced(text("docs/buildings.md"), "toml")
+    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
+    (tmp_path / "case.toml").write_text(case, encoding="utf-8")
+    results = evac.run(evac.load(tmp_path))
+    assert results.evacuated == results.people == 10
+    assert [level.kind for level in results.building.levels] == ["floor", "flight", "floor"]
+    assert len(results.building.portals) == 2
+    flight = results.building.levels[1]
+    assert flight.slope == pytest.approx(np.arctan(0.5))
