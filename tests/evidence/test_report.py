@@ -1,0 +1,109 @@
+"""The frame of the evidence pages: tables, pages, timings, processes."""
+
+import csv
+import json
+import time
+
+import numpy as np
+import pytest
+
+from evac.cli import evidence as command
+from evac.errors import ScenarioError
+from evac.evidence.command import KINDS, run_evidence, write_index
+from evac.evidence.report import Evidence, in_processes, markdown_table, new_figure, timed
+
+
+def square(number):
+    return number * number
+
+
+def test_table_is_written_in_full_and_shown_rounded(tmp_path):
+    evidence = Evidence("lean", tmp_path, quick=True)
+    rows = [{"model": "DEM", "time [s]": 1.0 / 3.0, "runs": 5}, {"model": "NSM2", "time [s]": None, "runs": 7}]
+    evidence.table("times", rows, "Times.")
+    page = evidence.write_page("A page").read_text()
+    with (tmp_path / "times.csv").open() as file:
+        back = list(csv.DictReader(file))
+    assert [float(back[0]["time [s]"]), back[1]["time [s]"]] == [1.0 / 3.0, ""]
+    assert "| DEM | 0.333 | 5 |" in page
+    assert "| NSM2 | - | 7 |" in page
+
+
+def test_page_holds_what_was_added_in_order_and_says_what_it_was_computed_with(tmp_path):
+    evidence = Evidence("scaling", tmp_path, quick=True, seed=9)
+    evidence.text("First\n   words.")
+    evidence.heading("Part")
+    evidence.plot("line", new_figure()[0], "A line.")
+    page = evidence.write_page("Title").read_text()
+    places = [
+        page.index(words) for words in ("# Title", "Quick run", "First words.", "## Part", "(line.png)", "## Cond")
+    ]
+    assert places == sorted(places)
+    assert (tmp_path / "line.png").read_bytes().startswith(b"\x89PNG")
+    found = json.loads((tmp_path / "run.json").read_text())
+    assert (found["title"], found["summary"], found["seed"]) == ("Title", "First words.", "9")
+    assert found["command"] == "evac evidence scaling --quick"
+
+
+def test_same_plot_gives_the_same_file(tmp_path):
+    evidence = Evidence("scaling", tmp_path)
+    for name in ("one", "two"):
+        figure, axis = new_figure()
+        axis.plot([1, 2], [3, 4])
+        evidence.plot(name, figure, "A line.")
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_markdown_table_puts_numbers_to_the_right_and_takes_formats():
+    lines = markdown_table([{"a|b": "x|y", "n": 1234567, "f": 0.000123456}], {"n": ",", "f": ".1e"}).splitlines()
+    assert lines[1] == "|---|--:|--:|"
+    assert lines[2] == "| x\\|y | 1,234,567 | 1.2e-04 |"
+
+
+def test_timed_counts_the_calls_and_takes_the_median():
+    spans = iter([0.05, 0.001, 0.02, 0.001])
+    prepared = []
+    timing = timed(lambda: time.sleep(next(spans)), repeats=3, prepare=lambda: prepared.append(1))
+    assert len(prepared) == 4
+    assert timing.least <= timing.median < 0.02 <= timing.greatest < 0.05
+    assert timing.repeats == 3
+
+
+def test_generators_depend_on_kind_seed_and_name_alone(tmp_path):
+    draws = {
+        (kind, seed, name): Evidence(kind, tmp_path, seed=seed).generator(name).random()
+        for kind in ("lean", "table3")
+        for seed in (1, 2)
+        for name in ("a", "b")
+    }
+    assert len(set(draws.values())) == len(draws)
+    assert Evidence("lean", tmp_path, quick=True, seed=1).generator("a").random() == draws["lean", 1, "a"]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_processes_keep_the_order_of_the_items(workers):
+    assert in_processes(square, [3, 1, 2], workers) == [9, 1, 4]
+
+
+def test_index_lists_the_kinds_that_are_there(tmp_path):
+    for kind in ("lean", "table3"):
+        evidence = Evidence(kind, tmp_path / kind)
+        evidence.text(f"What {kind} found.")
+        evidence.write_page(f"Title of {kind}")
+    write_index(tmp_path)
+    index = (tmp_path / "README.md").read_text()
+    assert [kind for kind in KINDS if f"({kind}/README.md)" in index] == ["lean", "table3"]
+    assert "What table3 found." in index
+
+
+def test_unknown_kind_is_refused_with_the_closest(tmp_path):
+    with pytest.raises(ScenarioError, match=r"'scalling'.*scaling"):
+        run_evidence("scalling", tmp_path)
+
+
+def test_every_kind_of_the_command_line_is_known():
+    assert tuple(KINDS) == command.KINDS
+
+
+def test_figure_is_laid_out_in_axes():
+    assert np.shape(new_figure(4.0, 3.0, 2, 3)[1]) == (2, 3)

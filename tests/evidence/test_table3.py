@@ -1,0 +1,138 @@
+"""The flow of the square room, the figures of the paper, classroom and school."""
+
+import numpy as np
+import pytest
+
+from evac.evidence.classroom import ClassTask, run_class, share_interval
+from evac.evidence.models import MODELS, make_model, model_overrides
+from evac.evidence.paper_figures import draw_figure_2, draw_figure_3
+from evac.evidence.report import Evidence
+from evac.evidence.school import SchoolTask, curve, longest_pause, run_school
+from evac.evidence.square_room import GAP, SetTask, crowd_at, flow, run_set, start_positions, stopped
+from evac.evidence.table3 import PUBLISHED, report_flow
+from evac.scenario.loading import load_case
+
+
+def generator():
+    return np.random.default_rng(0)
+
+
+def test_flow_is_the_slope_of_the_regression_over_all_exits():
+    sets = [
+        np.sort(generator().uniform(0.0, 9.0, (7, 20)), axis=1),
+        np.sort(generator().uniform(0.0, 7.0, (5, 20)), axis=1),
+    ]
+    pooled = np.concatenate([times.ravel() for times in sets])
+    number = np.tile(np.arange(1, 21), 12)
+    found = flow(sets, generator())
+    assert found.pooled == pytest.approx(60.0 * np.polyfit(pooled, number, 1)[0], rel=1e-10)
+    single = [60.0 * np.polyfit(times, np.arange(1, 21), 1)[0] for part in sets for times in part]
+    assert found.median == pytest.approx(np.median(single), rel=1e-10)
+    assert (found.runs, found.stopped) == (12, 0)
+
+
+def test_interval_holds_the_flow_and_vanishes_where_all_sets_are_alike():
+    even = np.tile(np.arange(1, 21) / 3.0, (4, 1))
+    found = flow([even] * 5, generator())
+    assert (found.low, found.pooled, found.high) == pytest.approx((180.0, 180.0, 180.0))
+    mixed = flow([even, 1.1 * even, 0.9 * even], generator())
+    assert mixed.low < mixed.pooled < mixed.high
+    assert (mixed.low, mixed.high) == pytest.approx((180.0 / 1.1, 200.0), rel=1e-3)
+
+
+def test_runs_with_a_long_gap_or_people_left_are_counted_apart():
+    good = np.arange(1.0, 21.0)
+    late = good + np.where(np.arange(20) > 12, GAP, 0.0)
+    never = np.where(np.arange(20) > 12, np.nan, good)
+    late_start = good + GAP
+    times = np.array([good, late, never, late_start])
+    assert stopped(times).tolist() == [False, True, True, True]
+    found = flow([times], generator())
+    assert (found.runs, found.stopped) == (4, 3)
+    assert found.pooled == pytest.approx(60.0)
+
+
+def test_positions_belong_to_the_set_and_parameters_to_the_run():
+    first, again, other = start_positions(1, 0), start_positions(1, 0), start_positions(1, 1)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    one, two = crowd_at(first, 1, 0, 0), crowd_at(first, 1, 0, 1)
+    assert np.array_equal(one.position, two.position)
+    for name in ("radius", "mass", "tau", "speed"):
+        assert not np.array_equal(getattr(one, name), getattr(two, name))
+    assert one.speed.min() >= 1.5
+    assert one.speed.max() <= 2.0
+    apart = np.linalg.norm(first[:, None] - first[None], axis=2) + 9.0 * np.eye(20)
+    assert apart.min() >= 0.5  # nobody overlaps, whatever radius up to 0.25 m a run draws
+
+
+def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_runs():
+    task = SetTask(seed=3, position_set=2, runs=2, step=0.01)
+    found, again = run_set(task), run_set(task)
+    more = run_set(SetTask(seed=3, position_set=2, runs=3, step=0.01))
+    assert list(found) == list(MODELS)
+    for name, times in found.items():
+        assert times.shape == (2, 20)
+        assert np.array_equal(times, again[name], equal_nan=True)
+        assert np.array_equal(times, more[name][:2], equal_nan=True)
+        assert not np.array_equal(found["DEM"], found["NSM2"])
+
+
+def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.evidence.table3.QUICK_RUNS", {0.01: (2, 2)})
+    evidence = Evidence("table3", tmp_path, quick=True)
+    report_flow(evidence)
+    page = evidence.write_page("Flow").read_text()
+    for name in PUBLISHED:
+        assert f"| {name} | 0.01 | 2 | 4 |" in page
+
+
+def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
+    evidence = Evidence("table3", tmp_path)
+    draw_figure_2(evidence)
+    draw_figure_3(evidence)
+    page = evidence.write_page("Figures").read_text()
+    assert "| NSM1 inertial | 0.224228 | 0.220000 | 0.000000 | -0.422836 | 0.000000 | 1.065685 |" in page
+    assert "| NSM2 | 0.224228 | 0.220693 | 0.692821 | 0.000000 | 0.000000 | 1.065685 |" in page
+    rows = np.genfromtxt(tmp_path / "figure3.csv", delimiter=",", names=True)
+    back = rows["back_at_95__of_its_velocity_after_s"]
+    assert (np.diff(back) > 0.0).all()  # sooner for smaller tau
+
+
+def test_share_interval_is_clopper_and_pearsons():
+    assert share_interval(0, 50) == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 50)))
+    assert share_interval(50, 50) == pytest.approx((0.025 ** (1 / 50), 1.0))
+    assert share_interval(12, 50) == pytest.approx((0.13061, 0.38169), abs=1e-5)  # tabulated
+
+
+def test_classroom_blocks_the_same_runs_whoever_computes_them():
+    times, blocked = run_class(ClassTask("DEM", (1, 2)))
+    alone, _ = run_class(ClassTask("DEM", (2,)))
+    assert np.array_equal(times[1], alone[0], equal_nan=True)
+    assert times.shape == (2, 30)
+    assert np.array_equal(np.isnan(times).any(axis=1), blocked)
+
+
+def test_school_is_run_with_and_without_teachers():
+    following, alone = (run_school(SchoolTask(name, (1,))) for name in ("following a teacher", "everybody alone"))
+    assert following.times.shape == alone.times.shape == (1, 136)
+    assert np.unique(following.storey).tolist() == [0, 1, 2]
+    assert longest_pause(following.times)[0] > longest_pause(alone.times)[0]
+
+
+def test_curve_counts_who_is_out():
+    times = np.array([[1.0, 2.0, np.nan], [0.5, 0.5, 3.0]])
+    assert curve(times, np.array([0.0, 0.5, 2.0, 9.0])).tolist() == [[0, 0, 2, 2], [0, 2, 2, 3]]
+
+
+def test_longest_pause_leaves_out_both_ends():
+    times = np.arange(20.0)[None].copy()
+    times[0, 10:] += 4.0
+    times[0, -1] += 100.0
+    assert longest_pause(times).tolist() == [5.0]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_is_the_same_by_name_and_in_a_case(name):
+    case = load_case("square_room", model_overrides(name))
+    assert case.make_contact_model(case.registry).values() == make_model(name).values()
