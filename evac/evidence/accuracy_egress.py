@@ -14,7 +14,7 @@ from evac.evidence.square_room import crowd_at, exit_times, start_positions
 from evac.physics.bundles import FloatArray
 from evac.physics.contact_model import BorderScene
 
-#: Step [s] and number of runs: small steps cost, and the same crowds are run at every step, so that differences are paired.
+#: Step [s] and number of runs: small steps cost. The same crowds are run at every step, so differences are paired.
 QUICK = ((1e-1, 4), (1e-2, 4))
 FULL = ((1e-1, 100), (5e-2, 100), (2e-2, 100), (1e-2, 100), (1e-3, 30), (1e-4, 6))
 
@@ -28,9 +28,9 @@ def run(evidence: Evidence) -> None:
     evidence.heading("e. Egress: flow of the square room over the step")
     evidence.text(
         """The flow of one run is the slope of the linear regression of the number out on time. The same crowds (start
-        positions, radii, masses, speeds) are run at every step. Standard errors are those of the mean over runs; the
-        difference is that of the same crowds to h = 0.01 s. Blocked runs, in which nobody gets out for 10 s, are counted and left out
-        of the mean. DEM refuses steps beyond its stability limit."""
+        positions, radii, masses, speeds) are run at every step. Standard errors are those of the mean over runs;
+        the difference is that of the same crowds to h = 0.01 s. Blocked runs, in which nobody gets out for 10 s,
+        are counted and left out of the mean. DEM refuses steps beyond its stability limit."""
     )
     runs: list[dict[str, Any]] = []
     for model in MODELS:
@@ -122,7 +122,8 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
         steps = [row["h [s]"] for row in line]
         spread = [2.0 * (row["standard error"] or 0.0) for row in line]
         colour = MODEL_COLOURS[model]
-        left.errorbar(steps, [r["flow [1/min]"] for r in line], spread, marker="o", capsize=3, color=colour, label=model)
+        flows = [row["flow [1/min]"] for row in line]
+        left.errorbar(steps, flows, spread, marker="o", capsize=3, color=colour, label=model)
         right.loglog(steps, [r["time of a run [s]"] for r in line], "o-", color=colour)
     left.set_xscale("log")
     left.set_ylabel("flow [people per minute]")

@@ -46,14 +46,14 @@ def run(evidence: Evidence) -> None:
         for setting in settings(float(start[1].mass.min()), evidence.quick)
     ]
     evidence.text(
-        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s. DEM with
-        stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h = 0.01 s, without
-        its limit on velocities, so that the tolerance alone acts; NSM2 (K_N = 1e5 kg) varies the step. The overlap is the
-        greatest between any two bodies, or body and wall, at any step. It says nothing about the rest of the
-        trajectory, which part b is about."""
+        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s.
+        DEM with stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h =
+        0.01 s, without its limit on velocities, so that the tolerance alone acts; NSM2 (K_N = 1e5 kg) varies the
+        step. The overlap is the greatest between any two bodies, or body and wall, at any step. It says nothing
+        about the rest of the trajectory, which part b is about."""
     )
     evidence.table("overlap", rows, "Greatest overlap and the wall time of one simulated second.")
-    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd: towards the lower left is better.")
+    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd; lower left is better.")
     _recommend(evidence, rows)
 
 
@@ -151,7 +151,7 @@ def _recommend(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:
         table.append(
             {
                 "overlap allowed [mm]": f"{allowed:g}",
-                "cheapest here": f"{cheapest['model']}, {cheapest['varied']} = {cheapest['value']}" if cheapest else "none",
+                "cheapest here": "{model}, {varied} = {value}".format(**cheapest) if cheapest else "none",
                 "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
             }
         )

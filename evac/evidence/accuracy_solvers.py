@@ -19,6 +19,7 @@ ASKED = tuple(10.0**-k for k in range(2, 11))
 
 #: What the page compares.
 GOALS = (1e-4, 1e-6, 1e-10)
+RATIO_GOAL = 1e-6
 
 STARTS = ("cold", "warm")
 
@@ -41,7 +42,7 @@ FULL = (
     Stage(10_000, ("arriving",), LAWS, 1.0),
 )
 
-#: A problem on which slow solvers are given longer, so that their ratio can be stated: kind, law, people; cap [s].
+#: A problem on which slow solvers are given longer, so that their ratio can be stated; cap [s].
 LONG = {("settled", "NSM1", 4_000): 8.0}
 
 
@@ -50,11 +51,11 @@ def run(evidence: Evidence) -> None:
     registry = Registry()
     evidence.heading("a. Contact solvers: error against run time")
     evidence.text(
-        """Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a crowd at
-        a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from no
-        percussions, warm from those of the step before. The error is the greatest distance of the velocities found from
-        those of an independent interior-point solver (Clarabel, checked to 1e-9 m/s): times h, in metres, for NSM1, in
-        m/s for NSM2. The residual that solvers stop at has the same units."""
+        """Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
+        crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
+        no percussions, warm from those of the step before. The error is the greatest distance of the velocities
+        found from those of an independent interior-point solver (Clarabel, checked to 1e-9 m/s): times h, in
+        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units."""
     )
     rows: list[dict[str, Any]] = []
     for stage in QUICK if evidence.quick else FULL:
@@ -66,10 +67,15 @@ def run(evidence: Evidence) -> None:
             f"{stage.people} people: error against the independent reference over the time of one solve, cold (full"
             " lines) and warm (dashed). Crosses: Clarabel. Lines end where the allowed time ends.",
         )
-    evidence.table("solvers_to_goal", goal_rows(rows), "Time of one solve [ms] to a residual; - where it is not reached in time.")
+    default = str(registry.get("contact_model", "nsm1").declared()["solver"].default)
+    evidence.table(
+        "solvers_default",
+        default_rows(rows, default),
+        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of the"
+        " other solvers over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there.",
+    )
+    add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
     add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")
-    default = registry.get("contact_model", "nsm1").declared()["solver"].default
-    _judge(evidence, rows, str(default))
 
 
 def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
@@ -205,6 +211,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
                         linewidth=1.1,
                         label=f"{solver}, {first}",
                     )
+            # Clarabel's own error is below the precision it is checked to.
             library = [1e3 * row["time [s]"] for row in here if row["solver"] == "clarabel"]
             axis.loglog(library, [1e-11] * len(library), "x", color="black", label="Clarabel")
             axis.set_title(f"{law}, {kind}, {here[0]['contacts']} contacts", fontsize=8)
@@ -214,42 +221,35 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
                 axis.set_xlabel("time of one solve [ms]", fontsize=8)
             axis.tick_params(labelsize=7)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=7)
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
     return figure
 
 
-def _judge(evidence: Evidence, rows: Sequence[dict[str, Any]], default: str) -> None:
-    """Say how the default solver compares with the paper's and with Gauss-Seidel, where it wins and where it loses."""
+def default_rows(rows: Sequence[dict[str, Any]], default: str) -> list[dict[str, Any]]:
+    """Return a row per problem: times of the default solver, and those of the others over it."""
     table = []
     for people, crowd, law in dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows):
-        for goal in GOALS:
-            where = {"people": people, "crowd": crowd, "law": law, "start": "cold"}
-            ours = time_to(rows, goal, solver=default, **where)
-            if ours is None:
-                continue
-            others = {
-                solver: (time_to(rows, goal, solver=solver, **where), _spent(rows, solver, **where))
-                for solver in SOLVERS
-                if solver != default
-            }
-            table.append(
-                {
-                    "people": people,
-                    "crowd": crowd,
-                    "law": law,
-                    "residual": f"{goal:.0e}",
-                    f"{default} [ms]": 1e3 * ours,
-                    **{
-                        f"{solver} / {default}": f"{reached / ours:.1f}" if reached else f"> {spent / ours:.0f}"
-                        for solver, (reached, spent) in others.items()
-                    },
-                }
-            )
-    evidence.table(
-        "solvers_ratio",
-        table,
-        f"Cold starts: times of the other solvers over that of the default, {default}; below 1 the default loses.",
-    )
+        where = {"people": people, "crowd": crowd, "law": law}
+        times = {f"{goal:.0e}": time_to(rows, goal, solver=default, start="cold", **where) for goal in GOALS}
+        times["1e-06, warm"] = time_to(rows, RATIO_GOAL, solver=default, start="warm", **where)
+        ours = time_to(rows, RATIO_GOAL, solver=default, start="cold", **where)
+        row: dict[str, Any] = {**where, **{goal: None if t is None else f"{1e3 * t:.3g}" for goal, t in times.items()}}
+        for solver in (*SOLVERS, "clarabel"):
+            if solver != default:
+                row[f"{solver} / {default}"] = _ratio(rows, solver, ours, where)
+        table.append(row)
+    return table
+
+
+def _ratio(rows: Sequence[dict[str, Any]], solver: str, ours: float | None, where: dict[str, Any]) -> str:
+    """Return the time of another solver over that of the default."""
+    if ours is None:
+        return "-"
+    reached = time_to(rows, RATIO_GOAL, solver=solver, start="cold", **where)
+    if solver == "clarabel" or reached is None:
+        spent = _spent(rows, solver, **where)
+        return f"{'' if solver == 'clarabel' else '> '}{spent / ours:.2g}"
+    return f"{reached / ours:.2g}"
 
 
 def _spent(rows: Sequence[dict[str, Any]], solver: str, **where: Any) -> float:

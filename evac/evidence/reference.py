@@ -73,7 +73,9 @@ def solve_contact_qp(
     try:
         import clarabel
     except ImportError as error:
-        raise EvacError("the reference of contact problems needs clarabel; install it with: pip install evac[evidence]") from error
+        raise EvacError(
+            "the reference of contact problems needs clarabel; install it with: pip install evac[evidence]"
+        ) from error
     c, k = gradient.shape
     unit = float(np.mean(mass))
     root = np.sqrt(unit / mass)
@@ -85,7 +87,10 @@ def solve_contact_qp(
         slack = np.sqrt(unit / (2.0 * dissipation))
         quadratic = sparse.identity(k + c)
         matrix = sparse.vstack(
-            [sparse.hstack([-scaled, sparse.csc_matrix((c, c))]), sparse.hstack([-0.5 * scaled, -slack * sparse.identity(c)])]
+            [
+                sparse.hstack([-scaled, sparse.csc_matrix((c, c))]),
+                sparse.hstack([-0.5 * scaled, -slack * sparse.identity(c)]),
+            ]
         )
         bound = np.concatenate([start + bias, 0.5 * (start + approach)])
     best, found = free, np.inf
@@ -116,7 +121,7 @@ def solve_contact_qp(
             best, found = velocity, left
         if found <= PRECISION:
             return np.asarray(best)
-    raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, {PRECISION:.0e} is asked for")
+    raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {PRECISION:.0e} m/s")
 
 
 def law_residual(
@@ -140,3 +145,142 @@ def law_residual(
     spring = dissipation * np.maximum(0.0, -0.5 * (after + approach))
     law = np.minimum(omega * (percussion - spring), after + bias)
     return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
+
+
+def geodesics(
+    plan: "BaseGeometry", target: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return exact lengths of the shortest ways in a plan to a straight line, by its visibility graph.
+
+    A shortest way is straight between reflex corners of the outline; its last piece ends at the nearest
+    point of the line, or at one of the line's ends.
+
+    Parameters
+    ----------
+    plan : shapely polygon
+        With holes.
+    target : (4,)
+        x1, y1, x2, y2 of a line on the outline [m].
+    points : (p, 2) [m]
+
+    Returns
+    -------
+    length : (p,) [m]
+    direction : (p, 2)
+        Unit vector of the way's first piece.
+    lead : (p,) [m]
+        How much longer the best way with another first corner is: where it is small, the direction jumps nearby.
+    """
+    nodes = np.concatenate([_reflex_corners(plan), target.reshape(2, 2)])
+    room = plan.buffer(TOUCH, join_style="mitre")
+    between = _visible(room, np.repeat(nodes, len(nodes), axis=0), np.tile(nodes, (len(nodes), 1))).reshape(
+        len(nodes), len(nodes)
+    )
+    lengths = np.hypot(*(nodes[:, None] - nodes[None]).transpose(2, 0, 1))
+    ends = _nearest_on(target, nodes)
+    direct = np.where(_visible(room, nodes, ends), np.hypot(*(nodes - ends).T), np.inf)
+    graph = np.zeros((len(nodes) + 1, len(nodes) + 1))
+    graph[:-1, :-1] = np.where(between, lengths, 0.0)
+    # The target is the last node; a node on it is a hair away, because a zero is no edge.
+    graph[-1, :-1] = np.where(np.isfinite(direct), np.maximum(direct, 1e-12), 0.0)
+    remaining = dijkstra(sparse.csr_matrix(graph), directed=False, indices=len(nodes))[:-1]
+    hops = np.concatenate([nodes, np.full((1, 2), np.nan)])
+    total = np.full((len(points), len(nodes) + 1), np.inf)
+    for first in range(0, len(points), max(1, BLOCK // len(nodes))):
+        some = slice(first, first + max(1, BLOCK // len(nodes)))
+        here = points[some]
+        seen = _visible(room, np.repeat(here, len(nodes), axis=0), np.tile(nodes, (len(here), 1)))
+        away = np.hypot(*(here[:, None] - nodes[None]).transpose(2, 0, 1))
+        total[some, :-1] = np.where(seen.reshape(len(here), -1), away + remaining[None], np.inf)
+        ends = _nearest_on(target, here)
+        total[some, -1] = np.where(_visible(room, here, ends), np.hypot(*(here - ends).T), np.inf)
+    best = total.argmin(axis=1)
+    length = total[np.arange(len(points)), best]
+    aim = np.where((best == len(nodes))[:, None], _nearest_on(target, points), hops[best])
+    away = aim - points
+    norm = np.maximum(np.hypot(*away.T), 1e-300)
+    direction = away / norm[:, None]
+    return length, direction, _lead(total, length, points, hops, target, direction)
+
+
+def _lead(
+    total: FloatArray,
+    length: FloatArray,
+    points: FloatArray,
+    hops: FloatArray,
+    target: FloatArray,
+    direction: FloatArray,
+) -> FloatArray:
+    """Return how much longer the best way that sets off in quite another direction is (by more than 5 degrees)."""
+    aims = np.repeat(hops[None], len(points), axis=0)
+    aims[:, -1] = _nearest_on(target, points)
+    away = aims - points[:, None]
+    away /= np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-300)[..., None]
+    other = np.einsum("pnk,pk->pn", away, direction) < np.cos(np.radians(5.0))
+    return np.asarray(np.where(other, total, np.inf).min(axis=1) - length)
+
+
+def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
+    """Return the corners (k, 2) that a shortest way can bend round: the inside angle is more than 180 degrees."""
+    from shapely.geometry.polygon import orient
+
+    found: list[FloatArray] = []
+    solid = orient(plan)
+    for ring in (solid.exterior, *solid.interiors):
+        corner = np.asarray(ring.coords)[:-1, :2]
+        back, ahead = corner - np.roll(corner, 1, axis=0), np.roll(corner, -1, axis=0) - corner
+        turn = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
+        found.append(corner[turn < -1e-9])
+    return np.concatenate(found)
+
+
+def _visible(room: "BaseGeometry", start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
+    """Say of each pair of points (k, 2) whether the straight line between them stays in the room."""
+    import shapely
+
+    shapely.prepare(room)
+    # Some shapely versions call a line of no length invalid: a hair is added.
+    lines = shapely.linestrings(np.stack([start, end + 1e-12], axis=1))
+    return np.asarray(shapely.covers(room, lines))
+
+
+def _nearest_on(target: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the points (p, 2) of a line (4,) nearest to points (p, 2)."""
+    start, along = target[:2], target[2:] - target[:2]
+    share = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+    return np.asarray(start + share[:, None] * along)
+
+
+def refracted(points: FloatArray, seams: Sequence[FloatArray], slowness: Sequence[float]) -> FloatArray:
+    """Return least travel times (p,) through convex plans one after another, each with its slowness [s/m].
+
+    Each seam (4,) is the line between two plans, the last one the target; the way is straight between
+    them, and where it crosses is found by minimising the time, which is convex in the crossing points.
+    """
+    from scipy.optimize import minimize
+
+    starts = np.array([seam[:2] for seam in seams])
+    along = np.array([seam[2:] - seam[:2] for seam in seams])
+    rates = np.array(slowness)
+
+    def time_of(share: FloatArray, point: FloatArray) -> tuple[float, FloatArray]:
+        places = np.concatenate([point[None], starts + share[:, None] * along])
+        pieces = np.diff(places, axis=0)
+        lengths = np.maximum(np.hypot(pieces[:, 0], pieces[:, 1]), 1e-300)
+        pull = rates[:, None] * pieces / lengths[:, None]
+        pull[:-1] -= pull[1:].copy()
+        return float(rates @ lengths), np.einsum("sk,sk->s", pull, along)
+
+    found = []
+    for point in points:
+        best = minimize(
+            time_of,
+            np.full(len(seams), 0.5),
+            args=(point,),
+            jac=True,
+            bounds=[(0.0, 1.0)] * len(seams),
+            method="L-BFGS-B",
+            options={"ftol": 1e-15, "gtol": 1e-12, "maxiter": 500},
+        )
+        found.append(best.fun)
+    return np.array(found)

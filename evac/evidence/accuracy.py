@@ -1,0 +1,32 @@
+"""Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
+
+from evac.evidence import (
+    accuracy_egress,
+    accuracy_fields,
+    accuracy_overlap,
+    accuracy_solvers,
+    accuracy_tolerance,
+    accuracy_trajectories,
+)
+from evac.evidence.report import Evidence
+
+#: The parts in the order of the page.
+PARTS = (
+    accuracy_solvers,
+    accuracy_trajectories,
+    accuracy_overlap,
+    accuracy_fields,
+    accuracy_egress,
+    accuracy_tolerance,
+)
+
+
+def run(evidence: Evidence) -> None:
+    """Compute all parts and write the page."""
+    evidence.text(
+        """What each alternative costs for the error it leaves: contact solvers, steps and integrators, contact models,
+        grids of travel times, egress statistics; and the rule by which `evac run --tolerance` chooses."""
+    )
+    for part in PARTS:
+        part.run(evidence)
+    evidence.write_page("Accuracy: error against run time")
