@@ -1,0 +1,187 @@
+"""Small scenes made by hand, without mesh files: walled rooms, directions given, people placed one by one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import box
+
+from evac.building.model import Building, Exit, Level
+from evac.directions.fields import Fields
+from evac.directions.routes import Route
+from evac.physics.bundles import Crowd
+from evac.physics.contact_model import BorderScene
+from evac.physics.engine import Engine
+from evac.physics.world import make_world, set_open
+
+FloatArray = NDArray[np.float64]
+Bounds = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """People in a rectangular room that is walled on all sides, but for its exits.
+
+    Attributes
+    ----------
+    room : (x1, y1, x2, y2) [m]
+    building : Building
+    fields : Fields
+    crowd : Crowd
+        As it starts; `start` hands out copies.
+    is_closed : bool
+        Whether the exits are closed.
+    """
+
+    room: Bounds
+    building: Building
+    fields: Fields
+    crowd: Crowd
+    is_closed: bool = False
+
+    def start(self) -> tuple[Engine, Crowd]:
+        """Return a fresh engine and a copy of the crowd."""
+        crowd = Crowd(**{name: array.copy() for name, array in self.crowd._asdict().items()})
+        world = make_world(self.building, self.fields)
+        for link in range(len(self.building.exits) if self.is_closed else 0):
+            set_open(world, link, False)
+        return Engine(world, len(crowd.level), []), crowd
+
+    def border(self, step: float, explicit: bool) -> BorderScene:
+        """Return what contact models check a step [s] against."""
+        crowd = self.crowd
+        return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau, float(crowd.speed.max()))
+
+
+def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:
+    """Return one flat level with walls around `bounds` [m].
+
+    Parameters
+    ----------
+    bounds : (x1, y1, x2, y2)
+    inner_walls : (w, 4)
+        Further walls.
+    exits : tuple of segments
+        On the right side, x = x2, rising in y; the wall there is left out between their ends.
+    """
+    x1, y1, x2, y2 = bounds
+    ends = [y1, *(y for way_out in exits for y in (way_out[1], way_out[3])), y2]
+    right = [(x2, low, x2, high) for low, high in zip(ends[::2], ends[1::2], strict=True)]
+    walls = np.array([(x1, y1, x2, y1), (x2, y2, x1, y2), (x1, y2, x1, y1), *right], dtype=float)
+    walls = np.concatenate([walls, np.array(inner_walls, dtype=float).reshape(-1, 4)])
+    level = Level(0, "floor", "floor", None, np.zeros((0, 3), np.int32), box(*bounds), np.zeros(2), 0.0, 0.0, 0.0)
+    doors = tuple(
+        Exit(k, f"exit {k}", 0, np.array([way_out], dtype=float), way_out[3] - way_out[1])
+        for k, way_out in enumerate(exits)
+    )
+    nothing = np.zeros((0, 3))
+    return Building(Path("by hand"), nothing, (level,), (), doors, (), walls, np.zeros(len(walls), np.int32), {})
+
+
+def one_direction(bounds: Bounds, direction: tuple[float, float] = (1.0, 0.0)) -> Fields:
+    """Return the same unit direction everywhere; the travel time falls along it."""
+    x1, y1, x2, y2 = bounds
+    side = max(x2 - x1, y2 - y1)
+    node = np.array([(x1, y1), (x1, y1 + side), (x1 + side, y1), (x1 + side, y1 + side)], dtype=float)
+    time = 2.0 * side - (node - node[0]) @ np.array(direction)
+    return _fields((x1, y1), (2, 2), side, np.tile(np.array(direction, dtype=float), (4, 1)), time)
+
+
+def towards(bounds: Bounds, point: tuple[float, float], spacing: float = 0.25) -> Fields:
+    """Return directions that converge on a point; the travel time is the distance to it [m]."""
+    x1, y1, x2, y2 = bounds
+    across = int(np.ceil((x2 - x1) / spacing)) + 2
+    along = int(np.ceil((y2 - y1) / spacing)) + 2
+    x, y = np.meshgrid(x1 + spacing * np.arange(across), y1 + spacing * np.arange(along), indexing="ij")
+    away = np.stack([x - point[0], y - point[1]], axis=2).reshape(-1, 2)
+    distance = np.hypot(away[:, 0], away[:, 1])
+    direction = -away / np.maximum(distance, 1e-9)[:, None]
+    return _fields((x1, y1), (across, along), spacing, direction, distance)
+
+
+def _fields(
+    origin: tuple[float, float], shape: tuple[int, int], spacing: float, direction: FloatArray, time: FloatArray
+) -> Fields:
+    return Fields(
+        routes=(Route(),),
+        grid_origin=np.array([origin], dtype=float),
+        grid_shape=np.array([shape], np.int32),
+        spacing=spacing,
+        field_of=np.zeros((1, 1), np.int32),
+        field_offset=np.zeros(1, np.int64),
+        direction=np.ascontiguousarray(direction),
+        travel_time=time,
+        graph=None,
+    )
+
+
+def people(position: ArrayLike, velocity: ArrayLike | None = None, **settings: Any) -> Crowd:
+    """Return a crowd at given places.
+
+    Parameters
+    ----------
+    position, velocity : (n, 2) [m], [m/s]
+        Velocity is zero if left out.
+    settings
+        radius, mass, tau, speed, start_time: a number or an array (n,); 0.2 m, 80 kg, 0.5 s, 0 m/s, 0 s.
+    """
+    places = np.array(position, dtype=float).reshape(-1, 2)
+    n = len(places)
+
+    def given(name: str, default: float) -> FloatArray:
+        return np.broadcast_to(np.asarray(settings.get(name, default), dtype=float), (n,)).copy()
+
+    return Crowd(
+        position=places,
+        velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, dtype=float).reshape(n, 2),
+        level=np.zeros(n, np.int32),
+        radius=given("radius", 0.2),
+        mass=given("mass", 80.0),
+        tau=given("tau", 0.5),
+        speed=np.repeat(given("speed", 0.0)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=given("start_time", 0.0),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
+
+
+def packed(number: int, rows: int, radius: float, right: float, bottom: float, gap: float = 0.0) -> FloatArray:
+    """Return places (n, 2) in a triangular packing of `rows` rows against the walls x = right and y = bottom.
+
+    Neighbours are `gap` [m] apart; odd columns are shifted up by half a body.
+    """
+    spacing = 2.0 * radius + gap
+    column, row = np.divmod(np.arange(number), rows)
+    x = right - radius - column * spacing * np.sqrt(0.75)
+    y = bottom + radius + (row + 0.5 * (column % 2)) * spacing
+    return np.column_stack([x, y])
+
+
+def scattered(number: int, bounds: Bounds, radius: ArrayLike, generator: np.random.Generator) -> FloatArray:
+    """Return places (n, 2) in `bounds`, drawn one after another so that nobody overlaps; give large radii first.
+
+    Raises
+    ------
+    ValueError
+        No room found after 10,000 draws.
+    """
+    radii = np.broadcast_to(np.asarray(radius, dtype=float), (number,))
+    places = np.empty((number, 2))
+    low, high = np.array(bounds[:2]), np.array(bounds[2:])
+    for k in range(number):
+        for _ in range(10_000):
+            places[k] = generator.uniform(low + radii[k], high - radii[k])
+            away = places[:k] - places[k]
+            if np.all(np.hypot(away[:, 0], away[:, 1]) > radii[:k] + radii[k]):
+                break
+        else:
+            raise ValueError(f"no room for body {k} of {number} in {bounds}")
+    return places

@@ -1,0 +1,197 @@
+"""NSM2 over its whole range of dissipation, standing crowds, and DEM's static overlap."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evac.evidence import scenes
+from evac.evidence.report import Evidence, new_figure
+from evac.evidence.scenes import Bounds, Scene
+from evac.evidence.stability_trial import (
+    VARIANTS,
+    Trial,
+    Verdict,
+    attempt,
+    greatest_overlap,
+    judge,
+    last_overlap,
+    last_speed,
+    make_model,
+)
+from evac.physics.bundles import Crowd
+from evac.physics.solvers import SOLVERS
+
+#: Greatest speed of a crowd that stands [m/s].
+STANDS = 0.005
+
+#: An error of velocities that counts as right: the solvers' tolerance [m/s].
+SMALL_SPEED = 1e-3
+
+#: How fast the standing crowd wants to walk, tau = 0.5 s [m/s].
+WALKING = 1.5
+
+ROOM = (0.0, 0.0, 6.0, 4.0)
+
+
+def dissipation(evidence: Evidence) -> None:
+    """Try NSM2 at K_N from 0 to infinity with each solver: restitution, and bodies squeezed between walls."""
+    values = [0.0, 1e2, 1e5, np.inf] if evidence.quick else [0.0, *10.0 ** np.arange(0.0, 9.1), np.inf]
+    pair = _without_walking(ROOM, [(2.5, 2.0), (2.92, 2.0)], [(1.5, 0.0), (-1.0, 0.0)], mass=np.array([60.0, 100.0]))
+    wall = _without_walking(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], mass=80.0)
+    corridor = (0.0, 0.0, 2.01, 1.0)
+    row = np.column_stack([0.202 + 0.4015 * np.arange(5), np.full(5, 0.5)])
+    squeeze = _without_walking(corridor, row, [(2.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (-2.0, 0.0)], mass=80.0)
+    rows: list[dict[str, Any]] = []
+    for value in values:
+        for solver in SOLVERS:
+            model = make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
+            row: dict[str, Any] = {"K_N [kg]": value, "solver": solver}
+            for name, scene, rebound, mass in (
+                ("pair", pair, _pair_rebound, 60.0 * 100.0 / 160.0),
+                ("wall", wall, _wall_rebound, 80.0),
+            ):
+                trial = attempt(model, scene, 0.01, 0.3, every=0.01)
+                expected = restitution(value, mass)
+                error = abs(rebound(trial) - expected)
+                row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
+                row[name] = judge(trial, lambda _, error=error: error, SMALL_SPEED, SMALL_SPEED, "").kind  # type: ignore[misc]
+            squeezed = attempt(model, squeeze, 0.01, 2.0, every=0.01)
+            verdict = judge(squeezed, greatest_overlap, 2e-3, 0.01 * squeezed.report["greatest_speed"], "m")
+            row |= {"squeeze: overlap [m]": verdict.error, "squeeze": f"{verdict.kind} {verdict.words}".strip()}
+            rows.append(row)
+    evidence.table(
+        "dissipation",
+        rows,
+        "NSM2 from K_N = 0 to infinity, h = 0.01 s: a pair of 60 and 100 kg head-on, a wall hit of 80 kg, and five "
+        "people who fill a corridor between two walls, pushed from both ends. Right: restitution to 1e-3; overlap to "
+        "2 mm.",
+        {key: ".6f" for key in rows[0] if "restitution" in key or "theory" in key},
+    )
+    _draw_restitution(evidence, rows)
+
+
+def restitution(dissipation: float, mass: float) -> float:
+    """Return NSM2's coefficient of restitution, (K_N / 2 - m) / (K_N / 2 + m) and 0 below K_N = 2 m."""
+    if np.isinf(dissipation):
+        return 1.0
+    return max(0.0, (0.5 * dissipation - mass) / (0.5 * dissipation + mass))
+
+
+def _without_walking(bounds: Bounds, position: ArrayLike, velocity: ArrayLike, **of: Any) -> Scene:
+    """Return people whom nothing drives: they keep their velocity until they touch."""
+    crowd = scenes.people(position, velocity, tau=1e12, **of)
+    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+
+def _wall_rebound(trial: Trial) -> float:
+    """Return the ratio of the speeds after and before a wall hit."""
+    return float(-trial.velocity[-1, 0, 0] / trial.velocity[0, 0, 0])
+
+
+def _pair_rebound(trial: Trial) -> float:
+    """Return the ratio of the two people's relative velocities at the end and at the start."""
+    relative = trial.velocity[[0, -1], 0, 0] - trial.velocity[[0, -1], 1, 0]
+    return float(-relative[1] / relative[0])
+
+
+def _draw_restitution(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:
+    figure, axis = new_figure(6.5, 4.0)
+    smooth = np.logspace(-0.5, 10.0, 400)
+    finite = [row for row in rows if 0.0 < row["K_N [kg]"] < np.inf]
+    for name, mass, colour in (("pair", 37.5, "#0072B2"), ("wall", 80.0, "#D55E00")):
+        axis.plot(smooth, [restitution(k, mass) for k in smooth], color=colour, label=f"{name}, {mass:g} kg: theory")
+        found = [row[f"{name}: restitution"] for row in finite]
+        axis.plot([row["K_N [kg]"] for row in finite], found, "o", color=colour, label=f"{name}: measured")
+    axis.set_xscale("log")
+    axis.set_xlabel("K_N [kg]")
+    axis.set_ylabel("coefficient of restitution")
+    axis.legend(fontsize=8)
+    evidence.plot("dissipation", figure, "Restitution of NSM2, measured with every solver, over the theory.")
+
+
+def standing_crowd() -> Scene:
+    """Return 40 people, 2 cm apart, who fill the width of a corridor and walk against its end."""
+    bounds = (0.0, 0.0, 6.0, 2.2)
+    crowd = scenes.people(scenes.packed(40, 5, 0.2, 5.99, 0.0, 0.0), speed=WALKING)
+    crowd.position[:, 0] -= 0.02 * np.arange(40) // 5
+    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+
+def standing(evidence: Evidence) -> None:
+    """Tabulate the greatest speed of 40 people pressed against a wall, for all models, solvers, drives and steps."""
+    steps = [0.1, 0.01] if evidence.quick else [0.1, 0.03, 0.01, 1e-3, 1e-4]
+    chosen = [
+        (variant, solver, drive)
+        for variant in VARIANTS
+        for solver in (("",) if variant == "DEM" else SOLVERS)
+        for drive in ("exponential", "explicit")
+        if not evidence.quick or (drive == "exponential" and solver in ("", SOLVERS[-1]))
+    ]
+    rows: list[dict[str, object]] = []
+    worst: list[str] = []
+    for variant, solver, drive in chosen:
+        row: dict[str, object] = {"model": variant, "solver": solver or "-", "drive": drive}
+        for step in steps:
+            verdict = try_standing(variant, solver, drive == "explicit", step)
+            row[f"h = {step:g} s"] = f"{verdict.error:.2g}" if np.isfinite(verdict.error) else verdict.kind
+            if verdict.error > STANDS or verdict.kind == "wrong":
+                worst.append(f"{variant}, {solver or 'no solver'}, {drive}, h = {step:g} s: {verdict.words}")
+        rows.append(row)
+    evidence.table(
+        "standing",
+        rows,
+        f"Greatest speed [m/s] of 40 people pressed against a wall, over the last of 10 s; they stand where it is "
+        f"below {STANDS} m/s. At h = 1e-4 s the crowd starts from where h = 1e-3 s left it, and gets 2 s.",
+    )
+    if worst:
+        evidence.text(f"{len(worst)} of {len(rows) * len(steps)} do not stand:")
+        for words in worst:
+            evidence.text(f"- {words}")
+    else:
+        evidence.text(f"All {len(rows) * len(steps)} stand.")
+
+
+def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verdict:
+    """Return the verdict on the greatest speed of the standing crowd in the last second."""
+    model = make_model(variant, **({"solver": solver} if solver else {}))
+    scene, duration = standing_crowd(), 10.0
+    if step < 5e-4:
+        before = attempt(model, scene, 1e-3, duration, explicit=explicit, every=duration)
+        crowd: Crowd = scene.crowd._replace(position=before.position[-1], velocity=before.velocity[-1])
+        scene, duration = Scene(scene.room, scene.building, scene.fields, crowd), 2.0
+    trial = attempt(model, scene, step, duration, explicit=explicit)
+    return judge(trial, last_speed, STANDS, tolerable_jitter(variant, step), "m/s")
+
+
+def tolerable_jitter(variant: str, step: float) -> float:
+    """Return the speed [m/s] at which a standing crowd may jitter by the model's theory.
+
+    NSM2 finds out only after a step that the drive closed a gap: h v / tau at K_N = 0; with restitution each push
+    comes back, up to the walking speed. DEM and NSM1 have none.
+    """
+    if not variant.startswith("NSM2"):
+        return STANDS
+    return step * WALKING / 0.5 if variant == "NSM2 K_N = 0" else WALKING
+
+
+def static_overlap(evidence: Evidence) -> None:
+    """Tabulate the overlap of one person pressed against a wall under DEM, beside F / k."""
+    rows = []
+    for stiffness in (1e4, 1.2e5, 1e6):
+        for speed in (1.0, 2.0):
+            crowd = scenes.people([(5.8, 2.0)], tau=0.1, speed=speed)
+            scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+            step = 0.1 * np.sqrt(80.0 / stiffness)
+            trial = attempt(make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=True)
+            rows.append(
+                {
+                    "k [kg/s²]": stiffness,
+                    "load F = m v / tau [N]": 800.0 * speed,
+                    "overlap [m]": last_overlap(trial),
+                    "F / k [m]": 800.0 * speed / stiffness,
+                    "error": abs(last_overlap(trial) / (800.0 * speed / stiffness) - 1.0),
+                }
+            )
+    evidence.table("static_overlap", rows, "DEM, one person of 80 kg pressed against a wall for 4 s, explicit drive.")

@@ -1,0 +1,169 @@
+"""The maps: what each contact model makes of a plane of two numbers, cell by cell, beside its theory."""
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from evac.evidence.report import Evidence, new_figure
+from evac.evidence.scenes import FloatArray
+from evac.evidence.stability_trial import DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
+
+#: Colours of the verdicts (Okabe-Ito, with grey and black).
+COLOURS = {RIGHT: "#009E73", HANDLED: "#56B4E9", DEGRADED: "#E69F00", REFUSED: "0.75", WRONG: "#000000"}
+
+#: Line styles of a panel's curves, in order.
+STYLES = ("-", "--", ":")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One trial of a map."""
+
+    panel: str
+    x: float
+    y: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of the theory: points (x, y) and what they are."""
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+
+
+def show_map(
+    evidence: Evidence,
+    name: str,
+    cells: Sequence[Cell],
+    axes: tuple[str, str],
+    caption: str,
+    curves: Mapping[str, Sequence[Curve]] | None = None,
+    columns: int = 3,
+) -> None:
+    """Write NAME.csv with every cell, draw NAME.png, and put the plot and the sums by panel on the page.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    name : str
+    cells : sequence of Cell
+        Each panel's cells form a full grid.
+    axes : (str, str)
+        What x and y are, with units.
+    caption : str
+    curves : dict of panel to curves
+        The theory.
+    columns : int
+        Panels beside each other.
+    """
+    _write_cells(evidence, name, cells, axes)
+    panels = list(dict.fromkeys(cell.panel for cell in cells))
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    figure, drawn = new_figure(1.0 + 3.4 * columns, 0.9 + 3.1 * rows, rows, columns, squeeze=False)
+    for axis, panel in zip(drawn.ravel(), panels, strict=False):
+        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], (curves or {}).get(panel, ()))
+        axis.set_title(panel, fontsize=9)
+    for axis in drawn.ravel()[len(panels) :]:
+        axis.set_visible(False)
+    for axis in drawn[-1]:
+        axis.set_xlabel(axes[0])
+    for axis in drawn[:, 0]:
+        axis.set_ylabel(axes[1])
+    _draw_legend(figure, cells, curves or {})
+    evidence.plot(name, figure, caption)
+    evidence.table(
+        f"{name}_sums",
+        [_sums(panel, [cell for cell in cells if cell.panel == panel]) for panel in panels],
+        f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
+    )
+    messages: dict[str, str] = {}
+    for cell in cells:
+        if cell.verdict.kind == REFUSED:
+            messages.setdefault(re.sub(r"[-\d.e+()]+", "", cell.verdict.words), cell.verdict.words)
+    if messages:
+        evidence.text("Refusals, one of each kind:")
+        for message in messages.values():
+            evidence.text(f"- {message}")
+
+
+def _write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
+    with (evidence.folder / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["panel", *axes, "verdict", "error", "words"])
+        for cell in cells:
+            writer.writerow([cell.panel, cell.x, cell.y, cell.verdict.kind, cell.verdict.error, cell.verdict.words])
+
+
+def _sums(panel: str, cells: Sequence[Cell]) -> dict[str, str | int | float]:
+    """Return how many cells of a panel got each verdict, and the greatest error of those that ran."""
+    errors = [cell.verdict.error for cell in cells if np.isfinite(cell.verdict.error)]
+    counts = {kind: sum(cell.verdict.kind == kind for cell in cells) for kind in VERDICTS}
+    return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
+
+
+def _draw_panel(axis, cells: Sequence[Cell], curves: Sequence[Curve]) -> None:  # type: ignore[no-untyped-def]
+    """Draw one panel: squares at equal distances whatever the values, with the theory laid over them."""
+    from matplotlib.colors import ListedColormap
+
+    x_values = sorted({cell.x for cell in cells})
+    y_values = sorted({cell.y for cell in cells})
+    kinds = np.full((len(y_values), len(x_values)), np.nan)
+    for cell in cells:
+        column, row = x_values.index(cell.x), y_values.index(cell.y)
+        kinds[row, column] = VERDICTS.index(cell.verdict.kind)
+        if cell.verdict.kind == WRONG:
+            axis.plot(column + 0.5, row + 0.5, "X", color="w", markersize=4)
+    colours = ListedColormap([COLOURS[kind] for kind in VERDICTS])
+    axis.pcolormesh(kinds, cmap=colours, vmin=-0.5, vmax=len(VERDICTS) - 0.5, edgecolors="w", linewidth=0.5, zorder=0)
+    for curve, style in zip(curves, STYLES, strict=False):
+        x, y = _places(x_values, curve.x), _places(y_values, curve.y)
+        axis.plot(x + 0.5, y + 0.5, color="k", linestyle=style, linewidth=1.6)
+    axis.set_xlim(0, len(x_values))
+    axis.set_ylim(0, len(y_values))
+    axis.set_xticks(*_ticks(x_values), rotation=45, fontsize=7)
+    axis.set_yticks(*_ticks(y_values), fontsize=7)
+    axis.grid(False)
+
+
+def _ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
+    """Return places and labels: all values where there are few, else the powers of ten among them."""
+    few = len(values) <= 10
+    chosen = [k for k, value in enumerate(values) if few or np.isclose(np.log10(value) % 1.0, (0.0, 1.0)).any()]
+    return [k + 0.5 for k in chosen], [f"{values[k]:.3g}" for k in chosen]
+
+
+def _places(values: Sequence[float], wanted: Sequence[float]) -> FloatArray:
+    """Return where numbers lie among the cells' values, logarithmically between them and beyond their ends."""
+    usable = [k for k, value in enumerate(values) if 0.0 < value < np.inf]
+    logarithm = np.log([values[k] for k in usable])
+    places = np.array(usable, dtype=float)
+    sought = np.log(np.asarray(wanted, dtype=float))
+    found = np.interp(sought, logarithm, places)
+    first = (places[1] - places[0]) / (logarithm[1] - logarithm[0])
+    last = (places[-1] - places[-2]) / (logarithm[-1] - logarithm[-2])
+    found = np.where(sought < logarithm[0], places[0] + first * (sought - logarithm[0]), found)
+    return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), found))
+
+
+def _draw_legend(figure, cells: Sequence[Cell], curves: Mapping[str, Sequence[Curve]]) -> None:  # type: ignore[no-untyped-def]
+    from matplotlib.lines import Line2D
+
+    present = {cell.verdict.kind for cell in cells}
+    handles = [
+        Line2D([], [], linestyle="", marker="s", markersize=9, color=COLOURS[kind], label=kind)
+        for kind in VERDICTS
+        if kind in present
+    ]
+    styles = {}
+    for panel in curves.values():
+        for curve, style in zip(panel, STYLES, strict=False):
+            styles[curve.label] = style
+    handles += [Line2D([], [], color="k", linestyle=style, label=label) for label, style in styles.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

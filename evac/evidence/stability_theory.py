@@ -1,0 +1,74 @@
+"""The step at which DEM turns unstable: greatest frequency of a contact network, and the driving term's share."""
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from scipy.spatial import cKDTree
+
+from evac.evidence.scenes import FloatArray, Scene
+
+#: Bodies this far apart still count as touching [m].
+TOUCHING = 1e-9
+
+
+def touching_pairs(position: FloatArray, radius: FloatArray) -> tuple[np.ndarray, FloatArray, FloatArray]:
+    """Return pairs (p, 2) of bodies that touch, their unit normals (p, 2) and gaps (p,) [m]."""
+    pairs = cKDTree(position).query_pairs(2.0 * float(radius.max()) + TOUCHING, output_type="ndarray")
+    away = position[pairs[:, 0]] - position[pairs[:, 1]]
+    distance = np.hypot(away[:, 0], away[:, 1])
+    gap = distance - radius[pairs].sum(axis=1)
+    near = gap <= TOUCHING
+    normal = away[near] / np.maximum(distance[near], TOUCHING)[:, None]
+    return pairs[near], normal, gap[near]
+
+
+def wall_gaps(scene: Scene, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the normals (n, w, 2) from each wall to each body, and the gaps (n, w) between their surfaces [m]."""
+    walls = scene.building.walls
+    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    share = np.einsum("nwk,wk->nw", position[:, None] - start, along) / (along**2).sum(axis=1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    away = position[:, None] - nearest
+    distance = np.hypot(away[..., 0], away[..., 1])
+    return away / np.maximum(distance, TOUCHING)[..., None], distance - scene.crowd.radius[: len(position), None]
+
+
+def greatest_frequency(scene: Scene, position: FloatArray, stiffness: float) -> float:
+    """Return omega_max [1/s] of the springs between the bodies that touch, walls included.
+
+    The square root of the greatest eigenvalue of M^-1/2 K M^-1/2, K the Hessian of the sum of k D^2 / 2 over the
+    contacts: k (n n^T + D / d (1 - n n^T)) for a gap D <= 0 at a distance d of the centres.
+    """
+    crowd = scene.crowd
+    n = len(position)
+    hessian = np.zeros((n, 2, n, 2))
+    pairs, normals, gaps = touching_pairs(position, crowd.radius)
+    for (i, j), normal, gap in zip(pairs, normals, gaps, strict=True):
+        distance = gap + crowd.radius[i] + crowd.radius[j]
+        along = np.outer(normal, normal)
+        block = stiffness * (along + min(gap, 0.0) / distance * (np.eye(2) - along))
+        hessian[i, :, i] += block
+        hessian[j, :, j] += block
+        hessian[i, :, j] -= block
+        hessian[j, :, i] -= block
+    normal, gap = wall_gaps(scene, position)
+    for i, w in zip(*np.nonzero(gap <= TOUCHING), strict=True):
+        hessian[i, :, i] += stiffness * np.outer(normal[i, w], normal[i, w])
+    root = np.repeat(1.0 / np.sqrt(crowd.mass), 2)
+    matrix = root[:, None] * hessian.reshape(2 * n, 2 * n) * root
+    return float(np.sqrt(eigh(matrix, eigvals_only=True, subset_by_index=[2 * n - 1, 2 * n - 1])[0]))
+
+
+def step_limit(frequency: float, tau: float, explicit: bool) -> float:
+    """Return the step [s] beyond which a spring of that frequency [1/s] grows, driving included.
+
+    One step multiplies the velocity by a = 1 - h / tau (explicit) or exp(-h / tau) before the spring acts. The
+    characteristic polynomial z^2 - (1 + a - h^2 omega^2) z + a has its roots in the unit circle for
+    h^2 omega^2 < 2 (1 + a), which for the explicit drive is h^2 omega^2 + 2 h / tau < 4.
+    """
+
+    def margin(h: float) -> float:
+        kept = 1.0 - h / tau if explicit else np.exp(-h / tau)
+        return float(2.0 * (1.0 + kept) - (h * frequency) ** 2)
+
+    return float(brentq(margin, 0.0, 2.0 / frequency, xtol=1e-14))

@@ -1,0 +1,240 @@
+"""One trial of a contact model on a scene, and the verdict on it: right, degraded, handled, refused, or wrong."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from evac.errors import EvacError
+from evac.evidence import models
+from evac.evidence.scenes import FloatArray, Scene
+from evac.evidence.stability_theory import touching_pairs, wall_gaps
+from evac.physics.bundles import Crowd
+from evac.physics.contact_model import ContactModel
+from evac.registry import Registry
+
+RIGHT = "right"
+HANDLED = "handled"
+DEGRADED = "degraded"
+REFUSED = "refused"
+WRONG = "wrong"
+
+#: All verdicts, best first; a trial that is `WRONG` is a defect.
+VERDICTS = (RIGHT, HANDLED, DEGRADED, REFUSED, WRONG)
+
+#: The contact models under trial: name in `models.MODELS`, and parameters.
+VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "DEM": ("DEM", {}),
+    "NSM1 inertial": ("NSM1 inertial", {}),
+    "NSM1 overdamped": ("NSM1 overdamped", {}),
+    "NSM2 K_N = 0": ("NSM2", {"normal_dissipation": 0.0}),
+    "NSM2 K_N = 1e5": ("NSM2", {}),
+    "NSM2 K_N = inf": ("NSM2", {"normal_dissipation": np.inf}),
+}
+
+#: Counts that are part of every run, and say nothing of how a step was got through.
+ORDINARY = {
+    "steps",
+    "sub_steps",
+    "list_builds",
+    "contacts",
+    "greatest_overlap",
+    "overlap_sum",
+    "overlaps",
+    "solves",
+    "iterations",
+    "greatest_residual",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "greatest_speed",
+}
+
+#: A centre may lie this far beyond a wall by rounding alone, in relation to the size of the coordinates.
+ROUNDING = 1e-12
+
+#: An overlap so much greater than the one reported is concealed [m].
+CONCEALED = 1e-4
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of a run.
+
+    Attributes
+    ----------
+    model : ContactModel
+    scene : Scene
+    message : str
+        Why it was refused or stopped; empty if it ran to its end.
+    time, position, velocity : (f,), (f, n, 2), (f, n, 2)
+        Frames, the first at the start [s], [m], [m/s].
+    crowd : Crowd
+        At the end.
+    outside : int
+        Frames times people at which a centre was beyond an outer wall.
+    report : dict
+        The engine's sums.
+    """
+
+    model: ContactModel
+    scene: Scene
+    message: str
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    crowd: Crowd
+    outside: int
+    report: Mapping[str, float]
+
+    def is_finite(self) -> bool:
+        """Say whether every number of every frame is one."""
+        return bool(np.isfinite(self.position).all() and np.isfinite(self.velocity).all())
+
+    def speed(self) -> FloatArray:
+        """Return the speeds (f, n) [m/s]."""
+        return np.asarray(np.hypot(self.velocity[..., 0], self.velocity[..., 1]))
+
+    def handling(self) -> str:
+        """Say what the engine counted while it got through, or nothing."""
+        counted = {key.replace("_", " "): count for key, count in self.report.items() if key not in ORDINARY}
+        told = [f"{count:.0f} {words}" for words, count in counted.items() if count]
+        extra = self.report["sub_steps"] - self.report["steps"]
+        return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a trial amounts to."""
+
+    kind: str  # one of VERDICTS
+    error: float  # in the unit of the bound; NaN if refused
+    words: str  # by how much, how handled, or why refused
+
+
+@cache
+def _registry() -> Registry:
+    return Registry()
+
+
+def make_model(variant: str, **parameters: Any) -> ContactModel:
+    """Return a contact model by its name in `VARIANTS`, with more parameters or others."""
+    name, given = VARIANTS[variant]
+    return models.make_model(name, _registry(), **{**given, **parameters})
+
+
+def attempt(
+    model: ContactModel,
+    scene: Scene,
+    step: float,
+    duration: float,
+    *,
+    explicit: bool = False,
+    every: float = 0.1,
+    checked: bool = True,
+) -> Trial:
+    """Run a scene as a simulation does: border check first, then ticks.
+
+    Parameters
+    ----------
+    model : ContactModel
+    scene : Scene
+    step, duration : float
+        [s]
+    explicit : bool
+        Drive by explicit Euler.
+    every : float
+        Time between frames, rounded to whole steps, at least one [s].
+    checked : bool
+        Whether the model may refuse the step before it starts.
+    """
+    engine, crowd = scene.start()
+    frames = [(0.0, crowd.position.copy(), crowd.velocity.copy())]
+    outside = 0
+    message = ""
+    per_frame = max(1, round(every / step))
+    total = max(1, round(duration / step))
+    try:
+        if checked:
+            model.check_scene(scene.border(step, explicit))
+        for first in range(0, total, per_frame):
+            steps = min(per_frame, total - first)
+            engine.advance(model, crowd, first, steps, step, explicit, first + steps == total)
+            frames.append(((first + steps) * step, crowd.position.copy(), crowd.velocity.copy()))
+            outside += _outside(scene, crowd)
+    except EvacError as error:
+        message = str(error)
+    time, position, velocity = (np.array(values) for values in zip(*frames, strict=True))
+    return Trial(model, scene, message, time, position, velocity, crowd, outside, engine.report())
+
+
+def _outside(scene: Scene, crowd: Crowd) -> int:
+    """Count the centres beyond the outer walls of people who are still inside."""
+    x1, y1, x2, y2 = scene.room
+    slack = ROUNDING * max(1.0, *(abs(bound) for bound in scene.room))
+    x, y = crowd.position[crowd.level >= 0].T
+    return int(np.sum((x < x1 - slack) | (x > x2 + slack) | (y < y1 - slack) | (y > y2 + slack)))
+
+
+def judge(trial: Trial, measure: Callable[[Trial], float], right: float, tolerable: float, unit: str) -> Verdict:
+    """Return the verdict on a trial.
+
+    Parameters
+    ----------
+    trial : Trial
+    measure : callable
+        The error of a trial that ran to its end.
+    right : float
+        Greatest error that counts as right.
+    tolerable : float
+        Greatest error that may pass without a count or a message: what the method's own theory allows.
+    unit : str
+        Of the error.
+    """
+    if not trial.is_finite():
+        return Verdict(WRONG, np.nan, "not finite")
+    if trial.outside:
+        return Verdict(WRONG, np.nan, f"{trial.outside} times beyond a wall")
+    if trial.message:
+        return Verdict(REFUSED, np.nan, trial.message)
+    error = measure(trial)
+    handling = trial.handling()
+    if not np.isfinite(error):
+        return Verdict(WRONG, error, "error not finite")
+    if error <= right:
+        return Verdict(HANDLED if handling else RIGHT, error, handling)
+    if error <= tolerable or handling:
+        told = f"; {handling}" if handling else ""
+        return Verdict(DEGRADED, error, f"{error:.2g} {unit}, {error / right:.2g} times the bound{told}")
+    return Verdict(WRONG, error, f"{error:.2g} {unit} and nothing counted")
+
+
+def deepest_overlap(scene: Scene, position: FloatArray) -> float:
+    """Return the greatest overlap of bodies with each other and with walls [m], computed apart from the engine."""
+    _, _, gap = touching_pairs(position, scene.crowd.radius)
+    _, wall_gap = wall_gaps(scene, position)
+    return float(max(0.0, -gap.min(initial=0.0), -wall_gap.min()))
+
+
+def greatest_overlap(trial: Trial) -> float:
+    """Return the greatest overlap [m] of all frames, infinite if the engine's report conceals it.
+
+    The engine tells of an overlap when a step starts from it, so the last frame may know of a deeper one; one that
+    was removed at once is told of by the count of position corrections.
+    """
+    frames = [deepest_overlap(trial.scene, position) for position in trial.position]
+    told = trial.report["greatest_overlap"]
+    is_told = max(frames[:-1]) <= told + CONCEALED or trial.report["position_corrections"] > 0
+    return max(*frames, told) if is_told else np.inf
+
+
+def last_overlap(trial: Trial) -> float:
+    """Return the greatest overlap [m] in the last frame."""
+    return deepest_overlap(trial.scene, trial.position[-1])
+
+
+def last_speed(trial: Trial) -> float:
+    """Return the greatest speed [m/s] over the frames of the last second."""
+    return float(trial.speed()[trial.time > trial.time[-1] - 1.0].max())

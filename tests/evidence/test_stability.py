@@ -1,0 +1,155 @@
+"""The theory that the stability evidence draws, its verdicts, and a quick run of the whole."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from evac.evidence import scenes
+from evac.evidence.report import Evidence
+from evac.evidence.scenes import Scene
+from evac.evidence.stability import run
+from evac.evidence.stability_crowds import restitution
+from evac.evidence.stability_dem import GROWTH, crowd_in_corridor, nudged, settled, try_step
+from evac.evidence.stability_theory import greatest_frequency, step_limit
+from evac.evidence.stability_trial import (
+    DEGRADED,
+    HANDLED,
+    REFUSED,
+    RIGHT,
+    WRONG,
+    Trial,
+    attempt,
+    deepest_overlap,
+    judge,
+    make_model,
+)
+
+ROOM = (0.0, 0.0, 8.0, 4.0)
+
+
+def room_with(position, **settings):
+    crowd = scenes.people(position, **settings)
+    return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+
+
+def made_up(scene, message="", outside=0, **report):
+    """A trial that ended where the scene starts, with the given counts."""
+    crowd = scene.crowd
+    report = {"steps": 100.0, "sub_steps": 100.0, "greatest_overlap": 0.0, "position_corrections": 0.0} | report
+    frames = np.array([0.0, 1.0]), np.stack([crowd.position] * 2), np.stack([crowd.velocity] * 2)
+    return Trial(make_model("DEM"), scene, message, *frames, crowd, outside, report)
+
+
+def test_frequency_of_a_pair():
+    scene = room_with([(3.0, 2.0), (3.4, 2.0)], mass=np.array([60.0, 100.0]))
+    assert greatest_frequency(scene, scene.crowd.position, 1e5) ** 2 == pytest.approx(1e5 * (1 / 60 + 1 / 100))
+
+
+def test_frequency_of_a_body_at_a_wall():
+    scene = room_with([(7.8, 2.0)], mass=60.0)
+    assert greatest_frequency(scene, scene.crowd.position, 1e5) ** 2 == pytest.approx(1e5 / 60)
+
+
+def test_large_triangular_packing_nears_six_k_over_m():
+    bounds = (0.0, 0.0, 40.0, 40.0)
+    crowd = scenes.people(scenes.packed(200, 14, 0.2, 30.0, 5.0), mass=60.0)
+    scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+    value = greatest_frequency(scene, crowd.position, 1e5) ** 2 * 60.0 / 1e5
+    assert 5.7 < value < 6.0
+
+
+@pytest.mark.parametrize("explicit", [True, False])
+@pytest.mark.parametrize("tau", [0.01, 0.5])
+def test_step_limit_is_where_the_companion_matrix_leaves_the_unit_circle(explicit, tau):
+    omega = 100.0
+    limit = step_limit(omega, tau, explicit)
+
+    def radius(h):
+        kept = 1.0 - h / tau if explicit else np.exp(-h / tau)
+        # velocity, then position with the new velocity
+        step = np.array([[kept, -h * omega**2], [h * kept, 1.0 - (h * omega) ** 2]])
+        return np.abs(np.linalg.eigvals(step)).max()
+
+    assert radius(0.999 * limit) <= 1.0 + 1e-12
+    assert radius(1.001 * limit) > 1.0
+
+
+def test_pressed_crowd_turns_unstable_at_the_limit_of_its_network():
+    rest = settled(crowd_in_corridor(12, 3, 60.0), 1e5)
+    limit = step_limit(greatest_frequency(rest, rest.crowd.position, 1e5), 0.5, False)
+    start = nudged(rest, np.random.default_rng(1))
+    assert try_step(start, 1e5, 0.97 * limit, False, False).error <= GROWTH
+    assert try_step(start, 1e5, 1.03 * limit, False, False).error > GROWTH
+
+
+@pytest.mark.parametrize(
+    ("dissipation", "expected"), [(0.0, 0.0), (160.0, 0.0), (1e5, (5e4 - 80) / (5e4 + 80)), (np.inf, 1.0)]
+)
+def test_restitution(dissipation, expected):
+    assert restitution(dissipation, 80.0) == pytest.approx(expected)
+
+
+def test_deepest_overlap_of_bodies_and_walls():
+    scene = room_with([(3.0, 2.0), (3.3, 2.0), (7.95, 2.0)])
+    assert deepest_overlap(scene, scene.crowd.position) == pytest.approx(0.15)
+    assert deepest_overlap(scene, scene.crowd.position[:2]) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("error", "report", "kind"),
+    [
+        (0.5, {}, RIGHT),
+        (0.5, {"too_fast_steps": 2.0}, HANDLED),
+        (0.5, {"sub_steps": 110.0}, HANDLED),
+        (1.5, {}, DEGRADED),
+        (5.0, {"unconverged_steps": 1.0}, DEGRADED),
+        (5.0, {}, WRONG),
+        (np.nan, {}, WRONG),
+    ],
+)
+def test_verdicts(error, report, kind):
+    trial = made_up(room_with([(3.0, 2.0)]), **report)
+    assert judge(trial, lambda _: error, 1.0, 2.0, "m").kind == kind
+
+
+def test_refusals_and_crossings_are_told_apart():
+    scene = room_with([(3.0, 2.0)])
+    assert judge(made_up(scene, message="too long"), lambda _: 0.0, 1.0, 1.0, "m").words == "too long"
+    assert judge(made_up(scene, message="too long", outside=1), lambda _: 0.0, 1.0, 1.0, "m").kind == WRONG
+
+
+def test_centre_beyond_a_wall_is_seen():
+    scene = room_with([(3.0, 2.0), (8.5, 2.0)])
+    trial = attempt(make_model("DEM"), scene, 0.01, 0.1)
+    assert trial.outside == 1
+
+
+def test_step_beyond_the_limit_is_refused_with_the_limit():
+    scene = room_with([(3.0, 2.0)], speed=1.0)
+    trial = attempt(make_model("DEM"), scene, 0.1, 1.0)
+    verdict = judge(trial, lambda _: 0.0, 1.0, 1.0, "m")
+    assert verdict.kind == REFUSED
+    assert "simulation.step" in verdict.words
+
+
+def test_scattered_bodies_do_not_overlap_and_a_full_room_is_refused():
+    generator = np.random.default_rng(1)
+    places = scenes.scattered(20, ROOM, 0.25, generator)
+    away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    assert away[np.triu_indices(20, 1)].min() > 0.5
+    with pytest.raises(ValueError, match="no room for body"):
+        scenes.scattered(20, (0.0, 0.0, 1.0, 1.0), 0.25, generator)
+
+
+def test_quick_run_writes_every_map_and_finds_nothing_wrong(tmp_path):
+    run(Evidence("stability", tmp_path, quick=True))
+    page = (tmp_path / "README.md").read_text()
+    for name in ("dem_stiffness", "tau", "speed", "mass_ratio", "radius_ratio"):
+        assert f"]({name}.png)" in page
+        with (tmp_path / f"{name}.csv").open() as file:
+            verdicts = [row["verdict"] for row in csv.DictReader(file) if "left out" not in row["panel"]]
+        assert verdicts
+        assert WRONG not in verdicts, name
+    with (tmp_path / "extremes.csv").open() as file:
+        assert WRONG not in [row["verdict"] for row in csv.DictReader(file)]
