@@ -43,7 +43,7 @@ def run(evidence: Evidence) -> None:
     plans = [make(points, evidence.generator(make.__name__)) for make in PLANS]
     rows = [row for plan in plans for order in ORDERS for row in _time_rows(plan, spacings, order)]
     evidence.table("fields", rows, "Errors of travel times [mm at 1 m/s], and time of a build.")
-    evidence.table("fields_order", _order_rows(rows), "Measured orders of the errors of travel times, over all spacings.")
+    evidence.table("fields_order", _order_rows(rows), "Measured orders of the errors, over all spacings.")
     evidence.plot("fields", draw(rows), "Error of travel times over the time it takes to build them.")
     angles = [row for plan in plans if plan.direction is not None for row in _angle_rows(plan, spacings)]
     evidence.text(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.evidence.accuracy_data import copy_of
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.snapshots import door_crowd
 from evac.physics.bundles import Crowd
@@ -95,14 +96,14 @@ class _Still(ContactModel):
 
 def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
     """Run a setting from the same start; return its row."""
-    crowd = Crowd(*(array.copy() for array in start[1]))
+    crowd = copy_of(start[1])
     world = start[0].world
     world = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
     engine = Engine(world, len(crowd.level), [])
     per_tick = round(TICK / setting.step)
     # Compiles; a copy, so that the run itself starts at the start.
     Engine(world, len(crowd.level), []).advance(
-        setting.model, Crowd(*(array.copy() for array in crowd)), 0, 1, setting.step, False, False
+        setting.model, copy_of(crowd), 0, 1, setting.step, False, False
     )
     begin = time.perf_counter()
     made = 0

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evac.evidence.accuracy_data import copy_of
 from evac.evidence.reference import gradient_matrix, solve_contact_qp
 from evac.evidence.snapshots import STEP, DoorCrowd, door_crowd
 from evac.jit import kernel
-from evac.physics.bundles import Bodies, Contacts, Crowd, FloatArray
+from evac.physics.bundles import Bodies, Contacts, FloatArray
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.solvers import INELASTIC, SOLVERS, residual, solve
@@ -140,7 +141,7 @@ def find_residual(velocity, contacts, compliance):  # type: ignore[no-untyped-de
 
 def snapshots(people: int, kinds: tuple[str, ...], seed: int, registry: Registry) -> dict[str, DoorCrowd]:
     """Return crowds at a door by kind; "opened" goes on from "settled", so that nothing is walked twice."""
-    made = {}
+    made: dict[str, DoorCrowd] = {}
     rough = registry.get("contact_model", "nsm1")(**COARSE)
     for kind in kinds:
         if kind == "opened" and "settled" in made:
@@ -161,7 +162,7 @@ def _opened(settled: DoorCrowd, registry: Registry) -> DoorCrowd:
     world = settled.engine.world
     copied = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
     set_open(copied, 0, True)
-    crowd = Crowd(*(array.copy() for array in settled.crowd))
+    crowd = copy_of(settled.crowd)
     engine = Engine(copied, len(crowd.level), [])
     return _walked_on(DoorCrowd("opened", engine, crowd, settled.step), 5, registry)
 
@@ -189,7 +190,7 @@ def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> Contac
 
 def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> tuple[Bodies, Contacts]:
     """Return bodies and contacts of the last of some steps made in one tick from a snapshot, which stays as it is."""
-    crowd = Crowd(*(array.copy() for array in snapshot.crowd))
+    crowd = copy_of(snapshot.crowd)
     engine = Engine(snapshot.engine.world, len(crowd.level), [])
     engine.advance(model, crowd, snapshot.step, steps, STEP, False, False)
     return engine.bodies, engine.contacts

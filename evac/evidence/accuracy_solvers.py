@@ -71,8 +71,8 @@ def run(evidence: Evidence) -> None:
     evidence.table(
         "solvers_default",
         default_rows(rows, default),
-        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of the"
-        " other solvers over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there.",
+        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of"
+        " the others over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there.",
     )
     add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
     add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")

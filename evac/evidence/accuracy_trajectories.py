@@ -30,7 +30,7 @@ VARIANTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
 
 DRIVES = ("exponential", "explicit")
 
-#: Each problem is started from so many places, shifted by parts of `SHIFT` [m]: where in a step a contact falls is chance.
+#: Each problem is started from so many places, parts of `SHIFT` [m] apart: where in a step a contact falls is chance.
 PHASES = 4
 SHIFT = 0.03
 
@@ -86,8 +86,8 @@ def run(evidence: Evidence) -> None:
     evidence.table(
         "trajectory_orders",
         order_rows(rows),
-        "Measured orders of convergence (slope over the five smallest steps) beside the theoretical ones, and the error at"
-        " h = 0.01 s. A dash: exact to rounding.",
+        "Measured orders of convergence (slope over the five smallest steps) beside the theoretical ones, and the error"
+        " at h = 0.01 s. A dash: exact to rounding.",
     )
     worst = max(rows, key=lambda row: row["error / (v h)"] * (row["h [s]"] < 0.0101))
     evidence.text(
@@ -96,7 +96,7 @@ def run(evidence: Evidence) -> None:
         {ERROR_PER_PATH:g}."""
     )
     evidence.plot(
-        "trajectories_step", draw(rows, "h [s]"), "Error of positions over the step; full: exponential, dashed: explicit."
+        "trajectories_step", draw(rows, "h [s]"), "Errors over the step; full: exponential, dashed: explicit."
     )
     evidence.plot("trajectories_time", draw(rows, "time [s]"), "The same errors over run time.")
     add_data(evidence, "trajectories", rows, "All errors")
@@ -128,7 +128,7 @@ def measure(
             except ScenarioError:
                 continue
             found = [walked(problem, model, shift, step, drive) for shift in shifts]
-            errors = [float(np.max(np.hypot(*(place - truth).T))) for (place, _), truth in zip(found, truths, strict=True)]
+            errors = [_distance(place, truth) for (place, _), truth in zip(found, truths, strict=True)]
             rows.append(
                 {
                     "problem": problem.name,
@@ -152,6 +152,11 @@ def walked(problem: Problem, model: ContactModel, shift: float, step: float, dri
     # Ticks far apart: a person keeps its place in the list of bodies, and the warm start its memory.
     engine.advance(model, crowd, 0, steps, step, drive == "explicit", False)
     return crowd.position, time.perf_counter() - start
+
+
+def _distance(places: FloatArray, truth: FloatArray) -> float:
+    """Return the greatest distance of two sets of positions [m]."""
+    return float(np.max(np.hypot(*(places - truth).T)))
 
 
 def _fastest(problem: Problem) -> float:

@@ -1,0 +1,69 @@
+"""The rule of `evac run --tolerance`, also on a scene that it was not found on."""
+
+import math
+
+import numpy as np
+import pytest
+
+import evac
+from evac.errors import ScenarioError
+from evac.scenario.tolerance import ERROR_PER_PATH, LONGEST, SOLVER_SHARE, greatest_speed, settings_for
+from evac.simulation import Simulation
+
+
+@pytest.fixture(scope="module")
+def room():
+    return evac.load("square_room").change({"output.animation": False, "output.picture": False})
+
+
+def test_the_step_walks_the_stated_share_of_the_tolerance(room):
+    chosen = settings_for(room, 0.001)
+    assert greatest_speed(room) == 2.0
+    assert chosen["simulation.step"] <= 0.001 / (ERROR_PER_PATH * 2.0)
+    assert chosen["simulation.step"] > 0.99 * 0.001 / (ERROR_PER_PATH * 2.0)
+    assert room.change(chosen).simulation.step == chosen["simulation.step"]
+
+
+def test_a_large_tolerance_keeps_the_longest_step(room):
+    assert settings_for(room, 1.0)["simulation.step"] == pytest.approx(LONGEST)
+
+
+def test_only_parameters_that_the_model_has_are_set(room):
+    names = {
+        model: set(settings_for(room.change({"contact.model": model}), 0.001)) - {"simulation.step"}
+        for model in ("dem", "nsm1", "nsm2")
+    }
+    assert names == {
+        "dem": set(),
+        "nsm1": {"contact.nsm1.gap_tolerance", "contact.nsm1.velocity_tolerance"},
+        "nsm2": {"contact.nsm2.velocity_tolerance"},
+    }
+    chosen = settings_for(room.change({"contact.model": "nsm1"}), 0.001)
+    assert chosen["contact.nsm1.gap_tolerance"] == pytest.approx(SOLVER_SHARE * 0.001)
+
+
+def test_initial_velocities_and_unbounded_speeds_count(room):
+    fast = room.change({"people.people.speed": {"normal": [1.0, 0.2], "minimum": 0.1}})
+    assert 2.9 < greatest_speed(fast) < 3.1
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.inf, math.nan, 1e-9])
+def test_tolerances_that_make_no_sense_are_refused(room, tolerance):
+    with pytest.raises(ScenarioError, match="tolerance"):
+        settings_for(room, tolerance)
+
+
+@pytest.mark.parametrize("model", ["dem", "nsm1"])
+def test_positions_stay_within_the_tolerance_on_a_scene_not_used_for_the_rule(room, model):
+    case = room.change({"contact.model": model})
+    tolerance = 0.005
+    chosen = settings_for(case, tolerance)
+    finer = {key: value / 16 for key, value in chosen.items()}
+    places = []
+    for overrides in (chosen, finer):
+        simulation = Simulation(case.change(overrides))
+        simulation.recorders = []
+        while simulation.time < 1.0 - 1e-9:
+            simulation.advance_tick()
+        places.append(simulation.population.crowd.position.copy())
+    assert np.hypot(*(places[0] - places[1]).T).max() <= tolerance
