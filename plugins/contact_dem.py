@@ -15,7 +15,7 @@ from evac.physics.bundles import Clock
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
-from evac.physics.solvers import push
+from evac.physics.contacts import push
 
 
 class Law(NamedTuple):
@@ -32,14 +32,21 @@ class Dem(ContactModel):
     stiffness = Parameter(1.2e5, "contact stiffness k of eq. 3", unit="kg/s2", above=0.0)
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse steps beyond h^2 6k/m + 2h/tau < 4, the limit of a dense packing (PHYSICS 3.1)."""
-        rate = 6.0 * self.stiffness / float(scene.mass.min())
-        drag = 2.0 / float(scene.tau.min()) if scene.explicit else 0.0
-        limit = (math.sqrt(drag**2 + 16.0 * rate) - drag) / (2.0 * rate)
+        """Refuse steps beyond the limit of a dense packing, omega^2 = 6k/m (PHYSICS 3.1).
+
+        h^2 omega^2 < 4 - 2h/tau with explicit driving, < 2 (1 + exp(-h/tau)) with the exponential update. What the
+        contacts of a run are stiffer than that, each step finds out and is cut for.
+        """
+        super().check_scene(scene)
+        mass, tau = float(scene.mass.min()), float(scene.tau.min())
+        square = 6.0 * self.stiffness / mass
+        limit = 2.0 / math.sqrt(square)
+        while limit**2 * square > damping_limit(limit, tau, scene.explicit):
+            limit *= 0.999
         if scene.step >= limit:
             raise ScenarioError(
                 f"simulation.step: {scene.step} s is too long for contact model 'dem' with stiffness"
-                f" {self.stiffness:g} kg/s2 and a least mass of {scene.mass.min():.1f} kg;"
+                f" {self.stiffness:g} kg/s2, a least mass of {mass:.1f} kg and a least tau of {tau:g} s;"
                 f" it must be below {limit:.4f} s (or choose a smaller contact.dem.stiffness)"
             )
 
@@ -78,6 +85,52 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
     return clock.last, OK
 
 
+@kernel
+def damping_limit(h, tau, explicit):  # type: ignore[no-untyped-def]
+    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
+    if explicit:
+        return 4.0 - 2.0 * h / tau
+    return 2.0 * (1.0 + math.exp(-h / tau))
+
+
+@inner
+def is_too_stiff(bodies, contacts, stiffness, h, explicit):  # type: ignore[no-untyped-def]
+    """Say whether the contacts as they are make a step of `h` unstable, and note the body.
+
+    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of k sum n n^T / m_i plus the
+    couplings k / sqrt(m_i m_j) of its contacts.
+    """
+    n = bodies.count[0]
+    image = contacts.rows.image
+    for i in range(n):
+        for k in range(4):
+            image[i, k] = 0.0
+    for c in range(contacts.count[0]):
+        i, j = contacts.body[c], contacts.other[c]
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        _stiffen(image, bodies.inverse_mass[i], i, nx, ny)
+        if j >= 0:
+            _stiffen(image, bodies.inverse_mass[j], j, nx, ny)
+            coupling = math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
+            image[i, 3] += coupling
+            image[j, 3] += coupling
+    for i in range(n):
+        if image[i, 0] + image[i, 2] > 0.0:
+            mean, half = 0.5 * (image[i, 0] + image[i, 2]), 0.5 * (image[i, 0] - image[i, 2])
+            square = stiffness * (mean + math.sqrt(half * half + image[i, 1] ** 2) + image[i, 3])
+            if h * h * square > damping_limit(h, bodies.tau[i], explicit):
+                bodies.count[1] = i
+                return True
+    return False
+
+
+@inner
+def _stiffen(image, inverse_mass, i, nx, ny):  # type: ignore[no-untyped-def]
+    image[i, 0] += inverse_mass * nx * nx
+    image[i, 1] += inverse_mass * nx * ny
+    image[i, 2] += inverse_mass * ny * ny
+
+
 @inner
 def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
     """Make one step in `parts` sub-steps; return a status."""
@@ -91,6 +144,8 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             status = stepping.meet(world, bodies, lists, contacts, tally, h, 0.0, 0.0, fastest)
         if status != OK:
             return status
+        if is_too_stiff(bodies, contacts, law.stiffness, h, clock.explicit):
+            return stepping.TOO_STIFF
         stepping.take_free(bodies)
         for c in range(contacts.count[0]):
             contacts.impulse[c] = -h * law.stiffness * min(0.0, contacts.gap[c])

@@ -12,11 +12,11 @@ from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.contacts import keep_only_meeting, normal_velocity, report_contact_force
+from evac.physics.contacts import keep_only_meeting, normal_velocity, report_contact_force, tangential_velocity
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import INELASTIC, solve, tangential_velocity
+from evac.physics.solvers import INELASTIC, solve, solve_again
 
 #: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
 REACH = 1.0 + 1e-9
@@ -116,13 +116,13 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status == OK and stepping.is_too_fast(bodies, h, law.smallest):
             return stepping.TOO_FAST
         if status == OK:
-            status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, TOUCH, fastest)
+            status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, TOUCH + world.rounding, fastest)
         if status == OK and law.correction:
             status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP)
         if status != OK:
             return status
         stepping.tally_contacts(contacts, tally)
-        keep_only_meeting(bodies, contacts, h)
+        keep_only_meeting(world, bodies, contacts, h)
         stepping.set_approach(bodies, contacts)
         _stick(bodies, contacts, law, clock.full)
         _strike(bodies, contacts, tally, law)
@@ -172,6 +172,10 @@ def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
         return
     tally[0, 7] += 1.0
     tally[0, 8] += iterations
+    if found > law.velocity_tolerance and not math.isinf(law.normal):
+        again, found = _retry(bodies, contacts, law)
+        tally[0, 8] += again
+        tally[0, 11] += 1.0
     if found > law.velocity_tolerance and math.isinf(law.normal):
         for c in range(contacts.count[0]):
             contacts.impulse[c] = 0.0
@@ -181,6 +185,24 @@ def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
     tally[0, 9] = max(tally[0, 9], found)
     if found > law.velocity_tolerance:
         tally[0, 10] += 1.0
+
+
+@inner
+def _retry(bodies, contacts, law):  # type: ignore[no-untyped-def]
+    """Solve again, cold, with the strongest method; return (iterations, residual)."""
+    compliance = 2.0 / law.normal if law.normal > 0.0 else INELASTIC
+    return solve_again(
+        law.method,
+        bodies.count[0],
+        bodies.inverse_mass,
+        bodies.free,
+        bodies.solved,
+        contacts,
+        compliance,
+        law.tangential,
+        law.velocity_tolerance,
+        law.iterations,
+    )
 
 
 @inner

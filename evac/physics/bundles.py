@@ -73,6 +73,7 @@ class World(NamedTuple):
     grid_origin: FloatArray  # (levels, 2) [m] plan position of node (0, 0)
     grid_shape: IntArray  # (levels, 2) nodes along x and y
     grid_spacing: float  # [m]
+    rounding: float  # what rounding leaves of a length of zero at these coordinates [m]
     field_of: IntArray  # (levels, routes) row of field_offset, -1: no way out from here
     field_offset: LongArray  # (fields,) first node in the packed arrays; node (ix, iy) at + ix * ny + iy
     direction: FloatArray  # (nodes, 2) unit vectors
@@ -131,10 +132,28 @@ class Lists(NamedTuple):
     span: FloatArray  # (3,) reach beyond touching covered for bodies, skin, reach covered for walls [m]
 
 
+class Rows(NamedTuple):
+    """The contact problem packed for the solvers, see `evac.physics.rows`."""
+
+    body: IntArray
+    other: IntArray  # a wall is body number n
+    data: FloatArray  # (r, 8)
+    impulse: FloatArray
+    branch: IntArray  # of the law
+    velocity: FloatArray  # (n + 1, 2)
+    mass: FloatArray  # (n + 1,) 0 for the wall
+    face: IntArray  # rows on the face
+    face_body: IntArray
+    face_other: IntArray
+    face_data: FloatArray
+    work: FloatArray  # (r, 4)
+    image: FloatArray  # (n + 1, 8) velocity images of directions
+
+
 class Contacts(NamedTuple):
     """The contacts of one step, sorted by body, walls before bodies; the normal points to `body`."""
 
-    count: LongArray  # (2,) contacts now, contacts in the warm-start memory
+    count: LongArray  # (3,) contacts now, contacts in the warm-start memory, 1 where parting overlaps failed this tick
     body: IntArray
     other: IntArray  # -1: a wall
     key: IntArray  # other body, or wall - number of walls
@@ -149,8 +168,8 @@ class Contacts(NamedTuple):
     old_body: IntArray
     old_key: IntArray
     old_impulse: FloatArray
-    work: FloatArray  # (c, 6) of the solvers
-    work_velocity: FloatArray  # (n, 4) of the solvers
+    work: FloatArray  # (c, 6): 4 percussions set aside, 5 tangential velocity before the step
+    rows: Rows
     near: FloatArray  # (walls at one body, 6) of the wall search
 
 
@@ -198,6 +217,8 @@ TALLY = (
     "too_fast_steps",
     "greatest_speed",
     "elastic_fallbacks",
+    "too_stiff_steps",
+    "failed_position_corrections",
 )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.errors import PluginError
+from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
@@ -90,7 +90,19 @@ class ContactModel(Configurable, ABC):
     reach_share: ClassVar[float] = 0.0
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse a scene that the model cannot step through, with a ScenarioError naming what to change."""
+        """Refuse a scene that the model cannot step through.
+
+        Raises
+        ------
+        ScenarioError
+            Here: explicit driving (eq. 33) at steps of 2 tau or longer, which grows without bound.
+        """
+        tau = float(scene.tau.min())
+        if scene.explicit and not self.overdamped and scene.step >= 2.0 * tau:
+            raise ScenarioError(
+                f"simulation.step: {scene.step} s is too long for simulation.driving = 'explicit' with a least tau of"
+                f" {tau:g} s; it must be below {2.0 * tau:g} s, or use simulation.driving = 'exponential'"
+            )
 
     def parts(self) -> list[tuple[str, bool, str]]:
         """Return the parts of the model that a scene may not need: name, whether in, why."""
@@ -180,7 +192,7 @@ class ContactModel(Configurable, ABC):
 class SolvedContactModel(ContactModel):
     """A contact model that solves a contact problem in every step: NSM1 and NSM2 share these parameters."""
 
-    solver = Parameter("accelerated", "method of the contact problem", choices=SOLVERS)
+    solver = Parameter("conjugate_faces", "method of the contact problem", choices=SOLVERS)
     velocity_tolerance = Parameter(1e-3, "greatest residual of the contact problem", unit="m/s", above=0.0)
     iterations = Parameter(2000, "iterations after which a solve is counted as unconverged", minimum=1)
 

@@ -16,9 +16,6 @@ from evac.physics.seams import reaches
 CONTACTS_FULL = 3
 NEAR_WALLS_FULL = 4
 
-#: Bodies closer than this touch: what rounding leaves of a gap of zero [m].
-TOUCHING = 1e-12
-
 #: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
 IMPLIED = 1e-9
 
@@ -216,10 +213,36 @@ def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
 
 
 @inner
+def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
+    """Return the velocity of contact c along (-ny, nx) [m/s]."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    tx, ty = -contacts.normal[c, 1], contacts.normal[c, 0]
+    w = tx * velocity[i, 0] + ty * velocity[i, 1]
+    if j >= 0:
+        w -= tx * velocity[j, 0] + ty * velocity[j, 1]
+    return w
+
+
+@inner
 def set_approach(bodies, contacts):  # type: ignore[no-untyped-def]
     """Set the normal velocities before the step, w-."""
     for c in range(contacts.count[0]):
         contacts.approach[c] = normal_velocity(bodies.velocity, contacts, c)
+
+
+@inner
+def push(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-untyped-def]
+    """Apply a normal percussion to the bodies of contact c."""
+    i = contacts.body[c]
+    j = contacts.other[c]
+    px = percussion * contacts.normal[c, 0]
+    py = percussion * contacts.normal[c, 1]
+    velocity[i, 0] += inverse_mass[i] * px
+    velocity[i, 1] += inverse_mass[i] * py
+    if j >= 0:
+        velocity[j, 0] -= inverse_mass[j] * px
+        velocity[j, 1] -= inverse_mass[j] * py
 
 
 @inner
@@ -233,11 +256,11 @@ def keep_impulses(contacts):  # type: ignore[no-untyped-def]
 
 
 @inner
-def keep_only_meeting(bodies, contacts, h):  # type: ignore[no-untyped-def]
+def keep_only_meeting(world, bodies, contacts, h):  # type: ignore[no-untyped-def]
     """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
     used = np.int64(0)
     for c in range(contacts.count[0]):
-        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= TOUCHING:
+        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= world.rounding:
             if used != c:
                 contacts.body[used] = contacts.body[c]
                 contacts.other[used] = contacts.other[c]

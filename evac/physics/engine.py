@@ -6,10 +6,10 @@ import numpy as np
 
 from evac.errors import SimulationError
 from evac.physics import neighbours, stepping
-from evac.physics.bundles import TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, World
+from evac.physics.bundles import TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
-from evac.physics.motion import EVENTS_FULL, NOT_FINITE, WALL_CROSSED
+from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
 
 if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
@@ -18,8 +18,15 @@ if TYPE_CHECKING:
 SKIN = 0.2
 
 _ADVICE = {
-    WALL_CROSSED: "would pass through a wall even with the step cut into {parts} parts; use a smaller simulation.step",
-    stepping.TOO_FAST: "moves too fast for the step even cut into {parts} parts; check speeds, forces and masses",
+    WALL_CROSSED: (
+        "would pass through a wall even with the step cut into {parts} parts: the contact is too soft for the load, or"
+        " the run started with overlaps; raise contact.dem.stiffness, or use contact.model = 'nsm1'"
+    ),
+    TOO_FAST: "moves too fast for the step even cut into {parts} parts; check speeds, forces, masses and overlaps",
+    TOO_STIFF: (
+        "has contacts too stiff for the step even cut into {parts} parts; lower contact.dem.stiffness or use a smaller"
+        " simulation.step"
+    ),
     NOT_FINITE: "has a velocity that is no number; use a smaller simulation.step or softer contact parameters",
 }
 
@@ -170,19 +177,37 @@ def make_lists(n: int, pairs: int, walls: int) -> Lists:
 def make_contacts(n: int, capacity: int) -> Contacts:
     """Allocate room for `capacity` contacts among n people."""
     whole = {"body", "other", "key", "old_body", "old_key"}
-    special = {
-        "count": np.zeros(2, np.int64),
+    special: dict[str, Any] = {
+        "count": np.zeros(3, np.int64),
         "normal": np.zeros((capacity, 2)),
         "sticky": np.zeros(capacity, np.uint8),
         "work": np.zeros((capacity, 6)),
-        "work_velocity": np.zeros((n, 4)),
+        "rows": make_rows(n, 2 * capacity),
         "near": np.zeros((60, 6)),
     }
-    arrays = {
+    arrays: dict[str, Any] = {
         name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
         for name in Contacts._fields
     }
     return Contacts(**arrays)
+
+
+def make_rows(n: int, capacity: int) -> Rows:
+    """Allocate the packed contact problem of n people; each contact may take two rows."""
+    whole = {"body", "other", "branch", "face", "face_body", "face_other"}
+    special = {
+        "data": np.zeros((capacity, 8)),
+        "face_data": np.zeros((capacity, 8)),
+        "work": np.zeros((capacity, 4)),
+        "velocity": np.zeros((n + 1, 2)),
+        "mass": np.zeros(n + 1),
+        "image": np.zeros((n + 1, 8)),
+    }
+    arrays = {
+        name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
+        for name in Rows._fields
+    }
+    return Rows(**arrays)
 
 
 def make_events(capacity: int) -> Events:

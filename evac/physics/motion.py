@@ -10,6 +10,8 @@ from evac.physics.seams import crossing
 EVENTS_FULL = 5
 WALL_CROSSED = 6
 NOT_FINITE = 7
+TOO_FAST = 8
+TOO_STIFF = 9
 
 PORTAL = 0
 EXIT = 1
@@ -111,6 +113,9 @@ def move(world, bodies, lists, events, time, h, old_share, full):  # type: ignor
             bodies.count[1] = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
+        if path > bodies.radius[i] + lists.span[2] + 0.5 * lists.span[1]:
+            bodies.count[1] = i  # beyond the walls that the lists hold
+            return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
             bodies.count[1] = i
             return WALL_CROSSED

@@ -21,7 +21,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
     stays where it is. Contacts are searched again afterwards.
     """
     deepest = _deepest(contacts)
-    if deepest <= 0.5 * tolerance:
+    if deepest <= 0.5 * tolerance or contacts.count[2] > 0:
         return OK
     n = bodies.count[0]
     longest = 0.0
@@ -54,6 +54,9 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         tally[0, 12] += 1.0
         if status == OK:
             status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
+    else:
+        contacts.count[2] = 1  # not again before the next tick
+        tally[0, 21] += 1.0
     if status == OK:
         status = stepping.seek(world, bodies, lists, contacts, tally)
     return status

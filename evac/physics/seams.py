@@ -45,11 +45,12 @@ def reaches(world, level_a, ax, ay, level_b, bx, by):  # type: ignore[no-untyped
         return True
     if world.linked[level_a, level_b] == 0:
         return False
+    slack = max(SEAM, world.rounding)
     for s in range(world.link_start[level_a], world.link_start[level_a + 1]):
         middle = world.link_to[s]
         if middle < 0 or world.link_open[world.link_id[s]] == 0:
             continue
-        share = crossing(world.link_segment, s, ax, ay, bx, by, SEAM)
+        share = crossing(world.link_segment, s, ax, ay, bx, by, slack)
         if share < 0.0:
             continue
         if middle == level_b:
@@ -59,6 +60,6 @@ def reaches(world, level_a, ax, ay, level_b, bx, by):  # type: ignore[no-untyped
         for t in range(world.link_start[middle], world.link_start[middle + 1]):
             if world.link_to[t] != level_b or world.link_open[world.link_id[t]] == 0:
                 continue
-            if crossing(world.link_segment, t, ax, ay, bx, by, SEAM) >= share - SEAM:
+            if crossing(world.link_segment, t, ax, ay, bx, by, slack) >= share - slack:
                 return True
     return False

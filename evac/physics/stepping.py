@@ -15,12 +15,11 @@ from evac.directions.sampling import sample_travel_time
 from evac.jit import inner, kernel
 from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
 from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
-from evac.physics.motion import EVENTS_FULL, WALL_CROSSED, add_work, move, restore, save
+from evac.physics.motion import EVENTS_FULL, TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
 from evac.physics.neighbours import OK, build_lists, lists_are_stale
 
-__all__ = ["save"]
+__all__ = ["TOO_FAST", "TOO_STIFF", "save"]
 
-TOO_FAST = 8
 MUST_GROW = (1, 2, 3, 4, EVENTS_FULL)
 
 #: A step is cut into at most this many parts before the run is stopped.
@@ -76,6 +75,7 @@ def gather(world, crowd, bodies, lists, contacts):  # type: ignore[no-untyped-de
         bodies.contact_force[i] = 0.0
     bodies.count[0] = inside
     contacts.count[1] = 0
+    contacts.count[2] = 0
     lists.stale[0] = 1
     return inside
 
@@ -227,6 +227,8 @@ def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
         entry = 16
     elif status == TOO_FAST:
         entry = 17
+    elif status == TOO_STIFF:
+        entry = 20
     else:
         return 0
     tally[0, entry] += 1.0

@@ -50,6 +50,7 @@ def make_world(building: Building, fields: Fields) -> World:
         grid_origin=fields.grid_origin,
         grid_shape=fields.grid_shape,
         grid_spacing=float(fields.spacing),
+        rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.grid_origin).max())),
         field_of=fields.field_of,
         field_offset=fields.field_offset,
         direction=fields.direction,

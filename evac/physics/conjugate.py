@@ -1,0 +1,294 @@
+"""Conjugate sweeps, and conjugate gradients on faces: the fast solvers of the contact problem.
+
+Conjugate sweeps find which rows push; once a symmetric sweep changes none of them, the face is solved by
+conjugate gradients, preconditioned by a symmetric Gauss-Seidel sweep on the face alone, until a percussion
+leaves its branch of the law. The face is then looked for again. On a face the problem is linear, so conjugate
+gradients need few iterations there; the sweeps between keep every percussion on its law.
+"""
+
+from evac.jit import inner
+from evac.physics.rows import (
+    BEFORE,
+    BIAS,
+    INVERSE_I,
+    INVERSE_J,
+    NX,
+    NY,
+    SOFTNESS,
+    SPRING,
+    UNBOUNDED,
+    push_row,
+    row_residual,
+    row_velocity,
+    sweep_down,
+    sweep_up,
+)
+
+#: Iterations between two looks at the residual, which costs as much as a sweep.
+LOOK_EVERY = 4
+
+#: Branches of the law that a row can be on.
+OFF, RIGID, ELASTIC = 0, 1, 2
+
+#: Conjugate gradient iterations on one face before it is looked for again.
+LONGEST_FACE = 500
+
+
+@inner
+def conjugate_sweeps(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+    """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
+
+    One iteration sweeps the rows forwards and backwards and then goes on along the conjugate
+    direction of the sweeps (the nonsmooth nonlinear conjugate gradient method of Silcowitz-Hansen,
+    Niebe and Erleben, 2010). Sweeps run in the order of travel time, along the force chains. Returns
+    (iterations, residual), always judged behind a sweep.
+    """
+    forget(rows, n, bodies)
+    before = 0.0
+    found = row_residual(rows, n)
+    for iteration in range(limit):
+        if found <= tolerance:
+            return iteration, found
+        remember(rows, n, bodies)
+        sweep_up(rows, n)
+        sweep_down(rows, n)
+        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
+            found = row_residual(rows, n)
+            if found <= tolerance or iteration == limit - 1:
+                return iteration + 1, found
+        before = go_on(rows, n, bodies, before)
+    return limit, found
+
+
+@inner
+def forget(rows, n, bodies):  # type: ignore[no-untyped-def]
+    """Clear the conjugate direction and its velocity image."""
+    for r in range(n):
+        rows.work[r, 1] = 0.0
+    for i in range(bodies + 1):
+        rows.image[i, 2] = 0.0
+        rows.image[i, 3] = 0.0
+
+
+@inner
+def remember(rows, n, bodies):  # type: ignore[no-untyped-def]
+    """Keep percussions and velocities as they are before a sweep."""
+    for r in range(n):
+        rows.work[r, 0] = rows.impulse[r]
+    for i in range(bodies):
+        rows.image[i, 0] = rows.velocity[i, 0]
+        rows.image[i, 1] = rows.velocity[i, 1]
+
+
+@inner
+def go_on(rows, n, bodies, before):  # type: ignore[no-untyped-def]
+    """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
+    now = 0.0
+    for r in range(n):
+        now += (rows.impulse[r] - rows.work[r, 0]) ** 2 / rows.data[r, SOFTNESS]
+    beta = now / before if before > 0.0 else 0.0
+    if beta > 1.0:
+        beta = 0.0
+    for r in range(n):
+        step = beta * rows.work[r, 1]
+        rows.work[r, 1] = step + rows.impulse[r] - rows.work[r, 0]
+        rows.impulse[r] += step
+    for i in range(bodies):
+        for k in range(2):
+            step = beta * rows.image[i, 2 + k]
+            rows.image[i, 2 + k] = step + rows.velocity[i, k] - rows.image[i, k]
+            rows.velocity[i, k] += step
+    return now
+
+
+@inner
+def conjugate_faces(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+    """Solve by conjugate sweeps and by conjugate gradients on faces; return (iterations, residual)."""
+    forget(rows, n, bodies)
+    for r in range(n):
+        rows.branch[r] = OFF
+    before = 0.0
+    iteration = n * 0
+    found = row_residual(rows, n)
+    while found > tolerance and iteration < limit:
+        remember(rows, n, bodies)
+        sweep_up(rows, n)
+        sweep_down(rows, n)
+        iteration += 1
+        changed = mark_branches(rows, n)
+        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration >= limit:
+            found = row_residual(rows, n)
+            if found <= tolerance or iteration >= limit:
+                break
+        if changed == 0:
+            made, found = descend_on_face(rows, n, bodies, tolerance, min(limit - iteration, LONGEST_FACE))
+            iteration += made
+            forget(rows, n, bodies)
+            before = 0.0
+        else:
+            before = go_on(rows, n, bodies, before)
+            found = max(found, 2.0 * tolerance)  # extrapolated percussions may be negative: sweep first
+    return iteration, found
+
+
+@inner
+def branch_of(rows, r):  # type: ignore[no-untyped-def]
+    """Return the branch of the law that row r's percussion is on."""
+    data = rows.data
+    if data[r, BIAS] >= UNBOUNDED:
+        return ELASTIC
+    if rows.impulse[r] <= 0.0:
+        return OFF
+    spring = data[r, SPRING]
+    if spring > 0.0 and data[r, BEFORE] < 0.0:
+        # Elastic below P = -w- K_N / 2, where the separation velocity is still positive.
+        compliance = (1.0 - spring) / (spring * data[r, SOFTNESS])
+        if rows.impulse[r] * compliance < -data[r, BEFORE]:
+            return ELASTIC
+    return RIGID
+
+
+@inner
+def mark_branches(rows, n):  # type: ignore[no-untyped-def]
+    """Note the branch of every row; return how many changed."""
+    changed = 0
+    for r in range(n):
+        branch = branch_of(rows, r)
+        if branch != rows.branch[r]:
+            rows.branch[r] = branch
+            changed += 1
+    return changed
+
+
+@inner
+def take_face(rows, n):  # type: ignore[no-untyped-def]
+    """Copy the rows that push to the face, compact; return their number.
+
+    On an elastic row the equation is w + w- + (2/K_N) P = 0, on a rigid one w + b = 0; both are
+    w + shift + compliance P = 0, with the diagonal 1/softness.
+    """
+    held = n * 0
+    for r in range(n):
+        branch = rows.branch[r]
+        if branch == OFF:
+            continue
+        rows.face[held] = r
+        rows.face_body[held] = rows.body[r]
+        rows.face_other[held] = rows.other[r]
+        for k in (NX, NY, INVERSE_I, INVERSE_J):
+            rows.face_data[held, k] = rows.data[r, k]
+        softness, spring = rows.data[r, SOFTNESS], rows.data[r, SPRING]
+        if branch == RIGID:
+            rows.face_data[held, SOFTNESS] = softness
+            rows.face_data[held, BIAS] = rows.data[r, BIAS]
+            rows.face_data[held, SPRING] = 0.0
+        else:
+            rows.face_data[held, SOFTNESS] = softness * spring
+            rows.face_data[held, BIAS] = rows.data[r, BEFORE]
+            rows.face_data[held, SPRING] = (1.0 - spring) / (spring * softness)
+        held += 1
+    return held
+
+
+@inner
+def precondition(rows, held, bodies):  # type: ignore[no-untyped-def]
+    """Sweep W z = -g on the face once up and once down from z = 0; return -g.z.
+
+    Columns of the work array: 0 the gradient g, 2 z; columns 4, 5 of the image: the velocity image of z.
+    """
+    data, work, image = rows.face_data, rows.work, rows.image
+    for i in range(bodies + 1):
+        image[i, 4] = 0.0
+        image[i, 5] = 0.0
+    for k in range(held):
+        i, j = rows.face_body[k], rows.face_other[k]
+        w = data[k, NX] * (image[i, 4] - image[j, 4]) + data[k, NY] * (image[i, 5] - image[j, 5])
+        z = -(work[k, 0] + w) * data[k, SOFTNESS]
+        work[k, 2] = z
+        _push_image(image, i, j, data, k, z)
+    total = 0.0
+    for k in range(held - 1, -1, -1):
+        i, j = rows.face_body[k], rows.face_other[k]
+        w = data[k, NX] * (image[i, 4] - image[j, 4]) + data[k, NY] * (image[i, 5] - image[j, 5])
+        z = -(work[k, 0] + w + data[k, SPRING] * work[k, 2]) * data[k, SOFTNESS]
+        work[k, 2] += z
+        total -= work[k, 0] * work[k, 2]
+        _push_image(image, i, j, data, k, z)
+    return total
+
+
+@inner
+def _push_image(image, i, j, data, k, percussion):  # type: ignore[no-untyped-def]
+    px = percussion * data[k, NX]
+    py = percussion * data[k, NY]
+    image[i, 4] += data[k, INVERSE_I] * px
+    image[i, 5] += data[k, INVERSE_I] * py
+    image[j, 4] -= data[k, INVERSE_J] * px
+    image[j, 5] -= data[k, INVERSE_J] * py
+
+
+@inner
+def _gradient(rows, held):  # type: ignore[no-untyped-def]
+    """Set column 0 of the work array to the gradient on the face; return its greatest entry [m/s]."""
+    worst = 0.0
+    data = rows.face_data
+    for k in range(held):
+        w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k)
+        g = w + data[k, BIAS] + data[k, SPRING] * rows.impulse[rows.face[k]]
+        rows.work[k, 0] = g
+        worst = max(worst, abs(g))
+    return worst
+
+
+@inner
+def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+    """Go down on the face until it is solved or left; return (iterations, residual of all rows).
+
+    A percussion that leaves below zero is put back to zero, so all percussions stay admissible.
+    """
+    held = take_face(rows, n)
+    before = 0.0
+    made = n * 0
+    while made < limit and _gradient(rows, held) > 0.5 * tolerance:
+        steepness = precondition(rows, held, bodies)
+        beta = steepness / before if made > 0 else 0.0
+        before = steepness
+        made += 1
+        length = _step_length(rows, held, bodies, beta, steepness)
+        if length <= 0.0:
+            break
+        if _step(rows, held, bodies, length) > 0:
+            break
+    return made, row_residual(rows, n)
+
+
+@inner
+def _step_length(rows, held, bodies, beta, steepness):  # type: ignore[no-untyped-def]
+    """Renew direction (column 3) and image (columns 6, 7); return the exact step along it, 0 at a standstill."""
+    curvature = 0.0
+    for k in range(held):
+        rows.work[k, 3] = rows.work[k, 2] + (beta * rows.work[k, 3] if beta != 0.0 else 0.0)
+        curvature += rows.face_data[k, SPRING] * rows.work[k, 3] ** 2
+    for i in range(bodies + 1):
+        for k in range(2):
+            rows.image[i, 6 + k] = rows.image[i, 4 + k] + (beta * rows.image[i, 6 + k] if beta != 0.0 else 0.0)
+        curvature += rows.mass[i] * (rows.image[i, 6] ** 2 + rows.image[i, 7] ** 2)
+    return steepness / curvature if curvature > 0.0 else 0.0
+
+
+@inner
+def _step(rows, held, bodies, length):  # type: ignore[no-untyped-def]
+    """Step along the direction; return how many percussions left their branch."""
+    left = 0
+    for i in range(bodies):
+        rows.velocity[i, 0] += length * rows.image[i, 6]
+        rows.velocity[i, 1] += length * rows.image[i, 7]
+    for k in range(held):
+        r = rows.face[k]
+        rows.impulse[r] += length * rows.work[k, 3]
+        if branch_of(rows, r) != rows.branch[r]:
+            left += 1
+            if rows.branch[r] != OFF and rows.impulse[r] < 0.0:
+                push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -rows.impulse[r])
+                rows.impulse[r] = 0.0
+    return left
