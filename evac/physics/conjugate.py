@@ -24,7 +24,7 @@ from evac.physics.rows import (
     sweep_up,
 )
 
-#: Iterations between two looks at the residual, which costs as much as a sweep.
+#: Iterations between two looks at the residual, which costs as much as a sweep; small problems end in the first few.
 LOOK_EVERY = 4
 
 #: Branches of the law that a row can be on.
@@ -52,7 +52,7 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):  # type: ignore[no-unty
         remember(rows, n, bodies)
         sweep_up(rows, n)
         sweep_down(rows, n)
-        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
+        if iteration < LOOK_EVERY or iteration % LOOK_EVERY == 0 or iteration == limit - 1:
             found = row_residual(rows, n)
             if found <= tolerance or iteration == limit - 1:
                 return iteration + 1, found
@@ -116,7 +116,7 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyp
         sweep_down(rows, n)
         iteration += 1
         changed = mark_branches(rows, n)
-        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration >= limit:
+        if iteration <= LOOK_EVERY or iteration % LOOK_EVERY == 0 or iteration >= limit:
             found = row_residual(rows, n)
             if found <= tolerance or iteration >= limit:
                 break
