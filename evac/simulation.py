@@ -281,7 +281,8 @@ class Simulation:
         changed |= crowd.start_time[inside] > self.time
         self._seen_time[inside[changed]] = remaining[changed]
         self._moved_at[inside[changed]] = self.time
-        return bool(self.time - self._moved_at[inside].max() >= self.case.simulation.no_progress)
+        latest = max(self._moved_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        return bool(self.time - latest >= self.case.simulation.no_progress)
 
     def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
         settings = self.case.directions

@@ -100,6 +100,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
                 world, bodies, lists, contacts, tally, h, REACH, SHARED_REACH * h * fastest, fastest
             )
         if status == OK:
+            stepping.tally_contacts(contacts, tally)
             status = part_overlaps(
                 world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, law.gap_tolerance
             )
@@ -109,7 +110,6 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             return status
         weight = 0.0 if law.overdamped else 1.0 / h
         stepping.report_force(bodies, contacts, clock, step, part, parts, weight)
-        stepping.tally_contacts(contacts, tally)
         status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.0)
         if status != OK:
             return status

@@ -117,11 +117,12 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             return stepping.TOO_FAST
         if status == OK:
             status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, TOUCH + world.rounding, fastest)
+        if status == OK:
+            stepping.tally_contacts(contacts, tally)
         if status == OK and law.correction:
             status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP)
         if status != OK:
             return status
-        stepping.tally_contacts(contacts, tally)
         keep_only_meeting(world, bodies, contacts, h)
         stepping.set_approach(bodies, contacts)
         _stick(bodies, contacts, law, clock.full)

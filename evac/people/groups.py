@@ -41,9 +41,12 @@ def reference_speeds(case: "Case") -> tuple[float, float, float]:
         if given is None:
             means = (people.count * _mean_on_stairs(people, quantity) for people in case.people)
             total = math.fsum(means)
-            if flat <= 0 or total <= 0:
+            if flat <= 0:
+                factors.append(1.0)  # nobody walks, so any reference serves
+                continue
+            if total <= 0:
                 raise ScenarioError(
-                    f"{case.source}: directions.{key}: nobody walks (people's speed or {quantity} is 0 on average), "
+                    f"{case.source}: directions.{key}: nobody walks on stairs ({quantity} is 0 on average), "
                     f"so there is no mean to take; set directions.{key}"
                 )
             given = total / flat
