@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.evidence.models import MODELS, model_overrides
-from evac.evidence.report import MODEL_COLOURS, Evidence, in_processes, new_figure
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.scenario.loading import load_case
 from evac.simulation import EVERYBODY_OUT, Simulation
 
@@ -46,7 +46,7 @@ def report_classroom(evidence: Evidence) -> None:
     runs = 6 if evidence.quick else 50
     seeds = [evidence.seed + run for run in range(runs)]
     tasks = [ClassTask(name, tuple(part)) for name in MODELS for part in (seeds[::2], seeds[1::2])]
-    parts = in_processes(run_class, tasks)
+    parts = evidence.map(run_class, tasks)
     times = {name: np.concatenate([parts[2 * k][0], parts[2 * k + 1][0]]) for k, name in enumerate(MODELS)}
     blocked = {name: np.concatenate([parts[2 * k][1], parts[2 * k + 1][1]]) for k, name in enumerate(MODELS)}
     evidence.heading("The classroom: who blocks, and escape times per desk (section 4.2)")

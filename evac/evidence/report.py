@@ -80,6 +80,10 @@ class Evidence:
         """Return a random generator of its own for what the names say."""
         return generator_for(self.seed, "evidence", self.kind, *names)
 
+    def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """Return ``[function(item) for item in items]``, in processes unless the run is quick; see `in_processes`."""
+        return in_processes(function, items, 1 if self.quick else WORKERS)
+
     def heading(self, words: str) -> None:
         """Open a section of the page."""
         self._page.append(f"## {words}")

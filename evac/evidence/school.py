@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.evidence.report import Evidence, in_processes, new_figure
+from evac.evidence.report import Evidence, new_figure
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
@@ -56,7 +56,7 @@ def report_school(evidence: Evidence) -> None:
     runs = 6 if evidence.quick else 100
     seeds = [evidence.seed + run for run in range(runs)]
     tasks = [SchoolTask(name, tuple(part)) for name in VARIANTS for part in (seeds[::2], seeds[1::2])]
-    parts = in_processes(run_school, tasks)
+    parts = evidence.map(run_school, tasks)
     found = {
         name: SchoolRuns(np.concatenate([parts[2 * k].times, parts[2 * k + 1].times]), parts[2 * k].storey)
         for k, name in enumerate(VARIANTS)

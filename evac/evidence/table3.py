@@ -6,7 +6,7 @@ from typing import Any
 from evac.evidence.classroom import report_classroom
 from evac.evidence.models import MODELS
 from evac.evidence.paper_figures import draw_figure_2, draw_figure_3
-from evac.evidence.report import MODEL_COLOURS, Evidence, in_processes, new_figure
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.school import report_school
 from evac.evidence.square_room import CONFIDENCE, GAP, RESAMPLES, Flow, SetTask, flow, run_set
 
@@ -23,7 +23,7 @@ EXERCISE = 160
 
 #: Position sets and runs of each, by step [s]: the finest step costs a hundred times the coarsest.
 FULL_RUNS = {1e-2: (20, 50), 1e-3: (20, 50), 1e-4: (20, 5)}
-QUICK_RUNS = {1e-2: (4, 5), 1e-3: (4, 2), 1e-4: (4, 1)}
+QUICK_RUNS = {1e-2: (4, 5), 1e-3: (4, 1), 1e-4: (2, 1)}
 
 
 def run(evidence: Evidence) -> None:
@@ -40,7 +40,7 @@ def report_flow(evidence: Evidence) -> None:
     """Add the flow through the door of the square room."""
     plan = QUICK_RUNS if evidence.quick else FULL_RUNS
     tasks = [SetTask(evidence.seed, k, runs, step) for step, (sets, runs) in plan.items() for k in range(sets)]
-    parts = in_processes(run_set, tasks)
+    parts = evidence.map(run_set, tasks)
     flows = {
         (name, step): flow(
             [part[name] for task, part in zip(tasks, parts, strict=True) if task.step == step],

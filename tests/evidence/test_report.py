@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from evac.cli import evidence as command
+from evac.cli import main
 from evac.errors import ScenarioError
 from evac.evidence.command import KINDS, run_evidence, write_index
 from evac.evidence.report import Evidence, in_processes, markdown_table, new_figure, timed
@@ -107,3 +108,22 @@ def test_every_kind_of_the_command_line_is_known():
 
 def test_figure_is_laid_out_in_axes():
     assert np.shape(new_figure(4.0, 3.0, 2, 3)[1]) == (2, 3)
+
+
+def test_command_computes_the_kind_asked_for_and_prints_its_page(tmp_path, monkeypatch, capsys):
+    def compute(evidence):
+        evidence.text(f"Quick: {evidence.quick}.")
+        evidence.write_page("Lean")
+
+    monkeypatch.setattr("evac.evidence.lean.run", compute)
+    assert main(["evidence", "lean", "--quick", "--out", str(tmp_path)]) == 0
+    page = tmp_path / "lean" / "README.md"
+    assert capsys.readouterr().out.strip() == str(page)
+    assert "Quick: True." in page.read_text()
+    assert "Quick: True." in (tmp_path / "README.md").read_text()
+
+
+def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path, capsys):
+    (tmp_path / "lean").write_text("in the way")
+    assert main(["evidence", "lean", "--quick", "--out", str(tmp_path)]) == 2
+    assert "choose another --out" in capsys.readouterr().err
