@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.errors import SimulationError
 from evac.evidence.accuracy_data import copy_of
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.snapshots import door_crowd
@@ -24,6 +25,8 @@ CLOSED, OPEN = 3.0, 2.0
 SHARE = 0.5
 
 TICK = 0.1  # s
+
+FINISHED = "run to the end"
 
 
 @dataclass(frozen=True)
@@ -107,11 +110,17 @@ def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
     )
     begin = time.perf_counter()
     made = 0
+    outcome = FINISHED
     for tick in range(round((CLOSED + OPEN) / TICK)):
         if tick == round(CLOSED / TICK):
             set_open(world, 0, True)
-        engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+        try:
+            engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+        except SimulationError as error:
+            outcome = f"stopped: {error}"
+            break
         made += per_tick
+    walked = max(made, 1) * setting.step
     span = time.perf_counter() - begin
     report = engine.report()
     return {
@@ -120,9 +129,10 @@ def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
         "value": f"{setting.value:.3g}",
         "h [s]": setting.step,
         "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
-        "time per simulated second [s]": span / (CLOSED + OPEN),
+        "time per simulated second [s]": span / walked,
         "out": int(np.sum(crowd.level < 0)),
         "unconverged steps": int(report["unconverged_steps"]),
+        "outcome": outcome,
     }
 
 
@@ -147,7 +157,7 @@ def _recommend(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:
     """Say which model is the cheapest for each overlap allowed."""
     table = []
     for allowed in (30.0, 10.0, 3.0, 1.0, 0.1, 0.01):
-        good = [row for row in rows if row["greatest overlap [mm]"] <= allowed]
+        good = [r for r in rows if r["greatest overlap [mm]"] <= allowed and r["outcome"] == FINISHED]
         cheapest = min(good, key=lambda row: row["time per simulated second [s]"]) if good else None
         table.append(
             {
