@@ -4,13 +4,13 @@ from evac.evidence.report import Evidence
 from evac.evidence.stability_crowds import dissipation, standing, static_overlap
 from evac.evidence.stability_dem import network_limits, stiffness_map
 from evac.evidence.stability_extremes import extreme_scenes
-from evac.evidence.stability_steps import mass_map, radius_map, speed_map, tau_map
+from evac.evidence.stability_steps import mass_map, overlap_order, radius_map, speed_map, tau_map
 
 SECTIONS = {
     "DEM: stiffness and step": (stiffness_map, network_limits, static_overlap),
     "Relaxation time and step": (tau_map,),
     "NSM2: dissipation from zero to infinity": (dissipation,),
-    "Walking speed and step": (speed_map,),
+    "Walking speed and step": (speed_map, overlap_order),
     "Ratio of masses": (mass_map,),
     "Ratio of radii": (radius_map,),
     "Standing crowds stand": (standing,),

@@ -14,7 +14,7 @@ from evac.evidence.stability_trial import DEGRADED, HANDLED, REFUSED, RIGHT, VER
 #: Colours of the verdicts (Okabe-Ito, with grey and black).
 COLOURS = {RIGHT: "#009E73", HANDLED: "#56B4E9", DEGRADED: "#E69F00", REFUSED: "0.75", WRONG: "#000000"}
 
-#: Line styles of a panel's curves, in order.
+#: Line styles of the curves, in the order in which their labels come up.
 STYLES = ("-", "--", ":")
 
 
@@ -30,7 +30,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of the theory: points (x, y) and what they are."""
+    """A curve of the theory: points (x, y), and what they are; the same label has the same style in all panels."""
 
     label: str
     x: Sequence[float]
@@ -62,13 +62,15 @@ def show_map(
     columns : int
         Panels beside each other.
     """
-    _write_cells(evidence, name, cells, axes)
+    write_cells(evidence, name, cells, axes)
     panels = list(dict.fromkeys(cell.panel for cell in cells))
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     figure, drawn = new_figure(1.0 + 3.4 * columns, 0.9 + 3.1 * rows, rows, columns, squeeze=False)
+    labels = dict.fromkeys(curve.label for panel in (curves or {}).values() for curve in panel)
+    styles = dict(zip(labels, STYLES, strict=False))
     for axis, panel in zip(drawn.ravel(), panels, strict=False):
-        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], (curves or {}).get(panel, ()))
+        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], (curves or {}).get(panel, ()), styles)
         axis.set_title(panel, fontsize=9)
     for axis in drawn.ravel()[len(panels) :]:
         axis.set_visible(False)
@@ -76,7 +78,7 @@ def show_map(
         axis.set_xlabel(axes[0])
     for axis in drawn[:, 0]:
         axis.set_ylabel(axes[1])
-    _draw_legend(figure, cells, curves or {})
+    _draw_legend(figure, cells, styles)
     evidence.plot(name, figure, caption)
     evidence.table(
         f"{name}_sums",
@@ -93,7 +95,8 @@ def show_map(
             evidence.text(f"- {message}")
 
 
-def _write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
+def write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
+    """Write NAME.csv: one line for each cell, with its verdict, error and words."""
     with (evidence.folder / f"{name}.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["panel", *axes, "verdict", "error", "words"])
@@ -108,9 +111,12 @@ def _sums(panel: str, cells: Sequence[Cell]) -> dict[str, str | int | float]:
     return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
 
 
-def _draw_panel(axis, cells: Sequence[Cell], curves: Sequence[Curve]) -> None:  # type: ignore[no-untyped-def]
+def _draw_panel(  # type: ignore[no-untyped-def]
+    axis, cells: Sequence[Cell], curves: Sequence[Curve], styles: Mapping[str, str]
+) -> None:
     """Draw one panel: squares at equal distances whatever the values, with the theory laid over them."""
     from matplotlib.colors import ListedColormap
+    from matplotlib.patheffects import withStroke
 
     x_values = sorted({cell.x for cell in cells})
     y_values = sorted({cell.y for cell in cells})
@@ -122,9 +128,10 @@ def _draw_panel(axis, cells: Sequence[Cell], curves: Sequence[Curve]) -> None:  
             axis.plot(column + 0.5, row + 0.5, "X", color="w", markersize=4)
     colours = ListedColormap([COLOURS[kind] for kind in VERDICTS])
     axis.pcolormesh(kinds, cmap=colours, vmin=-0.5, vmax=len(VERDICTS) - 0.5, edgecolors="w", linewidth=0.5, zorder=0)
-    for curve, style in zip(curves, STYLES, strict=False):
+    for curve in curves:
         x, y = _places(x_values, curve.x), _places(y_values, curve.y)
-        axis.plot(x + 0.5, y + 0.5, color="k", linestyle=style, linewidth=1.6)
+        (line,) = axis.plot(x + 0.5, y + 0.5, color="k", linestyle=styles[curve.label], linewidth=1.6)
+        line.set_path_effects([withStroke(linewidth=3.2, foreground="w")])
     axis.set_xlim(0, len(x_values))
     axis.set_ylim(0, len(y_values))
     axis.set_xticks(*_ticks(x_values), rotation=45, fontsize=7)
@@ -140,8 +147,10 @@ def _ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def _places(values: Sequence[float], wanted: Sequence[float]) -> FloatArray:
-    """Return where numbers lie among the cells' values, logarithmically between them and beyond their ends."""
+    """Return where numbers lie among the cells' values, logarithmically; nowhere if there are fewer than two."""
     usable = [k for k, value in enumerate(values) if 0.0 < value < np.inf]
+    if len(usable) < 2:
+        return np.full(len(wanted), np.nan)
     logarithm = np.log([values[k] for k in usable])
     places = np.array(usable, dtype=float)
     sought = np.log(np.asarray(wanted, dtype=float))
@@ -152,7 +161,7 @@ def _places(values: Sequence[float], wanted: Sequence[float]) -> FloatArray:
     return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), found))
 
 
-def _draw_legend(figure, cells: Sequence[Cell], curves: Mapping[str, Sequence[Curve]]) -> None:  # type: ignore[no-untyped-def]
+def _draw_legend(figure, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:  # type: ignore[no-untyped-def]
     from matplotlib.lines import Line2D
 
     present = {cell.verdict.kind for cell in cells}
@@ -161,9 +170,5 @@ def _draw_legend(figure, cells: Sequence[Cell], curves: Mapping[str, Sequence[Cu
         for kind in VERDICTS
         if kind in present
     ]
-    styles = {}
-    for panel in curves.values():
-        for curve, style in zip(panel, STYLES, strict=False):
-            styles[curve.label] = style
     handles += [Line2D([], [], color="k", linestyle=style, label=label) for label, style in styles.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

@@ -151,5 +151,6 @@ def test_quick_run_writes_every_map_and_finds_nothing_wrong(tmp_path):
             verdicts = [row["verdict"] for row in csv.DictReader(file) if "left out" not in row["panel"]]
         assert verdicts
         assert WRONG not in verdicts, name
-    with (tmp_path / "extremes.csv").open() as file:
-        assert WRONG not in [row["verdict"] for row in csv.DictReader(file)]
+    for name in ("extremes", "standing_cells"):
+        with (tmp_path / f"{name}.csv").open() as file:
+            assert WRONG not in [row["verdict"] for row in csv.DictReader(file)], name
