@@ -170,6 +170,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
             if found > tolerance or outrun:
                 tally[0, 10] += 1.0
             return OK
+        tally[0, 22] += 1.0
         stepping.keep_impulses(contacts)
         status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:

@@ -219,6 +219,7 @@ TALLY = (
     "elastic_fallbacks",
     "too_stiff_steps",
     "failed_position_corrections",
+    "repeated_searches",
 )
 
 

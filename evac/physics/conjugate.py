@@ -30,6 +30,9 @@ LOOK_EVERY = 4
 #: Branches of the law that a row can be on.
 OFF, RIGID, ELASTIC = 0, 1, 2
 
+#: A direction is flat where its curvature is less than this share of its diagonal part.
+FLAT = 1e-12
+
 #: Conjugate gradient iterations on one face before it is looked for again.
 LONGEST_FACE = 500
 
@@ -264,16 +267,21 @@ def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyp
 
 @inner
 def _step_length(rows, held, bodies, beta, steepness):  # type: ignore[no-untyped-def]
-    """Renew direction (column 3) and image (columns 6, 7); return the exact step along it, 0 at a standstill."""
+    """Renew direction (column 3) and image (columns 6, 7); return the exact step along it, 0 at a standstill.
+
+    A direction without curvature (percussions that oppose each other) has no step: the problem may have no solution.
+    """
     curvature = 0.0
+    length = 0.0
     for k in range(held):
         rows.work[k, 3] = rows.work[k, 2] + (beta * rows.work[k, 3] if beta != 0.0 else 0.0)
         curvature += rows.face_data[k, SPRING] * rows.work[k, 3] ** 2
+        length += rows.work[k, 3] ** 2 / rows.face_data[k, SOFTNESS]
     for i in range(bodies + 1):
         for k in range(2):
             rows.image[i, 6 + k] = rows.image[i, 4 + k] + (beta * rows.image[i, 6 + k] if beta != 0.0 else 0.0)
         curvature += rows.mass[i] * (rows.image[i, 6] ** 2 + rows.image[i, 7] ** 2)
-    return steepness / curvature if curvature > 0.0 else 0.0
+    return steepness / curvature if curvature > FLAT * length else 0.0
 
 
 @inner

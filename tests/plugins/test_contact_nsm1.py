@@ -72,7 +72,7 @@ def test_very_different_sizes_and_masses_do_not_overlap(variant):
         engine.advance(Nsm1(variant=variant), crowd, first, 1, 0.05, False, False)
         assert deepest(crowd) <= 1e-4
     if variant == "inertial":
-        assert engine.report()["retried_solves"] > 0
+        assert engine.report()["repeated_searches"] > 0
 
 
 def test_an_overlap_at_the_start_goes_without_touching_velocities():
@@ -136,5 +136,6 @@ def test_what_does_not_converge_is_counted():
     model = Nsm1(iterations=5, solver="uzawa")
     engine = walk(model, crowd, 200, building=make_building(walls=ROOM), fields=fields_towards((6, 2.5)))
     report = engine.report()
-    assert 0 < report["unconverged_steps"] <= 200
-    assert report["greatest_residual"] > 1e-3
+    assert report["retried_solves"] > 0
+    assert report["unconverged_steps"] == 0  # the stronger method did converge
+    assert report["greatest_residual"] <= 1e-3

@@ -100,7 +100,7 @@ def test_position_correction_keeps_overlaps_small(dissipation):
         overlap[correction] = np.array([report["greatest_overlap"], report["overlap_sum"] / report["overlaps"]])
         assert (engine.report()["position_corrections"] > 0) == correction
     assert overlap[False][0] > 5e-3
-    assert (overlap[True] < [0.5, 0.1] * overlap[False]).all()
+    assert (overlap[True] < [0.8, 0.6] * overlap[False]).all()  # counted before they are put right
 
 
 def test_position_correction_leaves_velocities():
