@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.models import model_overrides
-from evac.evidence.report import Evidence, new_figure
+from evac.evidence.report import Evidence, new_figure, timed
 from evac.running import run as run_case
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -200,21 +201,19 @@ def _report_commands(evidence: Evidence) -> None:
     for name, arguments in COMMANDS.items():
         if evidence.quick and "primary_school" in arguments:
             continue
-        spans = [_command_time(arguments) for _ in range(repeats)]
+        start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
+        timing = timed(start, repeats)
         rows.append(
             {
                 "command": name,
-                "median [s]": float(np.median(spans)),
-                "least [s]": min(spans),
-                "greatest [s]": max(spans),
-                "without python itself [s]": float(np.median(spans)) - (rows[0]["median [s]"] if rows else 0.0),
+                "median [s]": timing.median,
+                "least [s]": timing.least,
+                "greatest [s]": timing.greatest,
+                "without python itself [s]": timing.median - rows[0]["median [s]"] if rows else None,
+                "reference run [ms]": 1e3 * timing.reference,
             }
         )
     evidence.heading("Start-up of each command")
-    evidence.table("commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs.")
-
-
-def _command_time(arguments: list[str]) -> float:
-    start = time.perf_counter()
-    subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
-    return time.perf_counter() - start
+    evidence.table(
+        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
+    )

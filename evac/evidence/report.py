@@ -160,7 +160,7 @@ class Evidence:
 def markdown_table(rows: Sequence[Row], formats: Mapping[str, str]) -> str:
     """Return rows as a Markdown table: numbers to the right."""
     columns = list(rows[0])
-    is_number = {key: isinstance(rows[0][key], int | float | np.number) for key in columns}
+    is_number = {key: any(isinstance(row[key], int | float | np.number) for row in rows) for key in columns}
     rule = "|".join("--:" if is_number[key] else "---" for key in columns)
     lines = ["| " + " | ".join(columns) + " |", f"|{rule}|"]
     for row in rows:
