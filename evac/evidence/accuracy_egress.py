@@ -16,7 +16,7 @@ from evac.physics.contact_model import BorderScene
 
 #: Step [s] and number of runs: small steps cost. The same crowds are run at every step, so differences are paired.
 QUICK = ((1e-1, 4), (1e-2, 4))
-FULL = ((1e-1, 100), (5e-2, 100), (2e-2, 100), (1e-2, 100), (1e-3, 30), (1e-4, 6))
+FULL = ((1e-1, 100), (5e-2, 100), (2e-2, 100), (1e-2, 100), (1e-3, 20), (1e-4, 4))
 
 #: Runs per position set.
 PER_SET = 10

@@ -66,12 +66,12 @@ def _fields(plan: Plan, spacing: float, order: int, clearance: float = 0.0) -> F
 
 
 def _time_rows(plan: Plan, spacings: Sequence[float], order: int) -> list[dict[str, Any]]:
-    """Return a row per spacing: errors of the travel times, and the time of a build (median of three)."""
+    """Return a row per spacing: errors of the travel times, and the time of a build (median of up to three)."""
     rows = []
     for spacing in spacings:
         fields = _fields(plan, spacing, order)
         spans = []
-        for _ in range(3):
+        while len(spans) < 3 and sum(spans) < 1.0:
             start = time.perf_counter()
             _fields(plan, spacing, order)
             spans.append(time.perf_counter() - start)
@@ -172,6 +172,7 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
                     textcoords="offset points", xytext=(3, -8),
                 )  # fmt: skip
         axis.set_title(plan, fontsize=9)
+        axis.xaxis.set_minor_formatter("")
         axis.set_xlabel("time of a build [ms]")
     axes[0].set_ylabel("error [mm]")
     axes[0].legend(fontsize=7)
@@ -194,6 +195,8 @@ def draw_angles(rows: Sequence[dict[str, Any]]) -> Any:
                     )  # fmt: skip
             axis.set_title(f"{plan}, {where}", fontsize=9)
     for axis in axes[-1]:
+        axis.set_xticks(SPACINGS, [f"{spacing:g}" for spacing in SPACINGS])
+        axis.xaxis.set_minor_formatter("")
         axis.set_xlabel("spacing [m]")
     for axis in axes[:, 0]:
         axis.set_ylabel("angle error [degrees]")
