@@ -50,6 +50,10 @@ class Parameter:
     infinite: bool = False
     distribution: bool = False
 
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
+        """Return the declaration itself, on the class; on an instance its own value stands before it."""
+        return self
+
     def check(self, key: str, value: Any) -> Any:
         """Return `value` in the declared type, or raise PluginError naming `key` and the range."""
         if self.distribution:

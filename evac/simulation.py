@@ -20,7 +20,7 @@ from evac.output.recorder import Recorder
 from evac.output.results import Results
 from evac.people.distributions import generator_for
 from evac.people.groups import check_people, reference_speeds
-from evac.people.population import Population, build_population
+from evac.people.population import build_population
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
@@ -195,9 +195,7 @@ class Simulation:
         report: dict[str, Any] = self.engine.report()
         overlaps = report.pop("overlaps")
         report["mean_overlap"] = report.pop("overlap_sum") / overlaps if overlaps else 0.0
-        report["energy"] = {
-            key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")
-        }
+        report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         report["model"] = self.contact.name
         report["parameters"] = self.contact.values()
         results = Results(

@@ -13,9 +13,9 @@ from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import BorderScene, ContactModel
+from evac.physics.contacts import push
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
-from evac.physics.contacts import push
 
 
 class Law(NamedTuple):

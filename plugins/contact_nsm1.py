@@ -12,6 +12,7 @@ from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
+from evac.physics.contacts import keep_impulses
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
@@ -96,13 +97,21 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         time = step * clock.step + part * h
         status, fastest = stepping.free_motion(world, bodies, lists, forces, clock, tally, time, h, law.overdamped)
         if status == OK:
-            status = stepping.meet(
-                world, bodies, lists, contacts, tally, h, REACH, SHARED_REACH * h * fastest, fastest
-            )
+            status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, SHARED_REACH * h * fastest, fastest)
         if status == OK:
             stepping.tally_contacts(contacts, tally)
             status = part_overlaps(
-                world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, law.gap_tolerance
+                world,
+                bodies,
+                lists,
+                contacts,
+                events,
+                clock,
+                tally,
+                time,
+                law.method,
+                law.iterations,
+                law.gap_tolerance,
             )
         if status == OK:
             status = _project(world, bodies, lists, contacts, tally, law, h)
@@ -171,7 +180,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
                 tally[0, 10] += 1.0
             return OK
         tally[0, 22] += 1.0
-        stepping.keep_impulses(contacts)
+        keep_impulses(contacts)
         status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:
             status = stepping.seek(world, bodies, lists, contacts, tally)

@@ -12,7 +12,13 @@ from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.contacts import keep_only_meeting, normal_velocity, report_contact_force, tangential_velocity
+from evac.physics.contacts import (
+    keep_only_meeting,
+    normal_velocity,
+    report_contact_force,
+    set_approach,
+    tangential_velocity,
+)
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
@@ -120,11 +126,13 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status == OK:
             stepping.tally_contacts(contacts, tally)
         if status == OK and law.correction:
-            status = part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP)
+            status = part_overlaps(
+                world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP
+            )
         if status != OK:
             return status
         keep_only_meeting(world, bodies, contacts, h)
-        stepping.set_approach(bodies, contacts)
+        set_approach(bodies, contacts)
         _stick(bodies, contacts, law, clock.full)
         _strike(bodies, contacts, tally, law)
         if clock.report_force and step == clock.last - 1 and part == parts - 1:

@@ -46,11 +46,11 @@ class SocialForce(Force):
         """Return B ln(A / tolerance), at least 0 [m]."""
         if not self.is_needed():
             return 0.0
-        return max(0.0, self.range * math.log(self.strength / self.tolerance))
+        return max(0.0, float(self.range * math.log(self.strength / self.tolerance)))
 
     def is_needed(self) -> bool:
         """Return False where A = 0."""
-        return self.strength > 0.0
+        return bool(self.strength > 0.0)
 
     def packed(self) -> NDArray[np.float64]:
         """Return A, B, Lambda, whether isotropic, and the cut-off."""

@@ -87,7 +87,7 @@ class Bodies(NamedTuple):
     people alone; level -1 marks one that left on the way.
     """
 
-    count: LongArray  # (2,) bodies, and the body that the last failure is about
+    count: LongArray  # type: ignore[assignment]  # (2,) bodies, and the body that the last failure is about
     row: IntArray  # row in Crowd
     position: FloatArray
     velocity: FloatArray
@@ -153,7 +153,7 @@ class Rows(NamedTuple):
 class Contacts(NamedTuple):
     """The contacts of one step, sorted by body, walls before bodies; the normal points to `body`."""
 
-    count: LongArray  # (3,) contacts now, contacts in the warm-start memory, 1 where parting overlaps failed this tick
+    count: LongArray  # type: ignore[assignment]  # (3,) contacts now, contacts in the warm-start memory, 1 where parting overlaps failed this tick
     body: IntArray
     other: IntArray  # -1: a wall
     key: IntArray  # other body, or wall - number of walls
@@ -176,7 +176,7 @@ class Contacts(NamedTuple):
 class Events(NamedTuple):
     """Crossings of the current tick, in order."""
 
-    count: LongArray  # (1,)
+    count: LongArray  # type: ignore[assignment]  # (1,)
     row: IntArray
     kind: IntArray  # 0 portal, 1 exit
     link: IntArray

@@ -163,7 +163,17 @@ class ContactModel(Configurable, ABC):
             self._call_step(engine, h)
             is_last = step == clock.last - 1 and part == parts - 1
             status = stepping.conclude(
-                world, bodies, lists, contacts, engine.events, clock, engine.tally, time, h, 0.5 if self.midpoint else 0.0, is_last
+                world,
+                bodies,
+                lists,
+                contacts,
+                engine.events,
+                clock,
+                engine.tally,
+                time,
+                h,
+                0.5 if self.midpoint else 0.0,
+                is_last,
             )
             if status:
                 return int(status)

@@ -105,7 +105,9 @@ class Engine:
         elif status == EVENTS_FULL:
             self.events = Events(self.events.count, *(_grown(array) for array in self.events[1:]))
         else:
-            raise SimulationError(f"t = {time:.3f} s: {self._place()} {_ADVICE[status].format(parts=stepping.GREATEST_PARTS)}")
+            raise SimulationError(
+                f"t = {time:.3f} s: {self._place()} {_ADVICE[status].format(parts=stepping.GREATEST_PARTS)}"
+            )
 
     def _place(self) -> str:
         """Name the body that the failure is about."""
@@ -195,7 +197,7 @@ def make_contacts(n: int, capacity: int) -> Contacts:
 def make_rows(n: int, capacity: int) -> Rows:
     """Allocate the packed contact problem of n people; each contact may take two rows."""
     whole = {"body", "other", "branch", "face", "face_body", "face_other"}
-    special = {
+    special: dict[str, Any] = {
         "data": np.zeros((capacity, 8)),
         "face_data": np.zeros((capacity, 8)),
         "work": np.zeros((capacity, 4)),
@@ -203,7 +205,7 @@ def make_rows(n: int, capacity: int) -> Rows:
         "mass": np.zeros(n + 1),
         "image": np.zeros((n + 1, 8)),
     }
-    arrays = {
+    arrays: dict[str, Any] = {
         name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
         for name in Rows._fields
     }

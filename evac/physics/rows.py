@@ -22,7 +22,7 @@ UNBOUNDED = 1e300
 
 @inner
 def pack(contacts, bodies, inverse_mass, free, compliance, tangential):  # type: ignore[no-untyped-def]
-    """Fill the rows from the contacts and set their velocity to the free one plus the percussions; return their number."""
+    """Fill the rows from the contacts, set velocities to the free ones plus percussions; return the number of rows."""
     rows = contacts.rows
     for i in range(bodies):
         rows.velocity[i, 0] = free[i, 0]

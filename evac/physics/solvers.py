@@ -121,9 +121,7 @@ def solve_again(method, bodies, inverse_mass, free, velocity, contacts, complian
         contacts.impulse[c] = 0.0
         contacts.friction[c] = 0.0
     stronger = CONJUGATE_FACES if method != CONJUGATE_FACES else CONJUGATE_SWEEPS
-    return solve(
-        stronger, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, 4 * limit
-    )
+    return solve(stronger, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, 4 * limit)
 
 
 @inner

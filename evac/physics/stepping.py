@@ -1,12 +1,12 @@
 """The parts of a sub-step that every contact model shares, in the order in which they are called.
 
-    gather                 once a tick: sort the people inside by travel time, copy them in
-    save                   at the start of each step
-    free_motion            lists, desired directions, forces at a distance, velocity if nobody touched
-    meet                   contacts in reach
-    (the contact law)      fills bodies.solved and contacts.impulse
-    finish                 energy, move, cross portals and exits
-    scatter                once a tick: copy back
+gather                 once a tick: sort the people inside by travel time, copy them in
+save                   at the start of each step
+free_motion            lists, desired directions, forces at a distance, velocity if nobody touched
+meet                   contacts in reach
+(the contact law)      fills bodies.solved and contacts.impulse
+finish                 energy, move, cross portals and exits
+scatter                once a tick: copy back
 """
 
 import numpy as np
@@ -121,10 +121,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
         if status != OK:
             return status, 0.0
         add_forces(world, bodies, lists, forces, clock)
-    if overdamped:
-        fastest = drive_overdamped(world, bodies, time)
-    else:
-        fastest = drive(world, bodies, time, h, clock.explicit)
+    fastest = drive_overdamped(world, bodies, time) if overdamped else drive(world, bodies, time, h, clock.explicit)
     tally[0, 18] = max(tally[0, 18], fastest)
     return OK, fastest
 

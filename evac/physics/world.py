@@ -124,9 +124,7 @@ def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArra
     for w, (wall_low, wall_high) in enumerate(zip(low, high, strict=True)):
         first = np.maximum(((wall_low - BUCKET_REACH - origin) // size).astype(int), 0)
         last = np.minimum(((wall_high + BUCKET_REACH - origin) // size).astype(int), shape - 1)
-        columns, rows = np.meshgrid(
-            np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij"
-        )
+        columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1), indexing="ij")
         centre = origin + size * (np.stack([columns.ravel(), rows.ravel()], axis=1) + 0.5)
         near = _distance(walls[w], centre) <= BUCKET_REACH + size * np.sqrt(0.5)
         owner.append((columns.ravel() * shape[1] + rows.ravel())[near])

@@ -142,7 +142,9 @@ def random_crowd(number, low, high, seed=1, gap=0.0, **settings):
     places = []
     while len(places) < number:
         place = random.uniform(np.array(low) + radius[len(places)], np.array(high) - radius[len(places)])
-        if all(np.hypot(*(place - other)) > radius[len(places)] + r + gap for other, r in zip(places, radius, strict=False)):
+        if all(
+            np.hypot(*(place - other)) > radius[len(places)] + r + gap for other, r in zip(places, radius, strict=False)
+        ):
             places.append(place)
     given = {
         "radius": radius,

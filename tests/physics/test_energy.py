@@ -56,7 +56,7 @@ def test_pair_contact_conserves_momentum(model):
 @pytest.mark.parametrize("model", MODELS, ids=name_of)
 def test_change_of_kinetic_energy_is_the_work_done(model):
     sums = dict.fromkeys(ENERGY, 0.0)
-    for engine, crowd, change in jam(model, 200):
+    for engine, _, change in jam(model, 200):
         report = engine.report()
         driving, creation, dissipation = (report[key] - sums[key] for key in ENERGY)
         assert change == pytest.approx(driving + creation - dissipation, abs=1e-10)
@@ -75,7 +75,7 @@ def test_driving_work_of_one_person_is_its_kinetic_energy():
 
 
 def test_nsm1_never_raises_kinetic_energy():
-    for engine, _, change in jam(Nsm1(gap_tolerance=1e-12, **TIGHT), 150, driven=False):
+    for engine, _, change in jam(Nsm1(gap_tolerance=1e-12, **TIGHT), 150, driven=False):  # noqa: B007
         assert change <= 1e-9
     assert engine.report()["contact_dissipation"] > 1.0
 

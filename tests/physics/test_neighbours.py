@@ -46,7 +46,8 @@ def test_lists_are_those_of_brute_force(seed, reach):
     lists.span[0] = lists.span[2] = reach
     while build(engine.world, bodies, lists) != OK:
         lists = engine.lists = lists._replace(
-            pair_body=np.zeros(2 * len(lists.pair_body), np.int32), wall_item=np.zeros(2 * len(lists.wall_item), np.int32)
+            pair_body=np.zeros(2 * len(lists.pair_body), np.int32),
+            wall_item=np.zeros(2 * len(lists.wall_item), np.int32),
         )
     n = int(bodies.count[0])
     for i in range(n):
@@ -115,5 +116,3 @@ def test_the_same_people_in_another_order_move_alike():
         for first in range(0, 100, 10):
             engine.advance(Dem(), people, first, 10, 0.01, True, False)
     np.testing.assert_array_equal(other.position, crowd.position[shuffle])
-
-

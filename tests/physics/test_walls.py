@@ -82,7 +82,7 @@ def test_a_fast_body_does_not_pass_a_thin_wall_in_a_long_step(model, speed):
     crowd = make_crowd([(-1.0, 0.1)], [(speed, 0.0)], radius=0.2, tau=FREE)
     engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]))
     if model.name == "dem" and speed * (80.0 / 1.2e5) ** 0.5 > 0.2:  # the spring gives way by more than the radius
-        with pytest.raises(SimulationError, match="person 0 at .* would pass through a wall"):
+        with pytest.raises(SimulationError, match=r"person 0 at .* would pass through a wall"):
             walk(model, crowd, 20, h=0.1, tick=1, engine=engine)
     else:
         walk(model, crowd, 20, h=0.1, tick=1, engine=engine)

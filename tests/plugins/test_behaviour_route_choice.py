@@ -21,8 +21,16 @@ ANY = (Route(),)
 
 def level(index, box, uphill=(0.0, 0.0), slope=0.0):
     return Level(
-        index, f"level {index}", "flight" if slope else "floor", None, np.zeros((0, 3), np.int32), shapely.box(*box),
-        np.array(uphill, dtype=float), slope, 0.0, 0.0,
+        index,
+        f"level {index}",
+        "flight" if slope else "floor",
+        None,
+        np.zeros((0, 3), np.int32),
+        shapely.box(*box),
+        np.array(uphill, dtype=float),
+        slope,
+        0.0,
+        0.0,
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 from evac_plugins.contact_dem import Dem
 from evac_plugins.force_social import SocialForce
 
-from evac.errors import ScenarioError, SimulationError
+from evac.errors import ScenarioError
 from evac.parameters import Parameter
 from evac.physics.contact_model import BorderScene, ContactModel
 from tests.physics.scenes import (

@@ -76,7 +76,9 @@ def test_very_different_sizes_and_masses_do_not_overlap(variant):
 
 
 def test_an_overlap_at_the_start_goes_without_touching_velocities():
-    crowd = make_crowd([(0, 0), (0.3, 0.1), (5, 5)], [(0.5, 0), (0.5, 0), (0, 0)], radius=0.2, mass=[60, 90, 80], tau=FREE)
+    crowd = make_crowd(
+        [(0, 0), (0.3, 0.1), (5, 5)], [(0.5, 0), (0.5, 0), (0, 0)], radius=0.2, mass=[60, 90, 80], tau=FREE
+    )
     centre = crowd.mass @ crowd.position
     engine = walk(Nsm1(), crowd, 1)
     np.testing.assert_allclose(crowd.velocity, [(0.5, 0), (0.5, 0), (0, 0)], rtol=0, atol=1e-12)
