@@ -56,7 +56,7 @@ def test_pair_contact_conserves_momentum(model):
 @pytest.mark.parametrize("model", MODELS, ids=name_of)
 def test_change_of_kinetic_energy_is_the_work_done(model):
     sums = dict.fromkeys(ENERGY, 0.0)
-    for engine, _, change in jam(model, 200):
+    for engine, crowd, change in jam(model, 200):  # noqa: B007
         report = engine.report()
         driving, creation, dissipation = (report[key] - sums[key] for key in ENERGY)
         assert change == pytest.approx(driving + creation - dissipation, abs=1e-10)
