@@ -32,16 +32,26 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--full", action="store_true", help="do even what the scene does not need: the same trajectories, slower"
     )
+    parser.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="METRES",
+        help="choose step and solver tolerances for this error of positions (instead of those of the case)",
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out, 3 if people are left, 130 if interrupted."""
     with Display() as display:
         display.phase("reading the case")
+        from evac.scenario.tolerance import settings_for
+
         case = case_of(arguments)
+        chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
+        case = case.change(chosen) if chosen else case
         from evac.building.narrow import narrow_places
         from evac.cli.report import show_results
-        from evac.cli.screen import show_warnings
+        from evac.cli.screen import show_facts, show_warnings
         from evac.running import check_folder, clear_folder, write_outputs
         from evac.simulation import Simulation
 
@@ -57,6 +67,7 @@ def execute(arguments: argparse.Namespace) -> int:
         display.phase("writing the results")
         results = write_outputs(results, folder)
     show_warnings(warnings)
+    show_facts({f"{key} (from --tolerance)": value for key, value in chosen.items()})
     show_results(results, folder)
     return STOPPED_STATUS if results.ended == STOPPED else results.exit_status
 

@@ -70,7 +70,7 @@ def _time_rows(plan: Plan, spacings: Sequence[float], order: int) -> list[dict[s
     rows = []
     for spacing in spacings:
         fields = _fields(plan, spacing, order)
-        spans = []
+        spans: list[float] = []
         while len(spans) < 3 and sum(spans) < 1.0:
             start = time.perf_counter()
             _fields(plan, spacing, order)

@@ -1,5 +1,6 @@
 """The rule of `evac run --tolerance`, also on a scene that it was not found on."""
 
+import json
 import math
 
 import numpy as np
@@ -67,3 +68,15 @@ def test_positions_stay_within_the_tolerance_on_a_scene_not_used_for_the_rule(ro
             simulation.advance_tick()
         places.append(simulation.population.crowd.position.copy())
     assert np.hypot(*(places[0] - places[1]).T).max() <= tolerance
+
+
+def test_the_command_says_what_it_chose_and_runs_with_it(tmp_path, capsys):
+    from evac.cli import main
+
+    words = ["run", "square_room", "--tolerance", "0.05", "--out", str(tmp_path / "r")]
+    words += ["--set", "simulation.duration=0.5", "output.animation=false", "output.picture=false"]
+    main(words)
+    assert "simulation.step (from --tolerance)" in capsys.readouterr().out
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    step = settings_for(evac.load("square_room"), 0.05)["simulation.step"]
+    assert summary["steps"] == round(0.5 / step)
