@@ -26,7 +26,13 @@ def test_square_room_needs_next_to_nothing():
 
 def test_the_school_needs_its_stairs_its_force_and_its_behaviours():
     plan, simulation = plan_of("primary_school")
-    for name in ("portals", "stair speeds", "force: social", "behaviour: response_time", "behaviour: teacher_following"):
+    for name in (
+        "portals",
+        "stair speeds",
+        "force: social",
+        "behaviour: response_time",
+        "behaviour: teacher_following",
+    ):
         assert plan[name][0], name
     assert plan["behaviour: response_time"][1] == "once, before the first step"
     assert plan["behaviour: teacher_following"][1] == "at every tick"

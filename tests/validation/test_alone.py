@@ -12,7 +12,7 @@ LONG = 15
 
 
 def check_all(case, **changes):
-    """Everybody gets out alone, gets nearer all the time, and takes at most twice as long as its way does at its speeds."""
+    """Everybody gets out alone, gets nearer all the time, and takes at most twice its way at its speeds."""
     simulation = Simulation(load_case(case, changes))
     crowd = simulation.population.crowd
     state = simulation.state()

@@ -48,12 +48,12 @@ def test_levels_and_those_out_add_up_in_the_school(model):
 
 @pytest.mark.parametrize("model", ["nsm1", "dem"])
 def test_a_queue_extends_up_the_stair_without_overlaps(tmp_path, model):
-    """People come down to a floor where others stand in the way of a narrow door."""
+    """People come down to a floor where three who cannot be pushed aside block the way."""
     faces = [*straight_stair(run=5.0, rise=2.5, width=1.4, landing=3.0), rectangle(-6, 0, -3, 1.4)]
     places = [[x, y] for x in (5.4, 6.0, 6.6, 7.2) for y in (0.35, 1.05)]
     people = [
         {"positions": places, "z": 2.5, "speed": 1.5, "speed_down": 0.8},
-        {"positions": [[-1.0, 0.35], [-1.0, 1.05], [-1.6, 0.7]], "z": 0.0, "speed": 0.01},
+        {"positions": [[-0.3, 0.25], [-0.3, 0.7], [-0.3, 1.15]], "z": 0.0, "speed": 0.01, "mass": 1e5},
     ]
     settings = {"simulation": {"duration": 25.0}}
     simulation = simulate(tmp_path, faces, [("end", [[-6, 0], [-6, 1.4]], 0.0)], people, model, **settings)
@@ -63,9 +63,9 @@ def test_a_queue_extends_up_the_stair_without_overlaps(tmp_path, model):
         gap = np.linalg.norm(crowd.position[inside, None] - crowd.position[inside], axis=2)
         gap -= crowd.radius[inside] + crowd.radius[inside, None]
         np.fill_diagonal(gap, np.inf)
-        assert gap.min() > (-1e-4 if model == "nsm1" else -0.03)
+        assert gap.min() > (-1e-4 if model == "nsm1" else -0.06)
     assert (crowd.level == stair).sum() >= 4
-    assert len(simulation.population.crossings[0]) > 8
+    assert len(simulation.population.crossings[0]) >= 8
 
 
 @pytest.mark.parametrize("model", MODELS)

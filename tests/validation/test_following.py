@@ -13,10 +13,9 @@ SECOND = 1.0  # of travel time
 def leads(simulation):
     """Run and return each pupil's leads over its teacher [s], one for each tick while both are inside and walk."""
     groups = {group.name: group.rows for group in simulation.population.groups}
-    pupils = np.concatenate([rows for name, rows in groups.items() if name.startswith("class")])
-    teacher = np.concatenate(
-        [np.full(len(rows), groups[name.replace("class", "teacher")][0]) for name, rows in groups.items() if "class" in name]
-    )
+    classes = [name for name in groups if name.startswith("class")]
+    pupils = np.concatenate([groups[name] for name in classes])
+    teacher = np.concatenate([np.full(len(groups[n]), groups[n.replace("class", "teacher")][0]) for n in classes])
     found = [[] for _ in pupils]
     for time, crowd in track(simulation):
         remaining = simulation.fields.travel_time_at(crowd.level, crowd.position, crowd.route)
@@ -51,7 +50,9 @@ def test_without_the_behaviour_pupils_run_ahead():
 
 def test_a_blocked_teacher_releases_its_class():
     """A teacher who cannot walk: its class waits, then goes on without it."""
-    simulation = Simulation(load_case("primary_school", {"people.teacher_1a.speed": 1e-6, "simulation.duration": 150.0}))
+    simulation = Simulation(
+        load_case("primary_school", {"people.teacher_1a.speed": 1e-6, "simulation.duration": 150.0})
+    )
     simulation.run()
     groups = {group.name: group.rows for group in simulation.population.groups}
     crowd = simulation.population.crowd
@@ -66,7 +67,9 @@ def spread(folder, follow):
     if follow:
         rest["behaviours"] = {"teacher_following": {"teacher": "slow"}}
     slow = {"name": "slow", "positions": [[4.5, 2.2]], "z": 0.0, "speed": 0.5}
-    simulation = simulate(folder, [rectangle(0, 0, 60, 3)], [("end", [[60, 0], [60, 3]], 0.0)], [slow, rest], **settings)
+    simulation = simulate(
+        folder, [rectangle(0, 0, 60, 3)], [("end", [[60, 0], [60, 3]], 0.0)], [slow, rest], **settings
+    )
     simulation.run()
     return float(np.ptp(simulation.population.crowd.exit_time))
 
