@@ -10,8 +10,8 @@ from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability import run
 from evac.evidence.stability_crowds import restitution
-from evac.evidence.stability_dem import GROWTH, crowd_in_corridor, nudged, settled, try_step
-from evac.evidence.stability_theory import greatest_frequency, step_limit
+from evac.evidence.stability_dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
+from evac.evidence.stability_theory import greatest_frequency, spring_forces, step_limit, uncut_speed
 from evac.evidence.stability_trial import (
     DEGRADED,
     HANDLED,
@@ -79,8 +79,24 @@ def test_pressed_crowd_turns_unstable_at_the_limit_of_its_network():
     rest = settled(crowd_in_corridor(12, 3, 60.0), 1e5)
     limit = step_limit(greatest_frequency(rest, rest.crowd.position, 1e5), 0.5, False)
     start = nudged(rest, np.random.default_rng(1))
-    assert try_step(start, 1e5, 0.97 * limit, False, False).error <= GROWTH
-    assert try_step(start, 1e5, 1.03 * limit, False, False).error > GROWTH
+    assert uncut_speed(start, 1e5, 0.98 * limit, False, 400) <= GROWTH * NUDGE
+    assert uncut_speed(start, 1e5, 1.02 * limit, False, 400) > GROWTH * NUDGE
+
+
+def test_run_beyond_the_limit_of_its_network_is_cut_and_counted():
+    rest = settled(crowd_in_corridor(12, 3, 60.0), 1e5)
+    limit = step_limit(greatest_frequency(rest, rest.crowd.position, 1e5), 0.5, False)
+    verdict = try_step(nudged(rest, np.random.default_rng(1)), 1e5, 1.05 * limit, False, False)
+    assert verdict.kind == HANDLED
+
+
+def test_spring_forces_hold_what_drives_a_crowd_at_rest():
+    rest = settled(crowd_in_corridor(12, 3, 60.0), 1e5)
+    start = nudged(rest, np.random.default_rng(1))
+    plain = spring_forces(start, start.crowd.position, 1e5)
+    # in balance: the contacts hold what drives each person, m v (1 - exp(-h/tau)) / h in the limit of small h
+    np.testing.assert_allclose(plain[:, 0], -start.crowd.mass * start.crowd.speed[:, 0] / start.crowd.tau, rtol=0.02)
+    np.testing.assert_allclose(plain[:, 1], 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
