@@ -91,7 +91,9 @@ def door_room(side: float) -> Building:
             [side, high, side, side],
         ]
     )
-    level = Level(0, "room", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0)
+    level = Level(
+        0, "room", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0
+    )
     door = Exit(0, "door", 0, np.array([[side, low, side, high]]), DOOR)
     return Building(
         Path("a room with a door"), np.zeros((0, 3)), (level,), (), (door,), (), walls, np.zeros(5, np.int32), {}

@@ -22,11 +22,15 @@ IMPLIED = 1e-9
 
 @inner
 def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
-    """Set how far beyond touching each body looks: `share` of its free path in the step, at least `floor` [m]."""
+    """Set how far beyond touching each body looks, at least `floor` [m].
+
+    `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
+    """
     for i in range(bodies.count[0]):
         if bodies.level[i] >= 0:
-            speed = math.sqrt(bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2)
-            bodies.reach[i] = max(share * h * speed, floor)
+            free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
+            last = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
+            bodies.reach[i] = max(share * h * math.sqrt(max(free, last)), floor)
 
 
 @inner

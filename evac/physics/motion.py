@@ -90,10 +90,10 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # t
         events.time[n] = time + best * h
         events.count[0] = n + 1
         bodies.level[i] = world.link_to[link]
-        lists.stale[0] = 1
-        passed = best
         if leaves:
             return 0
+        lists.stale[0] = 1
+        passed = best
     return 0
 
 

@@ -11,6 +11,10 @@ from evac.physics.solvers import INELASTIC, solve
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
 ITERATIONS = 300
 
+#: Contacts are looked for as far as this many overlaps in a row push somebody, but no farther than [m].
+CHAIN = 20.0
+LONGEST_CHAIN = 0.1
+
 
 @inner
 def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):  # type: ignore[no-untyped-def]
@@ -26,7 +30,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
     n = bodies.count[0]
     longest = 0.0
     for i in range(n):
-        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest)
+        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, min(CHAIN * deepest, LONGEST_CHAIN))
         longest = max(longest, bodies.reach[i])
     status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     if status == OK:
@@ -50,7 +54,9 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         min(limit, ITERATIONS),
     )
     if found <= 0.5 * deepest:
-        status = _displace(world, bodies, lists, events, clock, time, 2.0 * deepest)
+        # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
+        limit = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest
+        status = _displace(world, bodies, lists, events, clock, time, limit)
         tally[0, 12] += 1.0
         if status == OK:
             status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
