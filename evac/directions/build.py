@@ -209,6 +209,7 @@ def _lengths(
         np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
         np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
         np.concatenate([grid.source.ravel() for grid in grids.levels]),
+        _twins(grids),
         cost,
         np.array([level.uphill for level in building.levels], dtype=np.float64),
         cosine,
@@ -220,3 +221,12 @@ def _lengths(
     usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
     lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
     return _seen_from(grids, lengths)
+
+
+def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
+    """Return for every node on a portal the node at its place on the other level, else -1."""
+    twin = np.full(grids.size, -1, dtype=np.int64)
+    for grid in grids.levels:
+        for ours, theirs in grid.seams.values():
+            twin[ours] = theirs
+    return twin

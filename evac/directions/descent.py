@@ -61,6 +61,7 @@ def add_lengths(
     level_of: IntArray,
     stride: IntArray,
     source: NDArray[np.int64],
+    twin: NDArray[np.int64],
     cost: FloatArray,
     uphill: FloatArray,
     cosine: FloatArray,
@@ -81,16 +82,24 @@ def add_lengths(
         Distance in packed arrays of two neighbours along x.
     source : (nodes,) int64
         The node that each node stands for; -1 for none.
+    twin : (nodes,) int64
+        For a node on a portal the one at its place on the other level, else -1.
     cost : (nodes,) float64
     uphill : (levels, 2) float64
     cosine : (levels,) float64
     lengths : (nodes, 3) float64 [m]
         Written at the nodes of `order`; inf before.
     """
-    # Twice: where costs of two levels differ in the last digits a node can come before one that it depends on.
-    for _ in range(2):
+    # Again until no more are found: where costs of two levels differ in the last digits a node can come
+    # before one that it depends on.
+    found = -1
+    before = -2
+    while found > before:
+        before = found
+        found = 0
         for node in order:
-            _add_lengths_at(node, level_of, stride, source, cost, uphill, cosine, spacing, lengths)
+            _add_lengths_at(node, level_of, stride, source, twin, cost, uphill, cosine, spacing, lengths)
+            found += lengths[node, 0] < math.inf
 
 
 @kernel
@@ -99,6 +108,7 @@ def _add_lengths_at(
     level_of: IntArray,
     stride: IntArray,
     source: NDArray[np.int64],
+    twin: NDArray[np.int64],
     cost: FloatArray,
     uphill: FloatArray,
     cosine: FloatArray,
@@ -137,6 +147,9 @@ def _add_lengths_at(
         up += drop * lengths[origin, 1]
         down += drop * lengths[origin, 2]
     if total == 0.0:
+        # The way may go on beside the portal, where only the other level's grid has nodes.
+        if twin[node] >= 0:
+            lengths[node] = lengths[twin[node]]
         return
     walked = spacing * math.sqrt(squares) / cosine[level]
     if uphill[level, 0] == 0.0 and uphill[level, 1] == 0.0:

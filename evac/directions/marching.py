@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evac.building.model import Exit, Portal
 from evac.directions.grids import DOWN, FLAT, NOTHING, OWN, UP, BuildingGrids, LevelGrid, other_level, use_towards
-from evac.directions.lattice import FloatArray
+from evac.directions.lattice import SLACK, FloatArray
 
 #: Greatest difference left at a portal, in the time of one cell.
 TOLERANCE = 0.25
@@ -134,21 +134,24 @@ class _March:
         """March from the lines of exits.
 
         The plain field starts from the exact ring around them: across the ends of a line it has a kink,
-        which the stencil of second order takes badly. A bent field starts behind them.
+        which the stencil of second order takes badly. A bent field starts behind them, half a cell
+        before the last row of nodes that a strip has for certain.
         """
         behind = np.isin(grid.sheet, [1 + self.grids.exit_link(exit_) for exit_ in exits])
         walkable = behind | ((grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals)))
-        ring = (RING if self.is_plain else 2 - self.grids.margin) * self.spacing
+        ring = (RING if self.is_plain else 2.5 - self.grids.margin) * self.spacing
         distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)
         found = self._solve(grid, phi, use, None, walkable)
-        if found is not None:
-            slowness = self.metric.slowness[grid.level, use]
-            found += ring * slowness
-            exact = walkable & (phi <= 0.0)
-            found[exact] = distance[exact] * slowness
-            self._lower(grid, found)
+        if found is None:
+            # Nothing beyond the ring: a level of a few cells.
+            found = np.full(phi.shape, math.inf)
+        slowness = self.metric.slowness[grid.level, use]
+        found += ring * slowness
+        exact = walkable & (phi <= 0.0)
+        found[exact] = distance[exact] * slowness
+        self._lower(grid, found)
 
     def _distance_from(
         self, grid: LevelGrid, exits: list[Exit], nodes: NDArray[np.bool_], seen_to: float
@@ -175,6 +178,9 @@ class _March:
             ends = shapely.get_coordinates(sight).reshape(-1, 2, 2)
             inner = np.array([[0.99, 0.01], [0.01, 0.99]]) @ ends
             hidden = shapely.crosses(barrier, shapely.linestrings(inner))
+            ground = shapely.buffer(building.levels[grid.level].polygon, SLACK * self.spacing, join_style="mitre")
+            shapely.prepare(ground)
+            hidden |= ~shapely.covers(ground, sight)
             distance.ravel()[close[hidden]] = math.inf
         return distance
 
