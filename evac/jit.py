@@ -47,9 +47,14 @@ def _digest(folder: Path) -> str:
 
 
 def _cached(compile_function: Callable[..., Any], function: Callable[..., Any]) -> Any:
-    """Apply a numba decorator while the cache folder of `function`'s sources is set."""
+    """Apply a numba decorator while the cache folder of `function`'s sources is set.
+
+    The module has a part in it: one file can be loaded under two names (as a plugin file, and imported),
+    and what numba keeps can be read back only under the name it was compiled with.
+    """
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_root() / _digest(Path(function.__code__.co_filename).parent))
+    digest = _digest(Path(function.__code__.co_filename).parent)
+    numba.config.CACHE_DIR = str(cache_root() / digest / function.__module__)
     try:
         return compile_function(function)
     finally:

@@ -30,9 +30,7 @@ def build_graph(building: Building, link_open: NDArray[np.uint8]) -> Any:
     for portal in building.portals:
         if link_open[portal.index]:
             first, second = portal.levels
-            graph.add_edge(
-                ("level", first), ("level", second), key=portal.index, width=portal.width, name=portal.name
-            )
+            graph.add_edge(("level", first), ("level", second), key=portal.index, width=portal.width, name=portal.name)
     for exit_ in building.exits:
         link = len(building.portals) + exit_.index
         if link_open[link]:

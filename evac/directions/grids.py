@@ -114,9 +114,7 @@ def use_towards(level: Level, segments: FloatArray) -> int:
     return DOWN if (segments.reshape(-1, 2) @ level.uphill).mean() < middle else UP
 
 
-def build_grids(
-    building: Building, spacing: float, clearance: float, link_open: NDArray[np.uint8]
-) -> BuildingGrids:
+def build_grids(building: Building, spacing: float, clearance: float, link_open: NDArray[np.uint8]) -> BuildingGrids:
     """Lay a grid under each level.
 
     Parameters
@@ -183,8 +181,7 @@ class _Layers:
         lattice = self.windows[level.index].lattice
         portals = [p for p in self.building.portals if level.index in p.levels and self.link_open[p.index]]
         bounds = np.array(
-            [level.polygon.bounds]
-            + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
+            [level.polygon.bounds] + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
         )
         window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), self.margin)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
@@ -217,9 +214,7 @@ class _Layers:
         reached = np.unique(parts[beside & nodes])
         sheet[(sheet == NOTHING) & np.isin(parts, reached[reached > 0])] = 1 + portal.index
 
-    def _cut_links(
-        self, window: Window, sheet: NDArray[np.int32], level: int, portals: Sequence[Portal]
-    ) -> None:
+    def _cut_links(self, window: Window, sheet: NDArray[np.int32], level: int, portals: Sequence[Portal]) -> None:
         """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
 
         Neighbouring nodes may be linked if they stand on one level, or if their link crosses the open
@@ -339,9 +334,7 @@ def _distances(
     for portal in building.portals:
         if level in portal.levels and link_open[portal.index] and clearance > 0.0:
             beyond = walls[other_level(portal, level)]
-            close = shapely.dwithin(
-                shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance
-            )
+            close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance)
             near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
     edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)

@@ -37,12 +37,10 @@ class Lattice:
         """Return the nodes of the box (x_min, y_min, x_max, y_max) and `margin` nodes around it."""
         x_min, y_min, x_max, y_max = bounds
         first = [
-            math.floor((low - a) / self.spacing) - margin
-            for low, a in zip((x_min, y_min), self.anchor, strict=True)
+            math.floor((low - a) / self.spacing) - margin for low, a in zip((x_min, y_min), self.anchor, strict=True)
         ]
         last = [
-            math.ceil((high - a) / self.spacing) + margin
-            for high, a in zip((x_max, y_max), self.anchor, strict=True)
+            math.ceil((high - a) / self.spacing) + margin for high, a in zip((x_max, y_max), self.anchor, strict=True)
         ]
         return Window(self, (first[0], first[1]), (last[0] - first[0] + 1, last[1] - first[1] + 1))
 
@@ -74,9 +72,7 @@ class Window:
         here, there = [], []
         for axis in (0, 1):
             low = max(self.first[axis], other.first[axis])
-            high = max(
-                low, min(self.first[axis] + self.shape[axis], other.first[axis] + other.shape[axis])
-            )
+            high = max(low, min(self.first[axis] + self.shape[axis], other.first[axis] + other.shape[axis]))
             here.append(slice(low - self.first[axis], high - self.first[axis]))
             there.append(slice(low - other.first[axis], high - other.first[axis]))
         return (here[0], here[1]), (there[0], there[1])

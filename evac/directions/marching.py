@@ -224,9 +224,7 @@ class _March:
             on_portal = grid.seams[through.index][0] - grid.offset
             slowness.ravel()[on_portal] = min(by_sheet[OWN], by_sheet[1 + through.index])
         slowness[walkable] *= self.metric.factor[grid.source[walkable]]
-        cost = skfmm.travel_time(
-            np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order
-        )
+        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order)
         found: FloatArray = np.ma.filled(cost, math.inf)
         return found
 

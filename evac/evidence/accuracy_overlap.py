@@ -45,10 +45,7 @@ def run(evidence: Evidence) -> None:
     people = 60 if evidence.quick else 300
     evidence.heading("c. Greatest overlap against run time: which model to take")
     start = _start(people, evidence.seed)
-    rows = [
-        measure(setting, start)
-        for setting in settings(float(start[1].mass.min()), evidence.quick)
-    ]
+    rows = [measure(setting, start) for setting in settings(float(start[1].mass.min()), evidence.quick)]
     evidence.text(
         f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s.
         DEM with stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h =
@@ -105,9 +102,7 @@ def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
     engine = Engine(world, len(crowd.level), [])
     per_tick = round(TICK / setting.step)
     # Compiles; a copy, so that the run itself starts at the start.
-    Engine(world, len(crowd.level), []).advance(
-        setting.model, copy_of(crowd), 0, 1, setting.step, False, False
-    )
+    Engine(world, len(crowd.level), []).advance(setting.model, copy_of(crowd), 0, 1, setting.step, False, False)
     begin = time.perf_counter()
     made = 0
     outcome = FINISHED

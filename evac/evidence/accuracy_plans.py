@@ -81,9 +81,7 @@ def stair(points: int, generator: np.random.Generator) -> Plan:
         _level(2, shapely.box(7, 0, 11, 5)),
     )
     seams = [(4.0, 1.5, 4.0, 3.5), (7.0, 1.5, 7.0, 3.5)]
-    portals = tuple(
-        Portal(k, f"portal {k}", (k, k + 1), np.array([segment]), 2.0) for k, segment in enumerate(seams)
-    )
+    portals = tuple(Portal(k, f"portal {k}", (k, k + 1), np.array([segment]), 2.0) for k, segment in enumerate(seams))
     door = (11.0, 3.6, 11.0, 4.8)
     exits = (Exit(0, "exit", 2, np.array([door]), 1.2),)
     building = _put_together(levels, portals, exits)

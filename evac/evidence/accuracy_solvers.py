@@ -269,4 +269,3 @@ def _spent(rows: Sequence[dict[str, Any]], solver: str, **where: Any) -> float:
         for row in rows
         if row["solver"] == solver and all(row[key] == value for key, value in where.items())
     )
-

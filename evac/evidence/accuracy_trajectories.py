@@ -242,9 +242,7 @@ HIT_SPEED = math.sqrt(0.5)
 
 
 def _wall_hit(shift: float) -> Scene:
-    return _scene(
-        [[0.0, 0.5 + shift]], [[HIT_SPEED, -HIT_SPEED]], walls=[[-7.0, 0.0, 7.0, 0.0]], tau=NO_DRIVE
-    )
+    return _scene([[0.0, 0.5 + shift]], [[HIT_SPEED, -HIT_SPEED]], walls=[[-7.0, 0.0, 7.0, 0.0]], tau=NO_DRIVE)
 
 
 def _wall_hit_end(plugin: str, parameters: dict[str, Any], shift: float) -> FloatArray:

@@ -53,8 +53,8 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     Parameters
     ----------
     kind : str
-        ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed against
-        the closed door for twice that time; ``"opened"``: the same, 0.05 s after the door opens.
+        ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed
+        against the closed door for twice that time; ``"opened"``: the same, 0.05 s after the door opens.
     people : int
     seed : int
     model : ContactModel

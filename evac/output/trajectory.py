@@ -232,7 +232,7 @@ class Trajectory:
         return values
 
 
-def read_trajectory(path: Path) -> Trajectory:
+def read_trajectory(path: str | Path) -> Trajectory:
     """Read a trajectory file, or that of a result folder; a torn last frame is left out.
 
     Raises
@@ -240,6 +240,7 @@ def read_trajectory(path: Path) -> Trajectory:
     ResultError
         The file is not there, is no trajectory of this format, or is damaged before its last frame.
     """
+    path = Path(path)
     path = path / FILE_NAME if path.is_dir() else path
     try:
         data = path.read_bytes()

@@ -24,8 +24,16 @@ class Drawing:
         kind = "flight" if slope else "floor"
         self.levels.append(
             Level(
-                index, f"{kind} {index}", kind, None, np.zeros((0, 3), np.int32), polygon,
-                np.array(uphill, dtype=float), slope, z, z,
+                index,
+                f"{kind} {index}",
+                kind,
+                None,
+                np.zeros((0, 3), np.int32),
+                polygon,
+                np.array(uphill, dtype=float),
+                slope,
+                z,
+                z,
             )
         )
         return index
@@ -68,9 +76,15 @@ class Drawing:
             wall_level.append(level)
         corners = np.concatenate([shapely.get_coordinates(level.polygon) for level in self.levels])
         return Building(
-            Path("drawn.msh"), np.column_stack((corners, np.zeros(len(corners)))), tuple(self.levels),
-            tuple(self.portals), tuple(self.exits), (), np.array(walls, dtype=float).reshape(-1, 4),
-            np.array(wall_level, dtype=np.int32), {},
+            Path("drawn.msh"),
+            np.column_stack((corners, np.zeros(len(corners)))),
+            tuple(self.levels),
+            tuple(self.portals),
+            tuple(self.exits),
+            (),
+            np.array(walls, dtype=float).reshape(-1, 4),
+            np.array(wall_level, dtype=np.int32),
+            {},
         )
 
 

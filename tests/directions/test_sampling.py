@@ -15,9 +15,15 @@ def fields(travel_time, direction=None):
     if direction is None:
         direction = np.zeros((*travel_time.shape, 2))
     return Fields(
-        (Route(),), np.zeros((2, 2)), np.array([travel_time.shape] * 2, dtype=np.int32), 1.0,
-        np.array([[0], [-1]], dtype=np.int32), np.array([0], dtype=np.int64),
-        np.asarray(direction, dtype=float).reshape(-1, 2), travel_time.ravel(), None,
+        (Route(),),
+        np.zeros((2, 2)),
+        np.array([travel_time.shape] * 2, dtype=np.int32),
+        1.0,
+        np.array([[0], [-1]], dtype=np.int32),
+        np.array([0], dtype=np.int64),
+        np.asarray(direction, dtype=float).reshape(-1, 2),
+        travel_time.ravel(),
+        None,
     )
 
 

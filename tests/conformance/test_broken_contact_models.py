@@ -1,0 +1,174 @@
+"""Each check of a contact model finds the promise it is there for, broken."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from evac.conformance import check_plugin
+from evac.errors import PluginError
+from evac.parameters import Parameter
+from evac.physics.contact_model import ContactModel
+
+
+class Bounce(ContactModel):
+    """A spring as the documented one, to be broken by what derives from it."""
+
+    name = "bounce"
+    stiffness = Parameter(1.2e5, "contact stiffness", unit="kg/s2", above=0.0)
+
+    def step(self, contacts, h):
+        contacts.impulse[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        return self.pushed(contacts, contacts.impulse[:, None] * contacts.normal)
+
+    def pushed(self, contacts, push):
+        velocity = contacts.free.copy()
+        pair = contacts.other >= 0
+        np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
+        np.subtract.at(velocity, contacts.other[pair], push[pair] / contacts.mass[contacts.other[pair], None])
+        return velocity
+
+
+class Drags(Bounce):
+    """Slows everybody down."""
+
+    def step(self, contacts, h):
+        return 0.99 * super().step(contacts, h)
+
+
+class LooksAround(Bounce):
+    """Depends on who is there at all."""
+
+    def step(self, contacts, h):
+        return super().step(contacts, h) + 1e-13 * (len(contacts.mass) - 1)
+
+
+class OneSided(Bounce):
+    """Pushes only one of two."""
+
+    def pushed(self, contacts, push):
+        velocity = contacts.free.copy()
+        np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
+        return velocity
+
+
+class Ghosts(Bounce):
+    """Pushes nobody."""
+
+    def pushed(self, contacts, push):
+        return contacts.free.copy()
+
+
+class Slanted(Bounce):
+    """Knows x from y."""
+
+    def pushed(self, contacts, push):
+        return super().pushed(contacts, push * [1.0, 0.9])
+
+
+class Divides(Bounce):
+    """Divides by how far centres are apart."""
+
+    def pushed(self, contacts, push):
+        reach = contacts.radius[contacts.body] + np.where(contacts.other >= 0, contacts.radius[contacts.other], 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().pushed(contacts, push * (0.0 * reach / (contacts.gap + reach) + 1.0)[:, None])
+
+
+class Silent(Bounce):
+    """Does not say how hard it pushes."""
+
+    def step(self, contacts, h):
+        velocity = super().step(contacts, h)
+        contacts.impulse[:] = 0.0
+        return velocity
+
+
+class Restless(Bounce):
+    """Goes on from where the last run stopped."""
+
+    def step(self, contacts, h):
+        return super().step(contacts, h) + 1e-12 * next(COUNTER) * min(1, len(contacts.gap))
+
+
+COUNTER = itertools.count()
+
+
+class Forgetful(Bounce):
+    """Keeps a count of steps that no state holds."""
+
+    steps = 0
+
+    def step(self, contacts, h):
+        self.steps += min(1, len(contacts.gap))
+        return super().step(contacts, h) + 1e-12 * self.steps * min(1, len(contacts.gap))
+
+
+class Unsaid(Bounce):
+    """Has a parameter without a sentence."""
+
+    softness = Parameter(1.0, " ")
+
+
+class OutOfRange(Bounce):
+    """Has a default outside its own range."""
+
+    softness = Parameter(1.0, "softness", above=2.0)
+
+
+class Loses(Bounce):
+    """Forgets its parameters."""
+
+    def __init__(self, **values):
+        pass
+
+    @classmethod
+    def declared(cls):
+        return {"other": Parameter(1.0, "other")}
+
+    def values(self):
+        return {}
+
+
+class Nameless(Bounce):
+    """Has two words for a name."""
+
+    name = "two words"
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [
+        (Drags, "touches nobody walks at"),
+        (LooksAround, "5 m away changes a free walk"),
+        (OneSided, "common momentum"),
+        (Ghosts, "walk through each other"),
+        (Slanted, "turned by 90 degrees moves differently"),
+        (Divides, "velocity that is no number"),
+        (Silent, "reports a contact force"),
+        (Restless, "two runs differ"),
+        (Forgetful, "a run resumed differs"),
+        (Unsaid, "softness: no doc"),
+        (OutOfRange, "softness: must be greater than 2"),
+        (Loses, "parameters are lost"),
+        (Nameless, "one word in lower case"),
+    ],
+)
+def test_a_broken_contact_model_is_found(cls, words):
+    with pytest.raises(PluginError, match=words):
+        check_plugin(cls)
+
+
+def test_a_model_that_steps_but_leaves_the_walls_open_is_found():
+    class Open(Bounce):
+        """Feels people, but no walls."""
+
+        def step(self, contacts, h):
+            velocity = super().step(contacts, h)
+            is_wall = contacts.other < 0
+            alone = np.isin(np.arange(len(velocity)), contacts.body[is_wall])
+            velocity[alone] = contacts.free[alone]
+            return velocity
+
+    with pytest.raises(PluginError, match="would pass through a wall"):
+        check_plugin(Open)

@@ -1,0 +1,215 @@
+"""Each check of a force, a behaviour and a recorder finds the promise it is there for, broken."""
+
+import numpy as np
+import pytest
+
+from evac.behaviour import Behaviour
+from evac.conformance import check_plugin
+from evac.errors import PluginError
+from evac.jit import pair_force
+from evac.output.recorder import Recorder
+from evac.parameters import Parameter
+from evac.physics.force import Force
+from evac.registry import Registry
+from evac.scenario.loading import load_case
+
+# Broken forces
+
+
+@pair_force
+def constant(gap, nx, ny, ex, ey, parameters):
+    return parameters[0] * nx, parameters[0] * ny
+
+
+@pair_force
+def eastward(gap, nx, ny, ex, ey, parameters):
+    if gap >= 1.0:
+        return 0.0, 0.0
+    return parameters[0], 0.0
+
+
+@pair_force
+def singular(gap, nx, ny, ex, ey, parameters):
+    if gap >= 1.0:
+        return 0.0, 0.0
+    return nx / abs(gap), ny / abs(gap)
+
+
+class Constant(Force):
+    """Never ends."""
+
+    name = "constant"
+    pair = constant
+    strength = Parameter(1.0, "strength", unit="N")
+
+    def cutoff(self):
+        return 1.0
+
+
+class Eastward(Constant):
+    """Does not turn."""
+
+    name = "eastward"
+    pair = eastward
+
+
+class Singular(Constant):
+    """Is infinite where people touch."""
+
+    name = "singular"
+    pair = singular
+
+
+class Whole(Constant):
+    """Packs whole numbers."""
+
+    name = "whole"
+
+    def packed(self):
+        return np.array([1])
+
+
+class Endless(Constant):
+    """Has no cut-off."""
+
+    name = "endless"
+
+    def cutoff(self):
+        return float("inf")
+
+
+class Denied(Eastward):
+    """Says that it is not needed, and pushes."""
+
+    name = "denied"
+    pair = Registry().forces["social"].pair
+
+    def packed(self):
+        return np.array([1.0, 0.1, 0.0, 1.0, 1.0])
+
+    def is_needed(self):
+        return False
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [
+        (Constant, "beyond its cutoff"),
+        (Eastward, "does not turn"),
+        (Singular, "must be finite there"),
+        (Whole, "float64"),
+        (Endless, "finite and not negative"),
+        (Denied, "is_needed"),
+    ],
+)
+def test_a_broken_force_is_found(cls, words):
+    with pytest.raises(PluginError, match=words):
+        check_plugin(cls)
+
+
+# Broken behaviours and recorders
+
+
+class Slower(Behaviour):
+    """Slows everybody a little; declares what it touches."""
+
+    name = "slower"
+    reads = ("velocity",)
+    writes = ("speed_factor",)
+
+    def act(self, crowd, time):
+        crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
+
+
+class WritesUndeclared(Slower):
+    """Sets routes it does not declare."""
+
+    writes = ()
+
+
+class ReadsUndeclared(Slower):
+    """Looks at velocities without saying so."""
+
+    reads = ()
+
+
+class SneaksIn(Slower):
+    """Writes through the base of a read-only array."""
+
+    def act(self, crowd, time):
+        crowd.velocity.base[:] += 1e-9
+
+
+class WritesPositions(Slower):
+    """Wants to move people itself."""
+
+    writes = ("position",)
+
+
+class Invents(Slower):
+    """Declares an array that nobody has."""
+
+    reads = ("mood",)
+
+
+class Remembers(Slower):
+    """Has private arrays that it does not hand over."""
+
+    def prepare(self, scene):
+        self.calls = 0
+
+    def act(self, crowd, time):
+        self.calls += 1
+        crowd.speed_factor[:] = 1.0 / self.calls
+
+
+class Left(Slower):
+    """Says that it is not needed, and is."""
+
+    def is_needed(self, scene):
+        return False
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [
+        (WritesUndeclared, "writes an array that it does not declare"),
+        (ReadsUndeclared, "reads velocity without declaring"),
+        (SneaksIn, "writes 'velocity', which it does not declare"),
+        (WritesPositions, "behaviours write start_time"),
+        (Invents, "no array of"),
+        (Remembers, "a run resumed differs"),
+        (Left, "leaving out what is not needed changes"),
+    ],
+)
+def test_a_broken_behaviour_is_found(cls, words):
+    with pytest.raises(PluginError, match=words):
+        check_plugin(cls)
+
+
+def test_a_good_behaviour_passes():
+    check_plugin(Slower)
+
+
+def test_a_behaviour_is_checked_in_a_case_that_uses_it():
+    with pytest.raises(PluginError, match="does not use behaviour 'slower'"):
+        check_plugin(Slower, load_case("square_room"))
+
+
+class Meddles(Recorder):
+    """Stops everybody."""
+
+    name = "meddles"
+
+    def record(self, simulation):
+        simulation.population.crowd.velocity[:] *= 0.5
+
+
+def test_a_recorder_that_changes_something_is_found():
+    with pytest.raises(PluginError, match=r"changes population\.velocity"):
+        check_plugin(Meddles)
+
+
+def test_what_is_no_plugin_is_refused():
+    with pytest.raises(PluginError, match="derive it from one"):
+        check_plugin(type("Stray", (Slower.__mro__[2],), {"name": "stray", "__doc__": "A stray."}))
