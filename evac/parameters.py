@@ -50,6 +50,21 @@ class Parameter:
     infinite: bool = False
     distribution: bool = False
 
+    @property
+    def range(self) -> str:
+        """What is allowed, in words: the choices, or the bounds; empty for anything of the type."""
+        if self.choices:
+            return ", ".join(self.choices)
+        low = (
+            f"> {self.above:g}"
+            if self.above is not None
+            else f">= {self.minimum:g}"
+            if self.minimum is not None
+            else ""
+        )
+        high = f"<= {self.maximum:g}" if self.maximum is not None else ""
+        return ", ".join(part for part in (low, high, "or inf" if self.infinite else "") if part)
+
     def __get__(self, instance: Any, owner: Any = None) -> Any:
         """Return the declaration itself, on the class; on an instance its own value stands before it."""
         return self

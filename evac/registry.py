@@ -162,6 +162,14 @@ class Registry:
         if provenance not in self.provenance:
             self._register(_loaded(f"plugin file {path}", lambda: _module_of(path, text)), provenance)
 
+    def providers(self, used: Iterable[tuple[str, str]]) -> list[str]:
+        """Return name and version of the plugins that provide what is used, by (kind, name), or hook into every run."""
+        owners = {self._owners[key] for key in used}
+        always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - set(KINDS.values())
+        for hook in always:
+            owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
+        return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
+
     def describe(self) -> list[dict[str, Any]]:
         """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""
         return [
@@ -269,7 +277,8 @@ def _description(kind: str, name: str, item: Any) -> dict[str, Any]:
     if kind == "case":
         return {"kind": kind, "name": name, "doc": str(item), "parameters": {}}
     parameters = {
-        key: {"default": value.default, "unit": value.unit, "doc": value.doc} for key, value in item.declared().items()
+        key: {"default": value.default, "unit": value.unit, "range": value.range, "doc": value.doc}
+        for key, value in item.declared().items()
     }
     return {
         "kind": kind,

@@ -3,7 +3,7 @@
 import time as wall_clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -215,12 +215,11 @@ class Simulation:
             report=report,
             phases=dict(self.phases),
             plan=[part.as_row() for part in self.plan],
-            plugins=[f"{entry.plugin} {entry.version}" for entry in self.registry.provenance],
+            plugins=self._plugins(),
             folder=self.folder,
         )
-        for hook in self.registry.hook.evac_metrics.get_hookimpls():
-            results.metrics[hook.plugin_name] = hook.function(results)  # type: ignore[index]
-        return results
+        hooks = self.registry.hook.evac_metrics.get_hookimpls()
+        return replace(results, metrics={hook.plugin_name: hook.function(results) for hook in hooks})
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of everything that a run needs to go on from this tick to the same bits."""
@@ -246,6 +245,13 @@ class Simulation:
         self.engine.lists.span[:] = state["simulation.span"]
         self._seen_time[:], self._moved_at[:] = state["simulation.progress"]
         self.ended = ""
+
+    def _plugins(self) -> list[str]:
+        """Return name and version of each plugin that has a part in this run."""
+        used = [("contact_model", self.contact), *(("force", force) for force in self.forces)]
+        used += [("behaviour", behaviour) for behaviour, _ in self.behaviours]
+        used += [("recorder", recorder) for recorder in self.recorders]
+        return self.registry.providers([(kind, item.name) for kind, item in used])
 
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral."""

@@ -24,8 +24,10 @@ class ResponseTime(Behaviour):
 
     Raises
     ------
+    PluginError
+        `time` is no distribution of times of at least 0 s.
     ScenarioError
-        `time`, or a group's ``time``, is no distribution of times of at least 0 s.
+        A group's ``time`` is none, when the run is prepared.
 
     Examples
     --------
@@ -39,7 +41,11 @@ class ResponseTime(Behaviour):
     group_keys = ("time",)
 
     time: Any = Parameter(
-        {"constant": 0.0}, "distribution of the response time t_r; a group's own `time` replaces it", "s"
+        {"constant": 0.0},
+        "distribution of the response time t_r; a group's own `time` replaces it",
+        "s",
+        minimum=0.0,
+        distribution=True,
     )
     per: Any = Parameter(
         "person",
@@ -47,10 +53,6 @@ class ResponseTime(Behaviour):
         "(outside of all areas: on the same level)",
         choices=("person", "group", "place"),
     )
-
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
-        self._shared = parse(self.time, "behaviours.response_time.time", minimum=0.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Draw the start times."""
@@ -72,7 +74,7 @@ class ResponseTime(Behaviour):
         own = [group for group in scene.groups if "time" in group.settings]
         shared = [group.rows for group in scene.groups if "time" not in group.settings and len(group.rows)]
         if shared:
-            yield self._shared, np.concatenate(shared)
+            yield self.time, np.concatenate(shared)
         for group in own:
             key = f"people.{group.name}.behaviours.response_time.time"
             distribution = parse(group.settings["time"], key, minimum=0.0)

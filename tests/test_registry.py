@@ -59,7 +59,7 @@ def test_a_file_is_registered_and_described(tmp_path):
             "kind": "contact_model",
             "name": "spring",
             "doc": "A spring.",
-            "parameters": {"stiffness": {"default": 1.0, "unit": "N/m", "doc": "stiffness"}},
+            "parameters": {"stiffness": {"default": 1.0, "unit": "N/m", "range": "> 0", "doc": "stiffness"}},
         }
     ]
 

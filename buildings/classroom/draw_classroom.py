@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from evac_buildings.drawing import Drawing
 from shapely import MultiPolygon, box
+
+from evac_buildings.drawing import Drawing
 
 WIDTH, LENGTH = 5.85, 6.75
 COLUMNS, ROWS = 5, 6

@@ -6,10 +6,11 @@ either side of the stairwell, behind a corridor; the ground floor has the entran
 
 from pathlib import Path
 
-from evac_buildings.drawing import Drawing
 from shapely import MultiPolygon, box, union_all
 from shapely.affinity import scale
 from shapely.geometry.base import BaseGeometry
+
+from evac_buildings.drawing import Drawing
 
 STOREYS = ("ground", "first", "second")
 STOREY_HEIGHT = 3.3

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from evac_buildings.drawing import Drawing
 from shapely import box
+
+from evac_buildings.drawing import Drawing
 
 SIDE = 5.0
 DOOR = 0.82

@@ -20,9 +20,9 @@ def execute(arguments: argparse.Namespace) -> int:
         for item in entry["provides"]:
             console().print(f"  {item['kind'].replace('_', ' ')} {item['name']}: {item['doc']}")
             rows = [
-                (f"    {name}", shown(parameter["default"]), parameter["unit"], parameter["doc"])
+                (f"    {name}", shown(parameter["default"]), parameter["unit"], parameter["range"], parameter["doc"])
                 for name, parameter in item["parameters"].items()
             ]
             if rows:
-                show_table("", ("    parameter", "default", "unit", "meaning"), rows)
+                show_table("", ("    parameter", "default", "unit", "allowed", "meaning"), rows)
     return 0

@@ -86,7 +86,7 @@ class Results:
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)
     plugins : sequence of str
-        Names of the plugins used.
+        Name and version of each plugin with a part in the run.
     metrics : mapping
         What the ``evac_metrics`` hooks return, by plugin.
     folder : Path or None
@@ -201,6 +201,7 @@ class Results:
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
             "metrics": self.metrics,
             "seed": self.seed,
+            "case": self.case.to_dict(),
             "plugins": self.plugins,
             "versions": versions(),
         }

@@ -221,6 +221,16 @@ TALLY = (
     "failed_position_corrections",
     "repeated_searches",
 )
+#: Those of the tally that are no counts.
+MEASURES = {
+    "greatest_overlap",
+    "overlap_sum",
+    "greatest_residual",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "greatest_speed",
+}
 
 
 class Forces(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.errors import SimulationError
 from evac.physics import neighbours, stepping
-from evac.physics.bundles import TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
+from evac.physics.bundles import MEASURES, TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
@@ -79,9 +79,12 @@ class Engine:
         stepping.scatter(crowd, self.bodies)
         return self.events
 
-    def report(self) -> dict[str, float]:
-        """Return what the run has added up so far, by name."""
-        return dict(zip(TALLY, (float(value) for value in self.tally[0]), strict=True))
+    def report(self) -> dict[str, float | int]:
+        """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
+        return {
+            name: float(value) if name in MEASURES else int(value)
+            for name, value in zip(TALLY, self.tally[0], strict=True)
+        }
 
     def handle(self, status: int, time: float) -> None:
         """Grow what a status says was full, or raise SimulationError."""

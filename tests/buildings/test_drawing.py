@@ -5,8 +5,9 @@ from collections import Counter
 import meshio
 import numpy as np
 import pytest
-from evac_buildings.drawing import Drawing
 from shapely import box
+
+from evac_buildings.drawing import Drawing
 
 
 def mesh_of(drawing, tmp_path):

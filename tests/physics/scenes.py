@@ -3,9 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from evac_plugins.contact_dem import Dem
-from evac_plugins.contact_nsm1 import Nsm1
-from evac_plugins.contact_nsm2 import Nsm2
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level, Portal
@@ -14,6 +11,9 @@ from evac.directions.routes import Route
 from evac.physics.bundles import Crowd
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
+from evac_plugins.contact_dem import Dem
+from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm2 import Nsm2
 
 
 def flat_level(index, bounds):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
-
 from tests.physics.scenes import (
     cut_wall,
     fields_towards,

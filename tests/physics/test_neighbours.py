@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from evac_plugins.contact_dem import Dem
 
 from evac.jit import kernel
 from evac.physics.contacts import find_contacts
 from evac.physics.engine import SKIN
 from evac.physics.neighbours import OK, build_lists
 from evac.physics.stepping import gather
+from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import make_building, make_engine, random_crowd
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+
+from evac.errors import SimulationError
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
-
-from evac.errors import SimulationError
 from tests.physics.scenes import (
     copy_crowd,
     cut_wall,

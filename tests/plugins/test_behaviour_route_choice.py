@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import shapely
-from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
 
 from evac.behaviour import BehaviourScene
 from evac.building.model import Building, Exit, Level, Portal
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from evac.errors import PluginError, ScenarioError
+from evac_plugins.behaviour_route_choice import RouteChoice, route_costs
 
 STEEP = math.atan(3.0 / 4.0)
 ANY = (Route(),)

@@ -4,12 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from evac_plugins.behaviour_teacher_following import TeacherFollowing
 
 from evac.behaviour import BehaviourScene
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
+from evac_plugins.behaviour_teacher_following import TeacherFollowing
 
 LENGTH = 100.0
 TICK = 0.1

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from evac_plugins.contact_dem import Dem
-from evac_plugins.force_social import SocialForce
 
 from evac.errors import ScenarioError
 from evac.parameters import Parameter
 from evac.physics.contact_model import BorderScene, ContactModel
+from evac_plugins.contact_dem import Dem
+from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import (
     copy_crowd,
     cut_wall,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from evac_plugins.contact_nsm1 import Nsm1
 
+from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import (
     fields_towards,
     make_building,

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from evac_plugins.contact_nsm2 import Nsm2
 
+from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (
     fields_towards,
     kinetic_energy,

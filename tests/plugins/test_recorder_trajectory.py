@@ -3,12 +3,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
 from evac.output.results import versions
 from evac.output.trajectory import FILE_NAME, read_trajectory
+from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
 
 CORNER = np.array([3.0e6, 5.0e6])
 
