@@ -15,7 +15,7 @@ from evac.building.model import Building
 from evac.building.reading import read_building
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.errors import SimulationError
+from evac.errors import ScenarioError, SimulationError
 from evac.output.recorder import Recorder
 from evac.output.results import Results
 from evac.people.distributions import generator_for
@@ -101,7 +101,10 @@ class Simulation:
             self.population = build_population(case, self.building, self.fields, self.seed)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
             self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
-        self.contact.check_scene(self._border_scene())
+        try:
+            self.contact.check_scene(self._border_scene())
+        except ScenarioError as error:
+            raise ScenarioError(f"{case.source}: {error}") from error
         world = make_world(self.building, self.fields)
         self.engine = Engine(world, len(self.population.crowd.level), self.forces, full)
         self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)

@@ -19,12 +19,12 @@ REFUSED = {
     "area_unknown": r"people\.visitors\.area: unknown area 'rooom'; did you mean 'room'\?",
     "exit_off_edge": r"room\.obj: exit 'door', \(3\.00, 1\.50\).* level 'floor z=0\.00', does not lie on a free edge "
     r".* nearest free edge is",
-    "mesh_empty": r"empty\.obj: there are no surface cells",
+    "mesh_empty": r"empty\.obj: there are no surface cells .*; export the walkable surface",
     "mesh_folded": r"folded\.obj: .* folds over itself at the edge \(6\.00, 0\.00, 0\.00\)",
     "mesh_missing": r"building\.mesh: no such file .*nowhere\.obj; check the path",
-    "mesh_nan": r"nan\.obj: vertex 3 is not finite: \[6\.0, nan, 0\.0\]",
+    "mesh_nan": r"nan\.obj: vertex 3 is not finite: \[6\.0, nan, 0\.0\]; repair",
     "mesh_overlapping": r"spiral\.obj: level 'floor z=0\.00' lies over itself in plan at \(\d\.\d+, \d\.\d+\); divide",
-    "mesh_unreadable": r"unreadable\.obj: cannot be read: line 3",
+    "mesh_unreadable": r"unreadable\.obj: cannot be read: line 3.*; write the mesh again",
     "mesh_vertical": r"vertical\.obj: no cell is walkable .* set building\.scale or turn the mesh",
     "negative": r"people\.visitors\.mass: must be greater than 0, got -80",
     "no_exit": r"room\.obj: the building has no exit: .* \[\[building\.exits\]\]",
@@ -42,7 +42,8 @@ REFUSED = {
     "unknown_key": r"simulation\.duraton: unknown key; did you mean 'duration'\?",
     "unknown_model": r"contact\.model: unknown contact model 'nsm3'; did you mean 'nsm2'\?",
     "unknown_strategy": r"people\.visitors\.strategy: .*'fastet'; did you mean 'fastest'\?",
-    "unstable_step": r"simulation\.step: 0\.05 s is too long for contact model 'dem'.* must be below 0\.0\d+ s",
+    "unstable_step": r"unstable_step/case\.toml: simulation\.step: 0\.05 s is too long for contact model 'dem'"
+    r".* must be below 0\.0\d+ s",
 }
 
 #: Bad input that can still be run: a warning, and an honest end.

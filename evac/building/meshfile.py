@@ -76,7 +76,7 @@ def read_mesh(path: Path) -> SurfaceMesh:
     if suffix not in FORMATS:
         raise BuildingError(f"{path}: cannot read files ending in {suffix!r}; use one of {', '.join(FORMATS)}")
     if not path.is_file():
-        raise BuildingError(f"{path}: no such file")
+        raise BuildingError(f"{path}: no such file; check the path")
     try:
         tags: dict[str, list[BoolArray]] = {}
         if suffix in READERS:
@@ -84,7 +84,7 @@ def read_mesh(path: Path) -> SurfaceMesh:
         else:
             points, blocks, tags = _read_with_meshio(path)
     except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
-        raise BuildingError(f"{path}: cannot be read: {error}") from error
+        raise BuildingError(f"{path}: cannot be read: {error}; write the mesh again, or in another format") from error
     return _assemble(path, points, blocks, tags)
 
 
@@ -149,17 +149,22 @@ def _assemble(
     """Check indices and coordinates, triangulate, and sort tags into those of surfaces and of edges."""
     surfaces = [number for number, block in enumerate(blocks) if block.shape[1] > 2]
     if not surfaces:
-        raise BuildingError(f"{path}: there are no surface cells (triangles, quads or polygons) in this file")
+        raise BuildingError(
+            f"{path}: there are no surface cells (triangles, quads or polygons) in this file; "
+            "export the walkable surface with its faces"
+        )
     if any(block.min() < 0 or block.max() >= len(points) for block in blocks):
-        raise BuildingError(f"{path}: a cell refers to a vertex that is not in the file")
+        raise BuildingError(f"{path}: a cell refers to a vertex that is not in the file; write the mesh again")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        raise BuildingError(f"{path}: vertex {bad[0] + 1} is not finite: {points[bad[0]].tolist()}")
+        raise BuildingError(
+            f"{path}: vertex {bad[0] + 1} is not finite: {points[bad[0]].tolist()}; repair its coordinates"
+        )
 
     try:
         pieces = [triangulate(points, blocks[number]) for number in surfaces]
     except ValueError as error:
-        raise BuildingError(f"{path}: {error}") from error
+        raise BuildingError(f"{path}: {error}; repair this face or triangulate the mesh") from error
     cell_tags, edge_tags, notes = {}, {}, []
     for name, masks in tags.items():
         kind = name.partition(":")[0]

@@ -33,6 +33,7 @@ def read_building(
     exits: Sequence[Mapping[str, Any]] = (),
     areas: Sequence[Mapping[str, Any]] = (),
     obstacles: Sequence[Mapping[str, Any]] = (),
+    need_exit: bool = True,
 ) -> Building:
     """Read a building from a mesh file, tagged or bare (see ``evac.building.meshfile``).
 
@@ -51,6 +52,8 @@ def read_building(
         To add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
     areas, obstacles : sequences of mappings
         To add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
+    need_exit : bool
+        Whether to refuse a building that nobody can leave; without exits it can only be looked at.
 
     Raises
     ------
@@ -85,12 +88,13 @@ def read_building(
     check_depth(building)
     for item in exits:
         building = add_exit(building, item)
-    check_exits(building)
+    if need_exit:
+        check_exits(building)
     check_stairs(building)
     for item in areas:
         building = add_area(building, item)
     building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
-    return replace(building, warnings=(*building.warnings, *isolated_parts(building)))
+    return replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
 
 
 def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[Area, ...]:

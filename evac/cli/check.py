@@ -22,9 +22,13 @@ def execute(arguments: argparse.Namespace) -> int:
     """Show the building, and of a case people and directions; raise what is wrong with it."""
     path = Path(arguments.case)
     if path.is_file() and path.suffix != ".toml":
+        from evac.building.checks import check_exits
+
         building = _read_mesh(path, arguments)
         show_building(building)
         show_warnings(building.warnings)
+        # Last: the levels just shown are what an exit is put on.
+        check_exits(building)
         return 0
     case = case_of(arguments)
     from evac.building.narrow import narrow_places
@@ -48,7 +52,7 @@ def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":
     if arguments.overrides or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed change a case, and this is a mesh alone; leave them out")
     read = Registry(arguments.plugins).hook.evac_read_building(path=path, options={})
-    return read if read is not None else read_building(path)
+    return read if read is not None else read_building(path, need_exit=False)
 
 
 def show_building(building: "Building") -> None:
@@ -70,9 +74,9 @@ def show_building(building: "Building") -> None:
     if building.portals:
         rows = [(p.name, " - ".join(names[index] for index in p.levels), round(p.width, 3)) for p in building.portals]
         show_table("Portals", ("portal", "between", "width [m]"), rows)
-    show_table(
-        "Exits", ("exit", "level", "width [m]"), [(e.name, names[e.level], round(e.width, 3)) for e in building.exits]
-    )
+    if building.exits:
+        exits = [(e.name, names[e.level], round(e.width, 3)) for e in building.exits]
+        show_table("Exits", ("exit", "level", "width [m]"), exits)
     if building.areas:
         areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
         show_table("Areas", ("area", "level", "m2"), areas)

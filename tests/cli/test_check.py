@@ -1,5 +1,6 @@
 """evac check."""
 
+import re
 from pathlib import Path
 
 import evac_buildings
@@ -26,6 +27,17 @@ def test_takes_a_mesh_alone(evac, capsys):
     out = capsys.readouterr().out
     assert _lines(out, "door")[0] == ["door", "classroom", "0.5"]
     assert "People" not in out
+
+
+def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):
+    mesh = tmp_path / "room.obj"
+    mesh.write_text("v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 3 4\n")
+    assert evac("check", mesh) == 2
+    out, err = capsys.readouterr()
+    assert re.search(r"floor z=0\.00 +floor", out)
+    assert "Exits" not in out
+    assert "room.obj: the building has no exit" in err
+    assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "floor z=0.00"' in err
 
 
 def test_a_mesh_alone_has_no_keys_to_change(evac, capsys):
