@@ -16,7 +16,7 @@ from evac.physics.contacts import keep_impulses
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import INELASTIC, solve, solve_again
+from evac.physics.solvers import CONJUGATE_FACES, INELASTIC, solve, solve_again
 
 #: Contacts are looked for as far as this share of a body's free path, and of the fastest one's, reaches.
 REACH = 1.05
@@ -165,6 +165,8 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
             )
             tally[0, 8] += iterations
             tally[0, 11] += 1.0
+        if found > tolerance and not law.overdamped:
+            _keep_apart(bodies, contacts, law, tolerance)
         outrun = False
         needed = 0.0
         for i in range(n):
@@ -187,6 +189,44 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
         if status != OK:
             return status
     return OK
+
+
+@inner
+def _keep_apart(bodies, contacts, law, tolerance):  # type: ignore[no-untyped-def]
+    """Take the velocities nearest to unconverged ones that let nobody overlap, in the plain Euclidean norm.
+
+    That problem does not know the ratio of masses which the other one does not converge for. Percussions stay
+    what has been found for them.
+    """
+    n = bodies.count[0]
+    for i in range(n):
+        bodies.inverse_mass[i] = 1.0
+        bodies.spare[i, 0] = bodies.solved[i, 0]
+        bodies.spare[i, 1] = bodies.solved[i, 1]
+    for c in range(contacts.count[0]):
+        contacts.work[c, 4] = contacts.impulse[c]
+        contacts.impulse[c] = 0.0
+        contacts.omega[c] = 2.0 if contacts.other[c] >= 0 else 1.0
+    solve(
+        CONJUGATE_FACES,
+        n,
+        bodies.inverse_mass,
+        bodies.spare,
+        bodies.solved,
+        contacts,
+        INELASTIC,
+        0.0,
+        tolerance,
+        4 * law.iterations,
+    )
+    for i in range(n):
+        bodies.inverse_mass[i] = 1.0 / bodies.mass[i]
+    for c in range(contacts.count[0]):
+        i, j = contacts.body[c], contacts.other[c]
+        contacts.impulse[c] = contacts.work[c, 4]
+        contacts.omega[c] = bodies.inverse_mass[i]
+        if j >= 0:
+            contacts.omega[c] += bodies.inverse_mass[j]
 
 
 @hookimpl

@@ -247,7 +247,8 @@ def _gradient(rows, held):  # type: ignore[no-untyped-def]
 def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
     """Go down on the face until it is solved or left; return (iterations, residual of all rows).
 
-    A percussion that leaves below zero is put back to zero, so all percussions stay admissible.
+    Percussions that leave below zero are put back to zero, all at once, if that still goes down; else the step
+    ends where the first of them is zero. So all percussions stay admissible, and no face goes up.
     """
     held = take_face(rows, n)
     before = 0.0
@@ -260,7 +261,10 @@ def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyp
         length = _step_length(rows, held, bodies, beta, steepness)
         if length <= 0.0:
             break
-        if _step(rows, held, bodies, length) > 0:
+        left = _step(rows, held, bodies, length)
+        if left > 0:
+            if _put_back(rows, held) > 0.5 * length * steepness:
+                _step_to_the_edge(rows, held, bodies, length)
             break
     return made, row_residual(rows, n)
 
@@ -296,7 +300,44 @@ def _step(rows, held, bodies, length):  # type: ignore[no-untyped-def]
         rows.impulse[r] += length * rows.work[k, 3]
         if branch_of(rows, r) != rows.branch[r]:
             left += 1
-            if rows.branch[r] != OFF and rows.impulse[r] < 0.0:
-                push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -rows.impulse[r])
-                rows.impulse[r] = 0.0
     return left
+
+
+@inner
+def _put_back(rows, held):  # type: ignore[no-untyped-def]
+    """Raise negative percussions of the face to zero, by what column 1 then holds; return how far that goes up [J]."""
+    rise = 0.0
+    data = rows.face_data
+    for k in range(held):
+        r = rows.face[k]
+        push = max(-rows.impulse[r], 0.0) if rows.data[r, BIAS] < UNBOUNDED else 0.0
+        rows.work[k, 1] = push
+        if push > 0.0:
+            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k)
+            gradient = w + data[k, BIAS] + data[k, SPRING] * rows.impulse[r]
+            rise += push * (gradient + 0.5 * push / data[k, SOFTNESS])
+            push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, push)
+            rows.impulse[r] = 0.0
+    return rise
+
+
+@inner
+def _step_to_the_edge(rows, held, bodies, length):  # type: ignore[no-untyped-def]
+    """Undo `_put_back`, and so much of a step that the first percussion to leave below zero is zero."""
+    share = 1.0
+    for k in range(held):
+        push = rows.work[k, 1]
+        if push > 0.0:
+            r = rows.face[k]
+            push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -push)
+            rows.impulse[r] = -push
+            share = min(share, 1.0 + push / (length * rows.work[k, 3]))
+    back = (1.0 - max(share, 0.0)) * length
+    for i in range(bodies):
+        rows.velocity[i, 0] -= back * rows.image[i, 6]
+        rows.velocity[i, 1] -= back * rows.image[i, 7]
+    for k in range(held):
+        r = rows.face[k]
+        rows.impulse[r] -= back * rows.work[k, 3]
+        if rows.work[k, 1] > 0.0:
+            rows.impulse[r] = max(rows.impulse[r], 0.0)

@@ -73,6 +73,15 @@ def test_light_bodies_among_heavy_ones_stay_behind_walls(variant, gap):
     assert trial.outside == 0
 
 
+@pytest.mark.parametrize("step", [0.01, 0.1])
+@pytest.mark.parametrize("ratio", [1e4, 1e6])
+def test_nsm1_keeps_any_masses_apart(ratio, step):
+    mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
+    crowd = people(packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
+    trial = attempt(make_model("NSM1 inertial"), Scene(ROOM, room(ROOM), one_direction(ROOM), crowd), step, 2.0)
+    assert greatest_overlap(trial) <= 1.001e-4
+
+
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if name != "NSM1 overdamped"])
 def test_explicit_drive_beyond_twice_tau_is_refused_before_it_starts(variant):
     crowd = people([(1.0, 2.0)], speed=1.5, tau=1e-3)
@@ -83,10 +92,13 @@ def test_explicit_drive_beyond_twice_tau_is_refused_before_it_starts(variant):
 
 
 @pytest.mark.parametrize("variant", sorted(NSM1))
-@pytest.mark.parametrize("step", [0.01, 0.1, 0.5])
-def test_nsm1_never_overlaps_beyond_its_tolerance(variant, step):
-    crowd = people(packed(12, 4, 0.2, 3.0, 1.0, 0.05), speed=10.0, tau=0.1)
+@pytest.mark.parametrize(
+    ("step", "speed", "right"), [(0.01, 10.0, 3.0), (0.1, 10.0, 3.0), (0.5, 10.0, 3.0), (0.2, 7.0, 5.5)]
+)
+def test_nsm1_never_overlaps_beyond_its_tolerance(variant, step, speed, right):
+    crowd = people(packed(12, 4, 0.2, right, 1.0, 0.05), speed=speed, tau=0.1)
     trial = attempt(make_model(variant), Scene(ROOM, room(ROOM), one_direction(ROOM), crowd), step, 3.0)
+    assert trial.report["unconverged_steps"] == 0
     verdict = judge(trial, greatest_overlap, 1.001e-4, 1.001e-4, "m")
     assert verdict.kind in DONE, verdict
     assert verdict.kind != WRONG
