@@ -4,6 +4,7 @@ from evac.evidence import (
     accuracy_egress,
     accuracy_fields,
     accuracy_overlap,
+    accuracy_peer,
     accuracy_solvers,
     accuracy_tolerance,
     accuracy_trajectories,
@@ -13,6 +14,7 @@ from evac.evidence.report import Evidence
 #: The parts in the order of the page.
 PARTS = (
     accuracy_solvers,
+    accuracy_peer,
     accuracy_trajectories,
     accuracy_overlap,
     accuracy_fields,

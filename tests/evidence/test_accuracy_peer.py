@@ -1,0 +1,40 @@
+"""The comparison with cromosim poses it the same problem; cromosim itself is not needed here."""
+
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from evac.evidence.accuracy_peer import compare, with_equal_masses
+from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots
+from evac.evidence.reference import solve_contact_qp
+from evac.evidence.snapshots import STEP
+from evac.registry import Registry
+
+
+def projection(step, discs, contacts, desired):
+    """Solve what cromosim solves: contacts i, j, distance, and the unit vector from i to j (j = -1: to a wall)."""
+    rows = np.zeros((len(contacts), 2 * len(discs)))
+    for row, (i, j, _, ex, ey) in zip(rows, contacts, strict=True):
+        row[2 * int(i) : 2 * int(i) + 2] = -ex, -ey
+        if j >= 0:
+            row[2 * int(j) : 2 * int(j) + 2] = ex, ey
+    mass, slack = np.ones(rows.shape[1]), contacts[:, 2] / step
+    found = solve_contact_qp(sparse.csr_matrix(rows), mass, desired.ravel(), slack, np.zeros(len(slack)), 0.0)
+    return 1, None, found.reshape(-1, 2), None, None
+
+
+def test_both_solve_the_same_problem(monkeypatch):
+    pytest.importorskip("clarabel")
+    package = ModuleType("cromosim")
+    package.micro = SimpleNamespace(projection=projection)
+    monkeypatch.setitem(sys.modules, "cromosim", package)
+    registry = Registry()
+    problem = contact_problem(snapshots(60, ("settled",), 1, registry)["settled"], LAWS[0], registry)
+    row = compare(with_equal_masses(problem))
+    assert row["contacts"] == problem.size > 60
+    assert row["cromosim: error [m]"] < 1e-9
+    assert row["evac: error [m]"] < 1e-2
+    assert STEP * np.abs(problem.velocity - problem.free).max() > 1e-3
