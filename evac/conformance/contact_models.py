@@ -5,8 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evac.conformance.scenes import ROOM, STEP, greatest_overlap, make_crowd, pressed, room, walked
+from evac.conformance.scenes import ROOM, STEP, greatest_overlap, pressed, room, walked
 from evac.errors import PluginError
+from evac.physics.bundles import make_crowd
 from evac.physics.contact_model import ContactModel
 
 #: How far positions may differ after a turn or a shift of the whole scene [m]; iterative solvers stop earlier or later.

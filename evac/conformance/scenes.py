@@ -12,7 +12,7 @@ from evac.building.model import Building, Level
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.errors import PluginError, SimulationError
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
@@ -65,37 +65,6 @@ def greatest_overlap(crowd: Crowd) -> float:
     between = crowd.radius[first] + crowd.radius[second] - apart
     outside = np.abs(crowd.position).max(axis=1) + crowd.radius - ROOM
     return max(0.0, float(between.max()), float(outside.max()))
-
-
-def make_crowd(
-    position: Any,
-    velocity: Any = (0.0, 0.0),
-    speed: Any = 0.0,
-    radius: Any = 0.2,
-    mass: Any = 80.0,
-    tau: Any = 0.5,
-) -> Crowd:
-    """Return people on level 0; a number holds for all of them."""
-    place = np.array(position, dtype=np.float64)
-    n = len(place)
-    return Crowd(
-        position=place,
-        velocity=np.broadcast_to(np.array(velocity, dtype=np.float64), (n, 2)).copy(),
-        level=np.zeros(n, np.int32),
-        radius=np.full(n, radius, dtype=np.float64),
-        mass=np.full(n, mass, dtype=np.float64),
-        tau=np.full(n, tau, dtype=np.float64),
-        speed=np.repeat(np.full(n, speed, dtype=np.float64)[:, None], 3, axis=1),
-        group=np.zeros(n, np.int32),
-        start_time=np.zeros(n),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
-    )
 
 
 def walked(

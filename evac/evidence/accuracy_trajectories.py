@@ -11,7 +11,8 @@ import numpy as np
 from evac.errors import ScenarioError
 from evac.evidence.accuracy_data import add_data, order_of
 from evac.evidence.report import Evidence, new_figure
-from evac.evidence.scenes import FloatArray, Scene, one_direction, people, room
+from evac.evidence.scenes import FloatArray, Scene, one_direction, room
+from evac.physics.bundles import make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.registry import Registry
 from evac.scenario.tolerance import ERROR_PER_PATH
@@ -215,10 +216,10 @@ def draw(rows: Sequence[dict[str, Any]], across: str) -> Any:
     return figure
 
 
-def _scene(position: Any, velocity: Any = None, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:
+def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:
     """Return people in a large room who all aim along x, or elsewhere with `extra` directions added."""
     settings = {"mass": MASS, "radius": RADIUS, "tau": TAU, "speed": SPEED, **settings}
-    crowd = people(position, velocity, **settings)
+    crowd = make_crowd(position, velocity, **settings)
     if extra is not None:
         crowd.extra_direction[:] = extra
     return Scene(BOUNDS, room(BOUNDS, walls), one_direction(BOUNDS), crowd)

@@ -13,7 +13,7 @@ from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.people.distributions import generator_for
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, make_crowd
 
 FloatArray = NDArray[np.float64]
 
@@ -89,21 +89,10 @@ def _building(side: float) -> Building:
 
 def _crowd(position: FloatArray, generator: np.random.Generator) -> Crowd:
     n = len(position)
-    return Crowd(
-        position=position,
-        velocity=np.zeros((n, 2)),
-        level=np.zeros(n, np.int32),
+    return make_crowd(
+        position,
         radius=generator.uniform(*RADIUS, n),
         mass=generator.uniform(60.0, 100.0, n),
         tau=generator.uniform(0.1, 0.5, n),
-        speed=np.repeat(generator.uniform(1.2, 2.0, n)[:, None], 3, axis=1),
-        group=np.zeros(n, np.int32),
-        start_time=np.zeros(n),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
+        speed=generator.uniform(1.2, 2.0, n),
     )

@@ -12,7 +12,7 @@ from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.models import make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import make_crowd
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
 
@@ -113,7 +113,7 @@ def _jump(name: str) -> Any:
 def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities (81, 2) at every step."""
     ground = np.array([[-EXTENT, 0.0, EXTENT, 0.0]])
-    crowd = _people([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
+    crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
     engine = Engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1, [])
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
     position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
@@ -127,7 +127,7 @@ def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
 def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (k,), positions and velocities (k, 2, 2) of two people who walk into each other."""
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
-    crowd = _people(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
+    crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
     engine = Engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2, [])
     model = make_model("NSM2")
@@ -163,29 +163,4 @@ def _fields(directions: list[list[float]]) -> Fields:
         direction=np.repeat(ahead, 4, axis=0),
         travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
         graph=None,
-    )
-
-
-def _people(
-    position: list[list[float]], velocity: list[list[float]], *, radius: float, tau: float, speed: float
-) -> Crowd:
-    """Return people of 80 kg with the same body and speed."""
-    n = len(position)
-    return Crowd(
-        position=np.array(position, dtype=np.float64),
-        velocity=np.array(velocity, dtype=np.float64),
-        level=np.zeros(n, np.int32),
-        radius=np.full(n, radius),
-        mass=np.full(n, 80.0),
-        tau=np.full(n, tau),
-        speed=np.full((n, 3), speed),
-        group=np.zeros(n, np.int32),
-        start_time=np.zeros(n),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
     )

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,42 +113,6 @@ def _fields(
         direction=np.ascontiguousarray(direction),
         travel_time=time,
         graph=None,
-    )
-
-
-def people(position: ArrayLike, velocity: ArrayLike | None = None, **settings: Any) -> Crowd:
-    """Return a crowd at given places.
-
-    Parameters
-    ----------
-    position, velocity : (n, 2) [m], [m/s]
-        Velocity is zero if left out.
-    settings
-        radius, mass, tau, speed, start_time: a number or an array (n,); 0.2 m, 80 kg, 0.5 s, 0 m/s, 0 s.
-    """
-    places = np.array(position, dtype=float).reshape(-1, 2)
-    n = len(places)
-
-    def given(name: str, default: float) -> FloatArray:
-        return np.broadcast_to(np.asarray(settings.get(name, default), dtype=float), (n,)).copy()
-
-    return Crowd(
-        position=places,
-        velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, dtype=float).reshape(n, 2),
-        level=np.zeros(n, np.int32),
-        radius=given("radius", 0.2),
-        mass=given("mass", 80.0),
-        tau=given("tau", 0.5),
-        speed=np.repeat(given("speed", 0.0)[:, None], 3, axis=1),
-        group=np.zeros(n, np.int32),
-        start_time=given("start_time", 0.0),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
     )
 
 

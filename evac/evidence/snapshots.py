@@ -15,7 +15,7 @@ from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.physics import stepping
-from evac.physics.bundles import Clock, Contacts, Crowd
+from evac.physics.bundles import Clock, Contacts, Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import make_world, set_open
@@ -127,25 +127,13 @@ def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
     cell = np.arange(people)
     centre = pitch * (np.stack([cell // columns, cell % columns], axis=1) + 0.5)
     slack = max(0.0, 0.5 * pitch - 0.25)
-    full: NDArray[np.float64] = np.ones(people)
     speed = generator.uniform(1.5, 2.0, people)
-    return Crowd(
-        position=centre + generator.uniform(-slack, slack, (people, 2)),
-        velocity=np.zeros((people, 2)),
-        level=np.zeros(people, np.int32),
+    return make_crowd(
+        centre + generator.uniform(-slack, slack, (people, 2)),
         radius=generator.uniform(0.2, 0.25, people),
         mass=generator.uniform(60.0, 100.0, people),
         tau=generator.uniform(0.1, 0.5, people),
-        speed=np.repeat(speed[:, None], 3, axis=1),
-        group=np.zeros(people, np.int32),
-        start_time=0.0 * full,
-        route=np.zeros(people, np.int32),
-        speed_factor=full.copy(),
-        extra_direction=np.zeros((people, 2)),
-        exit_time=np.full(people, np.nan),
-        exit_used=np.full(people, -1, np.int32),
-        distance=0.0 * full,
-        contact_force=0.0 * full,
+        speed=speed,
     )
 
 

@@ -21,7 +21,7 @@ from evac.evidence.stability_trial import (
     last_speed,
     make_model,
 )
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.solvers import SOLVERS
 
 #: Greatest speed of a crowd that stands [m/s].
@@ -85,7 +85,7 @@ def restitution(dissipation: float, mass: float) -> float:
 
 def _without_walking(bounds: Bounds, position: ArrayLike, velocity: ArrayLike, **of: Any) -> Scene:
     """Return people whom nothing drives: they keep their velocity until they touch."""
-    crowd = scenes.people(position, velocity, tau=1e12, **of)
+    crowd = make_crowd(position, velocity, tau=1e12, **of)
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
 
@@ -118,7 +118,7 @@ def _draw_restitution(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> Non
 def standing_crowd() -> Scene:
     """Return 40 people, 2 cm apart, who fill the width of a corridor and walk against its end."""
     bounds = (0.0, 0.0, 6.0, 2.2)
-    crowd = scenes.people(scenes.packed(5 * COLUMNS, 5, 0.2, 5.99, 0.0, 0.0), speed=WALKING)
+    crowd = make_crowd(scenes.packed(5 * COLUMNS, 5, 0.2, 5.99, 0.0, 0.0), speed=WALKING)
     crowd.position[:, 0] -= 0.02 * np.arange(5 * COLUMNS) // 5
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
@@ -194,7 +194,7 @@ def static_overlap(evidence: Evidence) -> None:
     rows = []
     for stiffness in (1e4, 1.2e5, 1e6):
         for speed in (1.0, 2.0):
-            crowd = scenes.people([(5.8, 2.0)], tau=0.1, speed=speed)
+            crowd = make_crowd([(5.8, 2.0)], tau=0.1, speed=speed)
             scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
             step = 0.1 * np.sqrt(80.0 / stiffness)
             trial = attempt(make_model("DEM", stiffness=stiffness), scene, step, 4.0, explicit=True)

@@ -8,7 +8,7 @@ from evac.evidence.scenes import Scene
 from evac.evidence.stability_maps import Cell, Curve, show_map
 from evac.evidence.stability_theory import greatest_frequency, step_limit, uncut_speed
 from evac.evidence.stability_trial import Trial, Verdict, attempt, judge, make_model
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
 
@@ -24,7 +24,7 @@ PRESS = 0.05
 def crowd_in_corridor(number: int, rows: int, mass: float, radius: float = 0.2, tau: float = 0.5) -> Scene:
     """Return people in a triangular packing that fills a corridor's width, walking against its end."""
     bounds = (0.0, 0.0, 8.0, (2 * rows + 1) * radius)
-    crowd = scenes.people(
+    crowd = make_crowd(
         scenes.packed(number, rows, radius, 8.0, 0.0), radius=radius, mass=mass, tau=tau, speed=PRESS * tau / 0.5
     )
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
@@ -33,7 +33,7 @@ def crowd_in_corridor(number: int, rows: int, mass: float, radius: float = 0.2, 
 def pair_at_wall() -> Scene:
     """Return two people behind each other, walking against a wall."""
     bounds = (0.0, 0.0, 8.0, 4.0)
-    crowd = scenes.people([(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
+    crowd = make_crowd([(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
 
@@ -42,7 +42,7 @@ def ring_around_big() -> Scene:
     bounds = (0.0, 0.0, 8.0, 8.0)
     angle = 2.0 * np.pi * np.arange(40) / 40
     ring = 4.0 + 2.1 * np.column_stack([np.cos(angle), np.sin(angle)])
-    crowd = scenes.people(
+    crowd = make_crowd(
         np.vstack([[(4.0, 4.0)], ring]),
         radius=np.array([2.0] + 40 * [0.1]),
         mass=60.0,

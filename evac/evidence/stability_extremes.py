@@ -27,6 +27,7 @@ from evac.evidence.stability_trial import (
     last_speed,
     make_model,
 )
+from evac.physics.bundles import make_crowd
 
 ROOM = (0.0, 0.0, 6.0, 4.0)
 
@@ -82,7 +83,7 @@ def closed_door(people: int) -> Scene:
         bounds,
         scenes.room(bounds, exits=(door,)),
         scenes.towards(bounds, (bounds[2] + 0.1, middle)),
-        scenes.people(places, speed=1.5),
+        make_crowd(places, speed=1.5),
         is_closed=True,
     )
 
@@ -93,7 +94,7 @@ def narrow_door() -> Scene:
         ROOM,
         scenes.room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),)),
         scenes.towards(ROOM, (6.2, 2.0)),
-        scenes.people(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5),
+        make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5),
     )
 
 
@@ -114,7 +115,7 @@ def standing_room() -> Scene:
 
 
 def _in_room(bounds: Bounds, position: ArrayLike, **settings: Any) -> Scene:
-    crowd = scenes.people(position, **settings)
+    crowd = make_crowd(position, **settings)
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
 

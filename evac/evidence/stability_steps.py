@@ -8,6 +8,7 @@ from evac.evidence.scenes import Scene
 from evac.evidence.stability_maps import Cell, Curve, show_map
 from evac.evidence.stability_theory import step_limit
 from evac.evidence.stability_trial import VARIANTS, Trial, Verdict, attempt, greatest_overlap, judge, make_model
+from evac.physics.bundles import make_crowd
 
 #: NSM1 promises no overlap beyond its tolerance; for the others one per cent of a body is right [m].
 GAP_TOLERANCE = 1e-4
@@ -39,7 +40,7 @@ def judge_overlap(variant: str, trial: Trial, step: float) -> Verdict:
 
 def walk_against_wall(speed: float, tau: float = 0.5) -> Scene:
     """Return twelve people half a metre from a wall, walking towards it."""
-    crowd = scenes.people(scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
+    crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
     return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
 
 
@@ -59,7 +60,7 @@ def tau_map(evidence: Evidence) -> None:
                 return speed * max(step, lag)
 
             for tau in taus:
-                crowd = scenes.people([(1.0, 2.0)], speed=speed, tau=tau)
+                crowd = make_crowd([(1.0, 2.0)], speed=speed, tau=tau)
                 scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
                 def lag(trial: Trial, tau: float = tau) -> float:
@@ -161,7 +162,7 @@ def mass_map(evidence: Evidence) -> None:
     for variant in VARIANTS:
         for ratio in ratios:
             mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
-            crowd = scenes.people(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
+            crowd = make_crowd(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
             scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
             for step in steps:
                 trial = attempt(make_model(variant), scene, step, 2.0)
@@ -187,7 +188,7 @@ def radius_map(evidence: Evidence) -> None:
         for ratio in ratios:
             radius = np.geomspace(0.25, 0.25 / ratio, 30)
             places = scenes.scattered(30, bounds, radius, evidence.generator("radius", str(ratio)))
-            crowd = scenes.people(places, radius=radius, speed=1.5)
+            crowd = make_crowd(places, radius=radius, speed=1.5)
             scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
             for step in steps:
                 trial = attempt(make_model(variant), scene, step, 2.0)

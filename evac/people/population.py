@@ -15,7 +15,7 @@ from evac.errors import ScenarioError
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
-from evac.physics.bundles import Crowd, Events
+from evac.physics.bundles import Crowd, Events, make_crowd
 from evac.physics.motion import EXIT
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     """
     check_people(case, building)
     counts = [people.count for people in case.people]
-    crowd = _empty_crowd(sum(counts))
+    crowd = make_crowd(np.zeros((sum(counts), 2)), level=-1)
     ends = np.cumsum(counts)
     groups = tuple(
         Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours, people.area)
@@ -155,27 +155,6 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
             _take_area(case, building, crowd, people, group.rows, seed)
     _check_reach(case, building, fields, crowd, groups)
     return Population(crowd, groups, len(building.portals))
-
-
-def _empty_crowd(n: int) -> Crowd:
-    return Crowd(
-        position=np.zeros((n, 2)),
-        velocity=np.zeros((n, 2)),
-        level=np.full(n, -1, dtype=np.int32),
-        radius=np.zeros(n),
-        mass=np.zeros(n),
-        tau=np.zeros(n),
-        speed=np.zeros((n, 3)),
-        group=np.zeros(n, dtype=np.int32),
-        start_time=np.zeros(n),
-        route=np.zeros(n, dtype=np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, dtype=np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
-    )
 
 
 def _route_index(case: "Case", people: "People", fields: "Fields") -> int:

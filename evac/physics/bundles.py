@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -46,6 +46,54 @@ class Crowd(NamedTuple):
     exit_used: IntArray
     distance: FloatArray
     contact_force: FloatArray
+
+
+def make_crowd(
+    position: ArrayLike,
+    velocity: ArrayLike = 0.0,
+    *,
+    level: ArrayLike = 0,
+    radius: ArrayLike = 0.2,
+    mass: ArrayLike = 80.0,
+    tau: ArrayLike = 0.5,
+    speed: ArrayLike = 0.0,
+    start_time: ArrayLike = 0.0,
+) -> Crowd:
+    """Return people as a run starts: of the first group, on the first route, and nothing walked.
+
+    Parameters
+    ----------
+    position : (n, 2) [m]
+    velocity : (n, 2) or one for everybody [m/s]
+    level : (n,) or one for everybody
+    radius, mass, tau, start_time : (n,) or one for everybody [m], [kg], [s], [s]
+    speed : (n, 3), or (n,) or one for the flat and both ways on stairs [m/s]
+    """
+    place = np.array(position, dtype=np.float64).reshape(-1, 2)
+    n = len(place)
+
+    def each(value: ArrayLike) -> FloatArray:
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), n))
+
+    speeds = np.asarray(speed, dtype=np.float64)
+    return Crowd(
+        position=place,
+        velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=np.float64), (n, 2))),
+        level=np.array(np.broadcast_to(np.asarray(level, dtype=np.int32), n)),
+        radius=each(radius),
+        mass=each(mass),
+        tau=each(tau),
+        speed=speeds.copy() if speeds.ndim == 2 else np.repeat(each(speeds)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=each(start_time),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
 
 
 class World(NamedTuple):

@@ -24,12 +24,13 @@ from evac.evidence.stability_trial import (
     judge,
     make_model,
 )
+from evac.physics.bundles import make_crowd
 
 ROOM = (0.0, 0.0, 8.0, 4.0)
 
 
 def room_with(position, **settings):
-    crowd = scenes.people(position, **settings)
+    crowd = make_crowd(position, **settings)
     return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
 
 
@@ -53,7 +54,7 @@ def test_frequency_of_a_body_at_a_wall():
 
 def test_large_triangular_packing_nears_six_k_over_m():
     bounds = (0.0, 0.0, 40.0, 40.0)
-    crowd = scenes.people(scenes.packed(200, 14, 0.2, 30.0, 5.0), mass=60.0)
+    crowd = make_crowd(scenes.packed(200, 14, 0.2, 30.0, 5.0), mass=60.0)
     scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
     value = greatest_frequency(scene, crowd.position, 1e5) ** 2 * 60.0 / 1e5
     assert 5.7 < value < 6.0

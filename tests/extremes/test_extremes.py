@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.scenes import Scene, one_direction, packed, people, room
+from evac.evidence.scenes import Scene, one_direction, packed, room
 from evac.evidence.stability_extremes import ROOM, extremes, try_extreme, try_triangle
 from evac.evidence.stability_trial import (
     DEGRADED,
@@ -17,6 +17,7 @@ from evac.evidence.stability_trial import (
     judge,
     make_model,
 )
+from evac.physics.bundles import make_crowd
 
 QUICK = extremes(quick=True)
 FULL = extremes(quick=False)
@@ -67,7 +68,7 @@ def test_building_of_one_triangle(model):
 @pytest.mark.parametrize("gap", [0.0, 0.02])
 def test_light_bodies_among_heavy_ones_stay_behind_walls(variant, gap):
     mass = np.tile([0.08, 8e4], 10)
-    crowd = people(packed(20, 4, 0.2, 5.0, 1.0, gap), speed=1.5, mass=mass)
+    crowd = make_crowd(packed(20, 4, 0.2, 5.0, 1.0, gap), speed=1.5, mass=mass)
     trial = attempt(make_model(variant), Scene(ROOM, room(ROOM), one_direction(ROOM), crowd), 0.01, 5.0)
     assert trial.is_finite()
     assert trial.outside == 0
@@ -77,14 +78,14 @@ def test_light_bodies_among_heavy_ones_stay_behind_walls(variant, gap):
 @pytest.mark.parametrize("ratio", [1e4, 1e6])
 def test_nsm1_keeps_any_masses_apart(ratio, step):
     mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
-    crowd = people(packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
+    crowd = make_crowd(packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
     trial = attempt(make_model("NSM1 inertial"), Scene(ROOM, room(ROOM), one_direction(ROOM), crowd), step, 2.0)
     assert greatest_overlap(trial) <= 1.001e-4
 
 
 @pytest.mark.parametrize("variant", [name for name in VARIANTS if name != "NSM1 overdamped"])
 def test_explicit_drive_beyond_twice_tau_is_refused_before_it_starts(variant):
-    crowd = people([(1.0, 2.0)], speed=1.5, tau=1e-3)
+    crowd = make_crowd([(1.0, 2.0)], speed=1.5, tau=1e-3)
     scene = Scene(ROOM, room(ROOM), one_direction(ROOM), crowd)
     trial = attempt(make_model(variant), scene, 0.01, 1.0, explicit=True)
     assert "tau" in trial.message
@@ -96,7 +97,7 @@ def test_explicit_drive_beyond_twice_tau_is_refused_before_it_starts(variant):
     ("step", "speed", "right"), [(0.01, 10.0, 3.0), (0.1, 10.0, 3.0), (0.5, 10.0, 3.0), (0.2, 7.0, 5.5)]
 )
 def test_nsm1_never_overlaps_beyond_its_tolerance(variant, step, speed, right):
-    crowd = people(packed(12, 4, 0.2, right, 1.0, 0.05), speed=speed, tau=0.1)
+    crowd = make_crowd(packed(12, 4, 0.2, right, 1.0, 0.05), speed=speed, tau=0.1)
     trial = attempt(make_model(variant), Scene(ROOM, room(ROOM), one_direction(ROOM), crowd), step, 3.0)
     assert trial.report["unconverged_steps"] == 0
     verdict = judge(trial, greatest_overlap, 1.001e-4, 1.001e-4, "m")

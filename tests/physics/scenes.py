@@ -8,7 +8,7 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level, Portal
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
@@ -67,30 +67,6 @@ def uniform_fields(levels=1, direction=(1.0, 0.0), extent=20.0):
         direction=np.tile(np.array(direction, dtype=float), (4, 1)),
         travel_time=time,
         graph=None,
-    )
-
-
-def make_crowd(position, velocity=None, level=None, radius=0.2, mass=80.0, tau=0.5, speed=0.0, start_time=0.0):
-    position = np.array(position, dtype=float).reshape(-1, 2)
-    n = len(position)
-    full = lambda value: np.broadcast_to(np.asarray(value, dtype=float), (n,)).copy()  # noqa: E731
-    return Crowd(
-        position=position,
-        velocity=np.zeros((n, 2)) if velocity is None else np.array(velocity, dtype=float).reshape(n, 2),
-        level=np.zeros(n, np.int32) if level is None else np.array(level, np.int32),
-        radius=full(radius),
-        mass=full(mass),
-        tau=full(tau),
-        speed=np.repeat(full(speed)[:, None], 3, axis=1),
-        group=np.zeros(n, np.int32),
-        start_time=full(start_time),
-        route=np.zeros(n, np.int32),
-        speed_factor=np.ones(n),
-        extra_direction=np.zeros((n, 2)),
-        exit_time=np.full(n, np.nan),
-        exit_used=np.full(n, -1, np.int32),
-        distance=np.zeros(n),
-        contact_force=np.zeros(n),
     )
 
 

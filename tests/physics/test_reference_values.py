@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from evac.physics.bundles import make_crowd
 from evac.physics.solvers import SOLVERS
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
-from tests.physics.scenes import make_building, make_crowd, make_engine, uniform_fields, walk
+from tests.physics.scenes import make_building, make_engine, uniform_fields, walk
 
 FREE = 1e30  # a relaxation time so long that nothing drives
 TIGHT = {"velocity_tolerance": 1e-12, "iterations": 200000}

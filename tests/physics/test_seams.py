@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evac.physics.bundles import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -11,7 +12,6 @@ from tests.physics.scenes import (
     copy_crowd,
     fields_towards,
     make_building,
-    make_crowd,
     make_engine,
     name_of,
     precise_models,

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
+from evac.physics.bundles import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -13,7 +14,6 @@ from tests.physics.scenes import (
     cut_wall,
     fields_towards,
     make_building,
-    make_crowd,
     make_engine,
     name_of,
     precise_models,

@@ -5,6 +5,7 @@ import pytest
 
 from evac.errors import ScenarioError
 from evac.parameters import Parameter
+from evac.physics.bundles import make_crowd
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac_plugins.contact_dem import Dem
 from evac_plugins.force_social import SocialForce
@@ -14,7 +15,6 @@ from tests.physics.scenes import (
     fields_towards,
     kinetic_energy,
     make_building,
-    make_crowd,
     make_engine,
     random_crowd,
     uniform_fields,

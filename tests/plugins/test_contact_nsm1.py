@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from evac.physics.bundles import make_crowd
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import (
     fields_towards,
     make_building,
-    make_crowd,
     make_engine,
     random_crowd,
     uniform_fields,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from evac.physics.bundles import make_crowd
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (
     fields_towards,
     kinetic_energy,
     make_building,
-    make_crowd,
     make_engine,
     random_crowd,
     uniform_fields,

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from evac.physics.bundles import make_crowd
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import make_crowd, make_engine, random_crowd, uniform_fields
+from tests.physics.scenes import make_engine, random_crowd, uniform_fields
 
 FREE = 1e30
 
