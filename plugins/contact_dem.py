@@ -100,11 +100,11 @@ def is_too_stiff(bodies, contacts, stiffness, h, explicit):  # type: ignore[no-u
     omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of k sum n n^T / m_i plus the
     couplings k / sqrt(m_i m_j) of its contacts.
     """
-    n = bodies.count[0]
     image = contacts.rows.image
-    for i in range(n):
-        for k in range(4):
-            image[i, k] = 0.0
+    for c in range(contacts.count[0]):
+        _clear(image, contacts.body[c])
+        if contacts.other[c] >= 0:
+            _clear(image, contacts.other[c])
     for c in range(contacts.count[0]):
         i, j = contacts.body[c], contacts.other[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
@@ -114,14 +114,23 @@ def is_too_stiff(bodies, contacts, stiffness, h, explicit):  # type: ignore[no-u
             coupling = math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
             image[i, 3] += coupling
             image[j, 3] += coupling
-    for i in range(n):
-        if image[i, 0] + image[i, 2] > 0.0:
+    for c in range(contacts.count[0]):
+        for i in (contacts.body[c], contacts.other[c]):
+            if i < 0 or image[i, 3] < 0.0:  # a wall, or looked at before
+                continue
             mean, half = 0.5 * (image[i, 0] + image[i, 2]), 0.5 * (image[i, 0] - image[i, 2])
             square = stiffness * (mean + math.sqrt(half * half + image[i, 1] ** 2) + image[i, 3])
             if h * h * square > damping_limit(h, bodies.tau[i], explicit):
                 bodies.count[1] = i
                 return True
+            image[i, 3] = -1.0
     return False
+
+
+@inner
+def _clear(image, i):  # type: ignore[no-untyped-def]
+    for k in range(4):
+        image[i, k] = 0.0
 
 
 @inner
