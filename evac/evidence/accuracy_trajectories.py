@@ -276,7 +276,7 @@ def _corridor(shift: float) -> Scene:
     walls = [[0.0, 0.55, 7.0, 0.55], [0.0, -0.55, 7.0, -0.55], [0.0, 0.55, 0.0, 5.0], [0.0, -5.0, 0.0, -0.55]]
     aim = np.column_stack([np.zeros(12), -0.6 * places[:, 1]])
     speed = 1.2 + 0.05 * np.arange(12)
-    return _scene(places, None, aim, walls, speed=speed)
+    return _scene(places, 0.0, aim, walls, speed=speed)
 
 
 PROBLEMS = (

@@ -92,6 +92,14 @@ def test_times_to_a_goal_count_only_what_reached_it():
     assert table[0]["clarabel / accelerated"] == "20"
 
 
+@pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
+def test_every_problem_can_be_walked(registry, problem):
+    before = problem.scene(0.0).crowd.position
+    after, _ = walked(problem, registry.get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
+    assert np.isfinite(after).all()
+    assert np.abs(after - before).max() > 1e-3
+
+
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.exact], ids=lambda problem: problem.name)
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant[0])
 def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant):
