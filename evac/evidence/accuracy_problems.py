@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from evac.evidence.accuracy_data import copy_of
-from evac.evidence.reference import gradient_matrix, solve_contact_qp
+from evac.evidence.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.snapshots import STEP, DoorCrowd, door_crowd
 from evac.jit import kernel
 from evac.physics.bundles import Bodies, Contacts, FloatArray
@@ -26,11 +27,12 @@ SETTLING_STEPS = 20
 
 @dataclass(frozen=True)
 class Law:
-    """A contact law to be solved: its model and its dissipation K_N [kg] (NSM2)."""
+    """A contact law to be solved: its model, its dissipation K_N [kg] (NSM2) and its variant (NSM1)."""
 
     label: str
     model: str
     dissipation: float = 0.0
+    variant: str = "inertial"
 
     @property
     def compliance(self) -> float:
@@ -49,7 +51,9 @@ class Law:
 
     def make(self, registry: Registry) -> ContactModel:
         """Return the contact model, solved to its default tolerance."""
-        parameters = {"normal_dissipation": self.dissipation} if self.model == "nsm2" else {}
+        parameters: dict[str, Any] = {"variant": self.variant}
+        if self.model == "nsm2":
+            parameters = {"normal_dissipation": self.dissipation}
         model: ContactModel = registry.get("contact_model", self.model)(**parameters)
         return model
 
@@ -110,8 +114,8 @@ class ContactProblem:
         )
         return int(iterations), float(found)
 
-    def reference(self) -> FloatArray:
-        """Return the velocities (n, 2) from the library's interior-point solver."""
+    def reference(self, precision: float = PRECISION) -> FloatArray:
+        """Return the velocities (n, 2) from the library's interior-point solver, to a residual [m/s]."""
         c = self.size
         gradient = gradient_matrix(
             self.contacts.body[:c], self.contacts.other[:c], self.contacts.normal[:c], len(self.free)
@@ -123,6 +127,7 @@ class ContactProblem:
             self.contacts.bias[:c],
             self.contacts.approach[:c],
             self.law.dissipation,
+            precision,
         ).reshape(-1, 2)
 
 

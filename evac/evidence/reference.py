@@ -47,7 +47,13 @@ def gradient_matrix(body: IntArray, other: IntArray, normal: FloatArray, bodies:
 
 
 def solve_contact_qp(
-    gradient: Any, mass: FloatArray, free: FloatArray, bias: FloatArray, approach: FloatArray, dissipation: float
+    gradient: Any,
+    mass: FloatArray,
+    free: FloatArray,
+    bias: FloatArray,
+    approach: FloatArray,
+    dissipation: float,
+    precision: float = PRECISION,
 ) -> FloatArray:
     """Return the velocities that minimise the law's energy, by the interior-point solver Clarabel.
 
@@ -64,6 +70,8 @@ def solve_contact_qp(
     bias, approach : (c,) [m/s]
     dissipation : float
         K_N [kg], finite.
+    precision : float
+        Greatest residual of the law that counts as a solution [m/s].
 
     Raises
     ------
@@ -119,9 +127,9 @@ def solve_contact_qp(
         left = law_residual(gradient, mass, free, bias, approach, dissipation, velocity, percussion)
         if left < found:
             best, found = velocity, left
-        if found <= PRECISION:
+        if found <= precision:
             return np.asarray(best)
-    raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {PRECISION:.0e} m/s")
+    raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {precision:.0e} m/s")
 
 
 def law_residual(
