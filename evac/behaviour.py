@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.errors import PluginError
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
@@ -88,3 +89,28 @@ class BehaviourScene:
         self.groups = groups
         self.generator = generator
         self.tick = tick
+
+
+def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
+    """Refuse what a behaviour wrote where the step loop could not tell it from a failure of its own.
+
+    Raises
+    ------
+    PluginError
+        A number is not finite, or there is no such route; names behaviour, time and person.
+    """
+    for name in set(behaviour.writes) & {"speed_factor", "extra_direction"}:
+        written = getattr(crowd, name)
+        if not np.isfinite(written).all():
+            person = int(np.argwhere(~np.isfinite(written))[0, 0])
+            raise PluginError(
+                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote {written[person]} to {name} of person {person}; "
+                "it must be finite"
+            )
+    if "route" in behaviour.writes:
+        lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))
+        if len(lost):
+            raise PluginError(
+                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote route {crowd.route[lost[0]]} for person "
+                f"{lost[0]}; there are {routes}"
+            )

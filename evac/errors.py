@@ -1,5 +1,9 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class EvacError(Exception):
     """Root of every exception that evac raises on purpose."""
@@ -23,3 +27,18 @@ class SimulationError(EvacError):
 
 class ResultError(EvacError):
     """A result folder or a trajectory file cannot be read or written."""
+
+
+@contextmanager
+def plugin_code(what: str) -> Iterator[None]:
+    """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line."""
+    try:
+        yield
+    except EvacError:
+        raise
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        raise PluginError(
+            f"{what}: {type(error).__name__}: {error} ({place.filename}, line {place.lineno}); "
+            "repair the plugin or leave it out"
+        ) from error

@@ -63,7 +63,8 @@ def explain(
     ]
     for strategy in STRATEGIES:
         users = [route for route in routes if route.strategy == strategy]
-        why = f"{len(users)} routes somebody can take" if users else "nobody can take such a route"
+        routes_of = ", ".join("to " + ("|".join(route.exits) or "any exit") for route in users)
+        why = f"somebody can go {routes_of}" if users else "nobody can take such a route"
         parts.append(Part(f"fields: {strategy}", bool(users), why))
     for force in forces:
         why = f"felt up to a gap of {force.cutoff():.2f} m" if force.is_needed() else "it is zero everywhere"

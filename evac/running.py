@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.errors import ResultError
+from evac.output import FILM_NAME, PICTURE_NAME
 from evac.output.results import Results
 from evac.output.trajectory import FILE_NAME, read_trajectory
 from evac.simulation import Progress, Simulation
@@ -27,6 +28,8 @@ WRITTEN = (
     ANIMATION_NAME,
     "building.vtp",
     "frames/frame_*.vtp",
+    PICTURE_NAME,
+    FILM_NAME,
 )
 
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.behaviour import Behaviour, BehaviourScene
+from evac.behaviour import Behaviour, BehaviourScene, check_written
 from evac.building.model import Building
 from evac.building.reading import read_building
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.errors import ScenarioError, SimulationError
+from evac.errors import PluginError, ScenarioError, SimulationError, plugin_code
 from evac.output.recorder import Recorder
 from evac.output.results import Results
 from evac.people.distributions import generator_for
@@ -87,7 +87,8 @@ class Simulation:
         self.step = 0
         self.phases: dict[str, float] = {}
         self.ended = ""
-        self.registry.hook.evac_configure(scenario=case, registry=self.registry)
+        with plugin_code("evac_configure"):
+            self.registry.hook.evac_configure(scenario=case, registry=self.registry)
         self.contact = case.make_contact_model(self.registry)
         all_forces = case.make_forces(self.registry)
         self.forces = needed_forces(all_forces, full)
@@ -115,8 +116,10 @@ class Simulation:
         self._seen_time = np.full(len(crowd.level), np.inf)
         self._moved_at = np.zeros(len(crowd.level))
         for behaviour, scene in self.behaviours:
-            behaviour.prepare(scene)
-        self.registry.hook.evac_prepare(simulation=self)
+            with plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+                behaviour.prepare(scene)
+        with plugin_code("evac_prepare"):
+            self.registry.hook.evac_prepare(simulation=self)
 
     @property
     def time(self) -> float:
@@ -221,8 +224,7 @@ class Simulation:
             plugins=self._plugins(),
             folder=self.folder,
         )
-        hooks = self.registry.hook.evac_metrics.get_hookimpls()
-        return replace(results, metrics={hook.plugin_name: hook.function(results) for hook in hooks})
+        return replace(results, metrics=dict(self._metrics(results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of everything that a run needs to go on from this tick to the same bits."""
@@ -249,6 +251,15 @@ class Simulation:
         self._seen_time[:], self._moved_at[:] = state["simulation.progress"]
         self.ended = ""
 
+    def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
+        """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
+        for hook in self.registry.hook.evac_metrics.get_hookimpls():
+            try:
+                with plugin_code(f"{hook.plugin_name}: evac_metrics"):
+                    yield hook.plugin_name, hook.function(*[results for _ in hook.argnames])
+            except PluginError as error:
+                yield hook.plugin_name, {"error": str(error)}
+
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
         used = [("contact_model", self.contact), *(("force", force) for force in self.forces)]
@@ -266,7 +277,9 @@ class Simulation:
             crowd.extra_direction[:] = 0.0
         for behaviour, scene in self.behaviours:
             if behaviour in acting:
-                behaviour.act(scene.crowd, self.time)
+                with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
+                    behaviour.act(scene.crowd, self.time)
+                check_written(behaviour, self.population.crowd, len(self.fields.routes), self.time)
 
     def _look_for_end(self, per_tick: int, last: int) -> None:
         if self.population.inside == 0:

@@ -38,6 +38,10 @@ READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
 FORMATS = (*READERS, ".msh", ".stl", ".vtu")
 
 
+#: Farthest coordinate of a vertex, in the file's unit: beyond UTM coordinates in millimetres.
+FARTHEST = 1e11
+
+
 @dataclass(frozen=True)
 class SurfaceMesh:
     """A mesh file as read: nothing welded, dropped or interpreted yet.
@@ -159,6 +163,12 @@ def _assemble(
     if len(bad):
         raise BuildingError(
             f"{path}: vertex {bad[0] + 1} is not finite: {points[bad[0]].tolist()}; repair its coordinates"
+        )
+    far = np.flatnonzero((np.abs(points) > FARTHEST).any(axis=1))
+    if len(far):
+        raise BuildingError(
+            f"{path}: vertex {far[0] + 1} lies at {points[far[0]].tolist()}, farther than {FARTHEST:g} from the "
+            "origin; repair its coordinates or draw the building in metres"
         )
 
     try:

@@ -87,9 +87,14 @@ def show_building(building: "Building") -> None:
 
 def show_people(simulation: "Simulation") -> None:
     """Show the groups, where they start and how far it is; that everybody can reach an exit has been checked."""
+    import numpy as np
+
     population = simulation.population
     crowd = population.crowd
-    time = simulation.fields.travel_time_at(crowd.level, crowd.position, crowd.route)
+    lengths = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Nobody needs time for a way that is not there, even at speed zero.
+        time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
     names = [level.name for level in simulation.building.levels]
     rows = [
         (
@@ -101,7 +106,7 @@ def show_people(simulation: "Simulation") -> None:
         )
         for group in population.groups
     ]
-    columns = ("group", "people", "on", "seconds to an exit, unhindered", "radius [m]")
+    columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
     show_table(f"People: {len(crowd.level)}, all of whom can reach an exit", columns, rows)
 
 

@@ -7,8 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-#: What is drawn if nothing is said.
-DEFAULT_NAMES = ("picture.png", "film.gif")
+from evac.output import FILM_NAME, PICTURE_NAME
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +34,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     trajectory = read_trajectory(arguments.result)
     look = {"stretch": arguments.stretch, "colour_by": arguments.colour_by}
-    for path in arguments.out or [trajectory.path.parent / name for name in DEFAULT_NAMES]:
+    for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)
         if path.suffix in FILMS:
             render_animation(trajectory, path, fps=arguments.fps, speed=arguments.speed, **look)

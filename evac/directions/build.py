@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -19,6 +20,10 @@ from evac.parameters import did_you_mean
 
 #: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
 BEND = 8.0
+
+
+#: Nodes of all levels: some gigabytes.
+MOST_NODES = 2e7
 
 
 def build_fields(
@@ -137,6 +142,13 @@ def _check(
         for name in route.exits:
             if name not in names:
                 raise ScenarioError(f"{building.source} has no exit {name!r}; {did_you_mean(name, names)}")
+    nodes = sum(shapely.box(*level.polygon.bounds).area for level in building.levels) / spacing**2
+    if nodes > MOST_NODES:
+        least = spacing * math.sqrt(nodes / MOST_NODES)
+        raise ScenarioError(
+            f"directions.spacing: {spacing} m needs {nodes:.2g} nodes, more than {MOST_NODES:.0e}; "
+            f"make it at least {least:.2g} m"
+        )
     for exit_ in building.exits:
         if exit_.width < 2.0 * spacing:
             raise ScenarioError(

@@ -250,7 +250,7 @@ def route_text(route: Route) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return `value` as JSON knows it: numpy scalars and arrays as numbers and lists, NaN and infinity as None."""
+    """Return `value` as JSON knows it: numpy's as numbers and lists, NaN and infinity as None, the rest as text."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -261,7 +261,7 @@ def plain(value: Any) -> Any:
         value = value.item()
     if isinstance(value, float) and not np.isfinite(value):
         return None
-    return value
+    return value if value is None or isinstance(value, (str, bool, int, float)) else repr(value)
 
 
 def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:

@@ -251,8 +251,11 @@ def read_trajectory(path: str | Path) -> Trajectory:
         building = building_from_json(header["building"])
         radius = np.array(header["radius"], np.float64)
         group, groups = np.array(header["group"], np.int32), tuple(header["groups"])
-    except (KeyError, TypeError, ValueError) as error:
+        np.array(header["origin"], np.float64).reshape(2)
+    except KeyError as error:
         raise ResultError(f"{path}: the header lacks {error}; the file was not written by this version") from error
+    except (AttributeError, TypeError, ValueError, IndexError) as error:
+        raise ResultError(f"{path}: the header is damaged: {error}; export or render an undamaged result") from error
     time, records, end = _read_frames(path, data, start, len(radius))
     return Trajectory(path, header, building, group, groups, radius, time, records, len(data) - end)
 
@@ -269,8 +272,11 @@ def _read_header(path: Path, data: bytes) -> tuple[dict[str, Any], int]:
         header = json.loads(data[first:end])
     except ValueError as error:
         raise ResultError(f"{path}: the header is no JSON: {error}") from error
-    if header.get("format") != 1 or tuple(header.get("fields", ())) != FIELDS:
-        raise ResultError(f"{path}: trajectory format {header.get('format')!r} is unknown; this version reads format 1")
+    if not isinstance(header, dict) or header.get("format") != 1:
+        found = header.get("format") if isinstance(header, dict) else header
+        raise ResultError(f"{path}: trajectory format {found!r} is unknown; this version reads format 1")
+    if header.get("fields") != list(FIELDS):
+        raise ResultError(f"{path}: the header's fields are {header.get('fields')!r}; they must be {list(FIELDS)}")
     return header, end
 
 

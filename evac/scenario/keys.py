@@ -48,6 +48,14 @@ Positive = Annotated[
     BeforeValidator(lambda value: distribution_from(value, above=0.0)),
     PlainSerializer(_as_written),
 ]
+#: Of a body's radius: a centimetre is less than any, and finer ones would need more memory than there is.
+LEAST_RADIUS = 0.01
+
+Radius = Annotated[
+    InstanceOf[Distribution],
+    BeforeValidator(lambda value: distribution_from(value, minimum=LEAST_RADIUS)),
+    PlainSerializer(_as_written),
+]
 NotNegative = Annotated[
     InstanceOf[Distribution],
     BeforeValidator(lambda value: distribution_from(value, minimum=0.0)),

@@ -91,7 +91,9 @@ def case_from(
         case = Case.model_validate(content)
     except ValidationError as error:
         problems += problems_of(error)
-    problems += _plugin_problems(content, registry)
+    of_plugins = _plugin_problems(content, registry)
+    said = {problem.key for problem in of_plugins}
+    problems = [problem for problem in problems if problem.key not in said] + of_plugins
     problems += _scene_problems(content, case, source.parent)
     if case is None or problems:
         raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
@@ -147,7 +149,7 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
             way_out = did_you_mean(model, list(registry.contact_models))
             problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {way_out}"))
         tables = {name: table for name, table in contact.items() if name != "model"}
-        problems += _table_problems(("contact",), tables, registry.contact_models, "contact model")
+        problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
     for section, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
@@ -162,12 +164,14 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
 
 
 def _table_problems(
-    key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str
+    key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str, beside: tuple[str, ...] = ()
 ) -> list[Problem]:
+    """Check tables named by plugins; `beside` are the keys that the section has of its own."""
     problems: list[Problem] = []
     for name, table in tables.items():
         if name not in classes:
-            problems.append(Problem((*key, name), f"unknown {word}; {did_you_mean(name, list(classes))}"))
+            what = word if isinstance(table, dict) or not beside else "key"
+            problems.append(Problem((*key, name), f"unknown {what}; {did_you_mean(name, [*classes, *beside])}"))
         elif isinstance(table, dict):
             declared = classes[name].declared()
             for parameter, value in table.items():

@@ -15,6 +15,7 @@ from evac.scenario.keys import (
     Parameters,
     Point,
     Positive,
+    Radius,
     Real,
     Section,
     StairSpeed,
@@ -32,6 +33,13 @@ if TYPE_CHECKING:
     from evac.registry import Registry
 
 
+#: Steps to a tick: in between nothing is seen, not even an interrupt.
+MOST_STEPS = 100_000
+
+#: People in a group.
+MOST_PEOPLE = 1_000_000
+
+
 class Placed(Section):
     """Something that stands on one level."""
 
@@ -41,7 +49,8 @@ class Placed(Section):
     @model_validator(mode="after")
     def _on_one_level(self) -> Self:
         if (self.z is None) == (self.level is None):
-            raise wrong("level", "give the level by name, or its height z, and not both")
+            both = "and not both" if self.z is not None else "neither is there"
+            raise wrong("level", f"give the level by name, or its height z: {both}")
         return self
 
 
@@ -95,7 +104,10 @@ class Directions(Section):
 
     spacing: Real = key("distance of the grid's nodes", "m", 0.1, gt=0)
     clearance: Real | None = key(
-        "width kept clear of walls where there is room; if not given, the greatest body radius", "m", None, ge=0
+        "width kept clear of walls where there is room; if not given, the greatest body radius, at most twice the mean",
+        "m",
+        None,
+        ge=0,
     )
     stairs_up: Real | None = key(
         "reference speed up stairs over that on the flat; if not given, the people's mean", "", None, gt=0
@@ -111,7 +123,7 @@ class People(Section):
     """`[[people]]`: one group; each quantity is a number or a distribution."""
 
     name: str = key("name of the group", min_length=1)
-    number: Whole | None = key("how many people; with `positions` not needed", "", None, ge=1)
+    number: Whole | None = key("how many people; with `positions` not needed", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
     positions: tuple[Point, ...] | None = key(
         "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
@@ -121,7 +133,7 @@ class People(Section):
     )
     z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
     level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
-    radius: Positive = key("body radius", "m", Distribution("uniform", (0.2, 0.25)))
+    radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Positive = key(
         "time in which a person takes up the desired velocity", "s", Distribution("uniform", (0.1, 0.5))
@@ -174,7 +186,8 @@ class People(Section):
         if self.number not in (None, count):
             raise wrong("number", f"{self.number} people at {count} positions; remove number or correct it")
         if (self.z is None) == (self.level is None):
-            raise wrong("level", "give the level of the positions by name, or its height z, and not both")
+            both = "and not both" if self.z is not None else "neither is there"
+            raise wrong("level", f"give the level of the positions by name, or its height z: {both}")
         if self.velocity is not None and len(self.velocity) != count:
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
 
@@ -198,7 +211,7 @@ class SimulationSettings(Section):
 
     step: Real = key("time step h of the physics", "s", 0.01, gt=0)
     tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, gt=0)
-    duration: Real = key("when the run ends, people left or not", "s", 300.0, gt=0)
+    duration: Real = key("when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0)
     seed: Whole = key("seed of everything random", "", 1, ge=0)
     driving: Literal["exponential", "explicit"] = key(
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
@@ -216,6 +229,12 @@ class SimulationSettings(Section):
                 f"{self.tick:g} s is no multiple of simulation.step {self.step:g} s; nearest: "
                 f"tick = {below * self.step:.6g} or {(below + 1) * self.step:.6g}, "
                 f"or step = {self.tick / (below + 1):.6g} or {self.tick / below:.6g}",
+            )
+        if self.tick > MOST_STEPS * self.step:
+            raise wrong(
+                "step",
+                f"{self.step:g} s makes {self.tick / self.step:.3g} steps to a tick of {self.tick:g} s, more than "
+                f"{MOST_STEPS:,}; use a longer step or a shorter tick",
             )
         return self
 

@@ -159,6 +159,7 @@ def test_second_order_cells_count_by_their_corners(tmp_path):
         ("a.obj", "v 0 0 0\nf 1 x 2\n", "line 2"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n", "only 2 corners"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 5\n", "refers to a vertex"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 lies at .* farther than 1e\+11 from"),
         ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", r"vertex 2 is not finite"),
         ("a.off", "nothing", "first word must be OFF"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n", "only 1 lines follow"),

@@ -1,7 +1,10 @@
 """evac check."""
 
+import json
 import re
 from pathlib import Path
+
+import pytest
 
 import evac_buildings
 
@@ -71,3 +74,12 @@ def evac_read_building(path, options):
     )
     assert evac("check", "room.plan", "--plugin", "reader.py") == 0
     assert _lines(capsys.readouterr().out, "way")[0] == ["way", "floor", "z=0.00", "1"]
+
+
+def test_seconds_to_an_exit_are_what_a_person_alone_takes(evac, tmp_path, capsys):
+    one = ["people.people.number=1", "people.people.speed=1.5", "people.people.tau=0.01", "output.animation=false"]
+    assert evac("check", "square_room", "--set", *one) == 0
+    (told,) = re.findall(r"people +1 +room +([\d.]+) to", capsys.readouterr().out)
+    evac("run", "square_room", "--out", tmp_path / "r", "--set", *one)
+    taken = json.loads((tmp_path / "r" / "summary.json").read_text())["last_out"]
+    assert float(told) == pytest.approx(taken, abs=0.2)

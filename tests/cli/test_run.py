@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -112,6 +113,8 @@ def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
     evac("run", "square_room", "--out", "r")
     (tmp_path / "r" / "notes.txt").write_text("mine")
     (tmp_path / "r" / "frames" / "own.vtp").write_text("mine")
+    for name in ("picture.png", "film.gif"):
+        (tmp_path / "r" / name).write_text("drawn by evac render, of the run before")
     quiet = ["output.animation=false", "output.picture=false"]
     assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
     names = {path.name for path in (tmp_path / "r").iterdir()}
@@ -140,6 +143,57 @@ def evac_metrics(results):
     assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
     metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
     assert metrics[str(plugin)] == {"twice": 40}
+
+
+def test_metrics_that_fail_do_not_take_the_results_with_them(evac, tmp_path):
+    plugin = tmp_path / "failing.py"
+    plugin.write_text(
+        """
+from evac import hookimpl
+
+@hookimpl
+def evac_metrics():
+    return {"odd": object, "share": 1 / 0}
+"""
+    )
+    assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
+    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
+    assert "evac_metrics: ZeroDivisionError: division by zero" in metrics[str(plugin)]["error"]
+    plugin.write_text(plugin.read_text().replace("1 / 0", "1"))
+    assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
+    metrics = json.loads((tmp_path / "r" / "summary.json").read_text())["metrics"]
+    assert metrics[str(plugin)] == {"odd": "<class 'object'>", "share": 1}
+
+
+@pytest.mark.parametrize(
+    ("act", "words"),
+    [
+        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 10\)"),
+        ("crowd.speed_factor[3] = float('nan')", r"behaviour 'odd' wrote nan to speed_factor of person 3"),
+        ("crowd.route[2] = 7", r"behaviour 'odd' wrote route 7 for person 2; there are 1"),
+    ],
+)
+def test_a_behaviour_that_fails_is_named(evac, tmp_path, capsys, act, words):
+    plugin = tmp_path / "odd.py"
+    plugin.write_text(
+        f"""
+from evac import Behaviour, hookimpl
+
+class Odd(Behaviour):
+    # Does it wrong.
+
+    name = "odd"
+    writes = ("speed_factor", "route")
+    def act(self, crowd, time):
+        {act}
+
+@hookimpl
+def evac_behaviours():
+    return [Odd]
+"""
+    )
+    assert evac("run", "square_room", "--out", "r", "--plugin", plugin, "--set", "behaviours.odd={}") == 2
+    assert re.search(words, capsys.readouterr().err)
 
 
 def _start_long_run(folder):

@@ -175,6 +175,7 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     ("options", "message"),
     [
         ({"spacing": 0.0}, "directions.spacing"),
+        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m needs 3e\+09 nodes.*at least 0\.0012 m"),
         ({"spacing": 1.0}, "exit 'A' is 1.00 m wide"),
         ({"clearance": -1.0}, "directions.clearance"),
         ({"order": 3}, "directions.order"),

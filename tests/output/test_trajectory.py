@@ -127,6 +127,8 @@ def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
         (b"EVACTRJ1" + struct.pack("<I", 99) + b"{}", "header is cut off"),
         (b"EVACTRJ1" + struct.pack("<I", 2) + b"{]", "header is no JSON"),
         (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":2}', "format 2 is unknown"),
+        (b"EVACTRJ1" + struct.pack("<I", 2) + b"[]", r"format \[\] is unknown"),
+        (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":1}', "the header's fields are None"),
     ],
 )
 def test_what_is_no_trajectory_is_refused(tmp_path, content, words):

@@ -83,7 +83,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
             "people.teacher.strategy: must be 'shortest', 'fastest' or 'comfortable', got 'fastes'; "
             "did you mean 'fastest'?",
         ),
-        ("people.pupils.radius=0", "people.pupils.radius: must be greater than 0, got 0"),
+        ("people.pupils.radius=0", "people.pupils.radius: must be at least 0.01, got 0"),
         (
             "people.pupils.speed={unifrm=[1, 2]}",
             "people.pupils.speed: unknown distribution 'unifrm'; did you mean 'uniform'?",
@@ -112,8 +112,12 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ),
         (
             'building.areas=[{name="hall", polygon=[[0,0],[1,0],[1,1]]}]',
-            "building.areas.hall.level: give the level by name, or its height z, and not both",
+            "building.areas.hall.level: give the level by name, or its height z: neither is there",
         ),
+        ("people.pupils.number=1000001", "people.pupils.number: must be less than or equal to 1000000, got 1000001"),
+        ("simulation.step=1e-9", "simulation.step: 1e-09 s makes 1e+08 steps to a tick of 0.1 s, more than 100,000; "
+         "use a longer step or a shorter tick"),
+        ("contact.modle=soft", "contact.modle: unknown key; did you mean 'model'?"),
         ("contact.model=sofd", "contact.model: unknown contact model 'sofd'; did you mean 'soft'?"),
         ("contact.hrad.solver=cg", "contact.hrad: unknown contact model; did you mean 'hard'?"),
         ("contact.soft.stiffness=-1", "contact.soft.stiffness: must be greater than 0 N/m, got -1"),
@@ -146,7 +150,7 @@ def test_a_fault_is_one_line_with_file_key_and_way_out(case_file, registry, over
         ),
         (
             "people.teacher.z=0.0",
-            "people.teacher.level: give the level of the positions by name, or its height z, and not both",
+            "people.teacher.level: give the level of the positions by name, or its height z: and not both",
         ),
         ("simulation.step=0.2", "simulation.tick: 0.1 s is no multiple of simulation.step 0.2 s; "
          "nearest: tick = 0.2 or 0.4, or step = 0.05 or 0.1"),
