@@ -164,12 +164,15 @@ class Simulation:
 
     def advance_tick(self) -> None:
         """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last."""
+        settings = self.case.simulation
         if not self._is_recording:
+            with self._phase("kernels"):
+                explicit = settings.driving == "explicit"
+                self.engine.load(self.contact, self.population.crowd, settings.step, explicit)
             self._is_recording = True
             for recorder in self.recorders:
                 recorder.start(self)
                 recorder.record(self)
-        settings = self.case.simulation
         per_tick = round(settings.tick / settings.step)
         last = round(settings.duration / settings.step)
         steps = min(per_tick, last - self.step)

@@ -79,6 +79,12 @@ class Engine:
         stepping.scatter(crowd, self.bodies)
         return self.events
 
+    def load(self, model: "ContactModel", crowd: Crowd, step: float, explicit: bool) -> None:
+        """Load the kernels of a model, or compile them; no step is made."""
+        if stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts):
+            model.run(self, Clock(0, 0, step, explicit, False, self.cutoff, self.full))
+        stepping.scatter(crowd, self.bodies)
+
     def report(self) -> dict[str, float | int]:
         """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
         return {
