@@ -42,3 +42,14 @@ def plugin_code(what: str) -> Iterator[None]:
             f"{what}: {type(error).__name__}: {error} ({place.filename}, line {place.lineno}); "
             "repair the plugin or leave it out"
         ) from error
+
+
+@contextmanager
+def naming(source: object) -> Iterator[None]:
+    """Put the name of a file before a ScenarioError that does not name it yet."""
+    try:
+        yield
+    except ScenarioError as error:
+        if str(source) in str(error):
+            raise
+        raise ScenarioError(f"{source}: {error}") from error

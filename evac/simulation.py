@@ -15,7 +15,7 @@ from evac.building.model import Building
 from evac.building.reading import read_building
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.errors import PluginError, ScenarioError, SimulationError, plugin_code
+from evac.errors import PluginError, SimulationError, naming, plugin_code
 from evac.output.recorder import Recorder
 from evac.output.results import Results
 from evac.people.distributions import generator_for
@@ -96,16 +96,15 @@ class Simulation:
         with self._phase("building"):
             self.building = read_case_building(case)
             check_people(case, self.building)
-        with self._phase("directions"):
+        with naming(case.source), self._phase("directions"):
             self.fields = self._build_fields(all_behaviours)
         with self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
-            self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
-        try:
+            with naming(case.source):
+                self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
+        with naming(case.source):
             self.contact.check_scene(self._border_scene())
-        except ScenarioError as error:
-            raise ScenarioError(f"{case.source}: {error}") from error
         world = make_world(self.building, self.fields)
         self.engine = Engine(world, len(self.population.crowd.level), self.forces, full)
         self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
@@ -116,7 +115,7 @@ class Simulation:
         self._seen_time = np.full(len(crowd.level), np.inf)
         self._moved_at = np.zeros(len(crowd.level))
         for behaviour, scene in self.behaviours:
-            with plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+            with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 behaviour.prepare(scene)
         with plugin_code("evac_prepare"):
             self.registry.hook.evac_prepare(simulation=self)

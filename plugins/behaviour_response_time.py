@@ -8,6 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
+from evac.errors import naming
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter
 from evac.people.distributions import Distribution, parse
@@ -56,30 +57,31 @@ class ResponseTime(Behaviour):
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Draw the start times."""
-        for distribution, rows in self._draws(scene):
+        for key, distribution, rows in self._draws(scene):
             _, unit = np.unique(self._units(scene, rows), return_inverse=True)
-            times = distribution.draw(scene.generator, int(unit.max()) + 1)
+            with naming(key):
+                times = distribution.draw(scene.generator, int(unit.max()) + 1)
             scene.crowd.start_time[rows] = times[unit]
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if everybody sets off at once."""
-        return any(distribution.support() != (0.0, 0.0) for distribution, _ in self._draws(scene))
+        return any(distribution.support() != (0.0, 0.0) for _, distribution, _ in self._draws(scene))
 
     def acts_at_ticks(self) -> bool:
         """Return False: it only prepares."""
         return False
 
-    def _draws(self, scene: BehaviourScene) -> Iterator[tuple[Distribution, IntArray]]:
-        """Yield each distribution with the people who draw from it: the shared one, then those of groups."""
+    def _draws(self, scene: BehaviourScene) -> Iterator[tuple[str, Distribution, IntArray]]:
+        """Yield the key of each distribution, the distribution, and the people who draw from it: the shared one, then those of groups."""
         own = [group for group in scene.groups if "time" in group.settings]
         shared = [group.rows for group in scene.groups if "time" not in group.settings and len(group.rows)]
         if shared:
-            yield self.time, np.concatenate(shared)
+            yield "behaviours.response_time.time", self.time, np.concatenate(shared)
         for group in own:
             key = f"people.{group.name}.behaviours.response_time.time"
             distribution = parse(group.settings["time"], key, minimum=0.0)
             if len(group.rows):
-                yield distribution, group.rows
+                yield key, distribution, group.rows
 
     def _units(self, scene: BehaviourScene, rows: IntArray) -> IntArray:
         """Return a number for each person, the same for those who share a draw."""

@@ -35,7 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.simulation import Simulation
 
     simulation = Simulation(case)
-    show_facts({"case": case.title, "file": case.source})
+    show_facts({"case": case.title or case.folder.name, "file": case.source})
     show_building(simulation.building)
     show_people(simulation)
     widest = 2.0 * float(simulation.population.crowd.radius.max())

@@ -141,7 +141,10 @@ def _check(
             raise ScenarioError(f"unknown strategy {route.strategy!r}; {did_you_mean(route.strategy, STRATEGIES)}")
         for name in route.exits:
             if name not in names:
-                raise ScenarioError(f"{building.source} has no exit {name!r}; {did_you_mean(name, names)}")
+                raise ScenarioError(
+                    f"a route leads to exit {name!r}, which {building.source} does not have;"
+                    f" {did_you_mean(name, names)}"
+                )
     nodes = sum(shapely.box(*level.polygon.bounds).area for level in building.levels) / spacing**2
     if nodes > MOST_NODES:
         least = spacing * math.sqrt(nodes / MOST_NODES)

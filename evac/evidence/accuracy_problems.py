@@ -1,6 +1,5 @@
 """The contact problems that solvers are compared on: what a model solves in one step of a crowd at a door."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -204,14 +203,3 @@ def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> tuple[Bodies
 def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:
     """Return the greatest distance of the velocities found from the true ones, in the unit of the law."""
     return float(np.max(np.hypot(*(problem.velocity - truth).T))) * problem.law.scale
-
-
-def reference_residual(problem: ContactProblem, velocity: FloatArray) -> float:
-    """Return by how much velocities break the constraint w+ + b >= 0 of the law, in its unit: zero if by nothing."""
-    c = problem.size
-    gradient = gradient_matrix(
-        problem.contacts.body[:c], problem.contacts.other[:c], problem.contacts.normal[:c], len(problem.free)
-    )
-    separation = gradient @ velocity.ravel() + problem.contacts.bias[:c]
-    worst = -float(separation.min()) if c else 0.0
-    return max(worst, 0.0) * problem.law.scale if math.isfinite(worst) else math.inf

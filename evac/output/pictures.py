@@ -14,7 +14,7 @@ MOST_GROUPS = 12
 
 
 def draw_egress(results: Results, path: Path) -> None:
-    """Draw the egress curve of everybody, and of each group where there are not too many, to a PNG file.
+    """Draw the egress curve of everybody, and of each group of several where there are not too many, to a PNG file.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def draw_egress(results: Results, path: Path) -> None:
     axes = figure.add_subplot()
     end = results.time
     if 1 < len(results.groups) <= MOST_GROUPS:
-        for k, group in enumerate(results.groups):
+        for k, group in enumerate(group for group in results.groups if len(group.rows) > 1):
             time, number = results.egress(group.rows)
             style = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--", "linewidth": 1.0}
             axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)

@@ -44,10 +44,16 @@ def render_picture(
     Raises
     ------
     ResultError
-        The trajectory has no frame, the file's ending is unknown, or the file cannot be written.
+        The trajectory has no frame, or none at that time, the file's ending is unknown, `stretch` is not greater
+        than 0, or the file cannot be written.
     """
-    _check(trajectory, path, PICTURES, colour_by)
-    middle = 0.5 * float(trajectory.time[-1])
+    _check(trajectory, path, PICTURES, colour_by, stretch)
+    first, last = float(trajectory.time[0]), float(trajectory.time[-1])
+    if time is not None and not first <= time <= last:
+        raise ResultError(
+            f"{trajectory.path}: no picture of t = {time:g} s; it was recorded from {first:g} to {last:g} s"
+        )
+    middle = 0.5 * last
     scene = Scene(trajectory, size, stretch, colour_by)
     try:
         image = scene.show(trajectory.nearest(middle if time is None else time))
@@ -85,7 +91,7 @@ def render_animation(
         The trajectory has no frame, `fps` or `speed` is not positive, the file's ending is unknown, an MP4
         film is asked for without imageio-ffmpeg, or the file cannot be written.
     """
-    _check(trajectory, path, FILMS, colour_by)
+    _check(trajectory, path, FILMS, colour_by, stretch)
     if not (fps > 0 and speed > 0):
         raise ResultError(f"fps and speed of a film must be greater than 0, got {fps} and {speed}")
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
@@ -105,18 +111,20 @@ def render_animation(
         scene.close()
 
 
-def _check(trajectory: Trajectory, path: Path, endings: tuple[str, ...], colour_by: str) -> None:
+def _check(trajectory: Trajectory, path: Path, endings: tuple[str, ...], colour_by: str, stretch: float | None) -> None:
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
     if path.suffix not in endings:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
     if colour_by not in COLOURS:
         raise ResultError(f"people cannot be coloured by {colour_by!r}; use {' or '.join(COLOURS)}")
+    if stretch is not None and not 0.0 < stretch < math.inf:
+        raise ResultError(f"the stretch of heights must be greater than 0, got {stretch:g}")
 
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
     """Write with one palette for all pictures, so that nothing flickers; legend and scale bring in every colour."""
-    first = Image.fromarray(next(images)).quantize(255, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    first = Image.fromarray(next(images)).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
     rest = (Image.fromarray(image).quantize(palette=first, dither=Image.Dither.NONE) for image in images)
     first.save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
 

@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pyvista
+import shapely
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 
@@ -23,6 +24,7 @@ COLOURS = ("group", "speed")
 
 LEVEL_COLOUR = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf"}
 WALL_COLOUR, EDGE_COLOUR, EXIT_COLOUR, TEXT_COLOUR = "#c3cad3", "#7b8794", "#12a150", "#27313d"
+TOP_COLOUR, FURNITURE = "#d9bf9b", 4.0  # of tables and the like; their greatest area [m2]
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough to look over
 PERSON_HEIGHT, PERSON_RADIUS = 1.6, 0.22  # of the figure [m]; it is scaled to each body
 ELEVATION_FLAT, ELEVATION = np.radians(58.0), np.radians(36.0)  # of the view on one storey, on several
@@ -100,11 +102,26 @@ class Scene:
                 self.plotter.add_mesh(surface, color=colour, lighting=False, render=False)
         walls = self._place(segments_in_space(building, building.walls, building.wall_level))
         self._add_ribbon(walls, WALL_HEIGHT, WALL_COLOUR, EDGE_COLOUR)
+        self._add_tops(building)
         for exit_ in building.exits:
             level = np.full(len(exit_.segments), exit_.level)
             self._add_ribbon(
                 self._place(segments_in_space(building, exit_.segments, level)), EXIT_HEIGHT, EXIT_COLOUR, EXIT_COLOUR
             )
+
+    def _add_tops(self, building: Building) -> None:
+        """Close the holes of flat levels that are as small as furniture at the height of the walls around them."""
+        for level in building.levels:
+            if level.slope > 0.0:
+                continue
+            for part in shapely.get_parts(level.polygon):
+                for hole in map(shapely.Polygon, shapely.get_rings(part)[1:]):
+                    if hole.area > FURNITURE:
+                        continue
+                    for piece in shapely.get_parts(shapely.constrained_delaunay_triangles(hole)):
+                        corners = np.column_stack([shapely.get_coordinates(piece)[:3], np.full(3, level.z_min)])
+                        top = pyvista.Triangle(self._place(corners) + np.array([0.0, 0.0, WALL_HEIGHT]))
+                        self.plotter.add_mesh(top, color=TOP_COLOUR, lighting=False, render=False)
 
     def _add_ribbon(self, segments: FloatArray, height: float, colour: str, edge_colour: str) -> None:
         """Add upright strips of `height` on `segments` (s, 2, 3), with their upper edges."""

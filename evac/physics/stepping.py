@@ -15,12 +15,10 @@ from evac.directions.sampling import sample_travel_time
 from evac.jit import inner, kernel
 from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
 from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
-from evac.physics.motion import EVENTS_FULL, TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
+from evac.physics.motion import TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
 from evac.physics.neighbours import OK, build_lists, lists_are_stale
 
 __all__ = ["TOO_FAST", "TOO_STIFF", "save"]
-
-MUST_GROW = (1, 2, 3, 4, EVENTS_FULL)
 
 #: A step is cut into at most this many parts before the run is stopped.
 GREATEST_PARTS = 256
