@@ -72,7 +72,7 @@ class ResponseTime(Behaviour):
         return False
 
     def _draws(self, scene: BehaviourScene) -> Iterator[tuple[str, Distribution, IntArray]]:
-        """Yield the key of each distribution, the distribution, and the people who draw from it: the shared one, then those of groups."""
+        """Yield key, distribution and the people who draw from it: the shared one, then those of groups."""
         own = [group for group in scene.groups if "time" in group.settings]
         shared = [group.rows for group in scene.groups if "time" not in group.settings and len(group.rows)]
         if shared:

@@ -102,3 +102,15 @@ def test_trajectory_without_frames_is_refused(tmp_path, building):
     TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match="no frame to draw"):
         render_picture(read_trajectory(tmp_path / "none.evac"), tmp_path / "run.png")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"time": 99.0}, r"no picture of t = 99 s; the run was recorded from 0 to 2 s"),
+        ({"stretch": -1.0}, "greater than 0"),
+    ],
+)
+def test_times_and_stretches_that_are_none_are_refused(trajectory, tmp_path, options, words):
+    with pytest.raises(ResultError, match=words):
+        render_picture(trajectory, tmp_path / "run.png", size=SIZE, **options)
