@@ -107,7 +107,7 @@ def test_trajectory_without_frames_is_refused(tmp_path, building):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"time": 99.0}, r"no picture of t = 99 s; the run was recorded from 0 to [0-9]"),
+        ({"time": 99.0}, r"no picture of t = 99 s; it was recorded from 0 to [0-9]"),
         ({"stretch": -1.0}, "greater than 0"),
     ],
 )
