@@ -56,5 +56,7 @@ def write_index(folder: Path) -> None:
         conditions = folder / kind / "run.json"
         if conditions.is_file():
             found = json.loads(conditions.read_text())
-            lines += [f"## [{found['title']}]({kind}/README.md)", found["summary"], f"`{found['command']}`"]
+            lines += [f"## [{found['title']}]({kind}/README.md)", found["summary"]]
+            lines += [f"![{caption}]({kind}/{name}.png)" for name, caption in found.get("charts", ())]
+            lines.append(f"`{found['command']}`")
     (folder / "README.md").write_text("\n\n".join(lines) + "\n")

@@ -72,6 +72,8 @@ class Evidence:
         self.quick = quick
         self.seed = seed
         self._page: list[str] = []
+        self._first: list[str] = []
+        self._charts: list[tuple[str, str]] = []
         self._start = time.perf_counter()
         self._reference = reference_time()
         folder.mkdir(parents=True, exist_ok=True)
@@ -91,6 +93,11 @@ class Evidence:
     def text(self, sentences: str) -> None:
         """Add a paragraph; numbers in it are formatted from data, never typed."""
         self._page.append(" ".join(sentences.split()))
+
+    def finding(self, sentence: str, chart: str, caption: str) -> None:
+        """Put a sentence at the head of the page, with a chart that is on it; both also stand on the index."""
+        self._first.append(" ".join(sentence.split()))
+        self._charts.append((chart, caption))
 
     def table(self, name: str, rows: Sequence[Row], caption: str, formats: Mapping[str, str] | None = None) -> None:
         """Write NAME.csv with full precision and put the table on the page.
@@ -129,16 +136,19 @@ class Evidence:
 
     def write_page(self, title: str) -> Path:
         """Write README.md: title, what was added in its order, and what it was computed with; also run.json."""
-        summary = next((part for part in self._page if not part.startswith(("#", "|", "!"))), "")
+        head = [" ".join(self._first)] if self._first else []
+        head += [f"![{caption}]({name}.png)" for name, caption in self._charts]
+        page = [*head, *self._page]
+        summary = next((part for part in page if not part.startswith(("#", "|", "!"))), "")
         conditions = self.conditions()
-        described = {"title": title, "summary": summary, **conditions}
+        described = {"title": title, "summary": summary, "charts": self._charts, **conditions}
         (self.folder / "run.json").write_text(json.dumps(described, indent=2) + "\n")
         command = f"evac evidence {self.kind}{' --quick' if self.quick else ''}"
         lines = [f"# {title}", f"Recomputed from scratch by `{command}`; nothing on this page is typed by hand."]
         if self.quick:
             lines.append("**Quick run: smaller problems and fewer runs than the full one.**")
         rows = [{"what": key, "value": value} for key, value in conditions.items()]
-        lines += [*self._page, "## Conditions", markdown_table(rows, {})]
+        lines += [*page, "## Conditions", markdown_table(rows, {})]
         path = self.folder / "README.md"
         path.write_text("\n\n".join(lines) + "\n")
         return path

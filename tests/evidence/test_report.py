@@ -125,3 +125,15 @@ def test_a_folder_that_cannot_be_written_is_bad_input(tmp_path, capsys):
     (tmp_path / "lean").write_text("in the way")
     assert main(["evidence", "lean", "--quick", "--out", str(tmp_path)]) == 2
     assert "choose another --out" in capsys.readouterr().err
+
+
+def test_findings_head_the_page_and_stand_on_the_index_with_their_chart(tmp_path):
+    evidence = Evidence("accuracy", tmp_path / "accuracy")
+    evidence.text("What was done.")
+    evidence.finding("A is better.", "line", "A over B")
+    evidence.plot("line", new_figure()[0], "A line.")
+    page = evidence.write_page("Title").read_text()
+    assert page.index("A is better.") < page.index("![A over B](line.png)") < page.index("What was done.")
+    write_index(tmp_path)
+    index = (tmp_path / "README.md").read_text()
+    assert "A is better.\n\n![A over B](accuracy/line.png)" in index
