@@ -147,7 +147,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
     for part in range(parts):
         time = step * clock.step + part * h
         status, fastest = stepping.free_motion(world, bodies, lists, forces, clock, tally, time, h, False)
-        if status == OK and stepping.is_too_fast(bodies, h, 0.5 * law.smallest):
+        if status == OK and stepping.is_too_fast(bodies, h, fastest, 0.5 * law.smallest):
             return stepping.TOO_FAST
         if status == OK:
             status = stepping.meet(world, bodies, lists, contacts, tally, h, 0.0, 0.0, fastest)

@@ -33,7 +33,7 @@ PER_TICK = 10
 QUICK_SIZES = {20: (10, 5), 100: (10, 5), 1_000: (10, 3)}
 FULL_SIZES = {20: (10, 9), 100: (10, 9), 1_000: (10, 9), 10_000: (10, 5), 100_000: (5, 2)}
 
-#: What issue 2 of the project asks for.
+#: What is asked for.
 GREATEST_TIME = 150.0  # ns per person-step, 10,000 people at 2 per m2 under DEM
 LEAST_SPEED = 300.0  # times real time, the school
 GREATEST_PYTHON = 30.0  # % of the school's loop
@@ -65,11 +65,12 @@ def run(evidence: Evidence) -> None:
         for state, density in DENSITIES.items():
             hall = make_hall(people, density, evidence.seed)
             rows += [_row(hall, state, name, *ticks) for name in MODELS]
-    claims = [_hall_claim(rows), *_school_claims(1 if evidence.quick else 5)]
+    repeats = 1 if evidence.quick else 5
+    claims = [_hall_claim(sizes, evidence.seed, repeats), *_school_claims(repeats)]
     met = sum(row["met"] == "yes" for row in claims)
     evidence.text(
-        f"""{claims[0]["what"]}: {claims[0]["measured"]:.0f} ns per person-step on one core. Of the {len(claims)} speeds
-        that were asked for, {met} are met on this machine."""
+        f"""{claims[0]["what"]}: {claims[0]["measured"]:.0f} on one core. Of the {len(claims)} speeds that were asked
+        for, {met} are met on this machine."""
     )
     evidence.heading("What was asked for")
     evidence.table("claims", claims, "Asked for and measured; medians.")
@@ -192,12 +193,13 @@ def _row(hall: Hall, state: str, name: str, warm: int, timed: int) -> dict[str, 
     return row | {f"{phase} [%]": 100.0 * spent[phase] / total for phase in PHASES}
 
 
-def _hall_claim(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claim on the hall of 10,000, or of the most people that this run has up to that."""
-    people = max(row["people"] for row in rows if row["people"] <= 10_000)
-    row = next(row for row in rows if (row["people"], row["state"], row["model"]) == (people, "free", "DEM"))
+def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> dict[str, Any]:
+    """Return the claim on the hall of 10,000, or of the most people that this run has up to that: some walks anew."""
+    people = max(size for size in sizes if size <= 10_000)
+    hall = make_hall(people, DENSITIES["free"], seed)
+    measured = [1e9 * walk(hall, make_model("DEM"), *sizes[people]).per_person for _ in range(repeats + 1)]
     what = f"Hall of {people:,} people at {DENSITIES['free']:g} per m2, DEM [ns per person-step]"
-    return _claim(what, "at most", GREATEST_TIME, row["ns per person-step"])
+    return _claim(what, "at most", GREATEST_TIME, _middle(measured))
 
 
 def _school_claims(repeats: int) -> list[dict[str, Any]]:

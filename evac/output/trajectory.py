@@ -103,7 +103,8 @@ class Frame(TypedDict):
     """Everybody who is inside at one time; c rows.
 
     ``position`` is in plan; ``velocity`` is in space, its vertical part that of the slope, and ``speed``
-    [m/s] its length, so along the slope on stairs.
+    [m/s] its length, so along the slope on stairs. ``crowd_pressure`` [N/m] is the contact force over the
+    circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
     """
 
     time: float
@@ -114,6 +115,7 @@ class Frame(TypedDict):
     velocity: FloatArray
     speed: FloatArray
     contact_force: FloatArray
+    crowd_pressure: FloatArray
 
 
 @dataclass(frozen=True)
@@ -176,15 +178,17 @@ class Trajectory:
         plan_velocity = records[:, 4:6]
         rise = np.einsum("ij,ij->i", plan_velocity, self._climb[level])
         velocity = np.column_stack([plan_velocity, rise])
+        person = records[:, 0].astype(np.int32)
         return Frame(
             time=float(self.time[k]),
-            person=records[:, 0].astype(np.int32),
+            person=person,
             level=level,
             position=position,
             z=elevation(self.building, level, position),
             velocity=velocity,
             speed=np.linalg.norm(velocity, axis=1),
             contact_force=records[:, 6],
+            crowd_pressure=records[:, 6] / (2.0 * np.pi * self.radius[person]),
         )
 
     def nearest(self, time: float) -> int:
@@ -215,6 +219,11 @@ class Trajectory:
     def contact_force(self) -> FloatArray:
         """Sums of contact forces, (f, n) [N]; NaN for people who are out."""
         return self._padded("contact_force", ())
+
+    @cached_property
+    def crowd_pressure(self) -> FloatArray:
+        """Contact forces over the circumference of the body, (f, n) [N/m]; NaN for people who are out."""
+        return self._padded("crowd_pressure", ())
 
     @cached_property
     def level(self) -> IntArray:

@@ -27,8 +27,8 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
 
     Each frame holds one point per person inside, at true height, with the point arrays person, group
     (row of the field array ``group_names``, -1 for none), level (row of ``level_names``), speed and velocity
-    [m/s] (along the slope on stairs), contact_force [N] and radius [m]. In the .pvd, people are part 0
-    and the building part 1 of every time [s].
+    [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m] and radius [m]. In the .pvd, people
+    are part 0 and the building part 1 of every time [s].
 
     Returns
     -------
@@ -76,6 +76,7 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> vtkPolyData:
         "speed": frame["speed"].astype(np.float32),
         "velocity": frame["velocity"].astype(np.float32),
         "contact_force": frame["contact_force"].astype(np.float32),
+        "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
         "radius": trajectory.radius[person].astype(np.float32),
     }
     for name, values in arrays.items():

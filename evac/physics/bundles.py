@@ -163,6 +163,8 @@ class Bodies(NamedTuple):
     built_position: FloatArray  # where the neighbour lists were built
     wall_distance: FloatArray  # of the centre to the nearest acting wall in reach [m]
     reach: FloatArray  # how far a contact is looked for beyond the body [m]
+    taken_up: FloatArray  # share of the gap to the desired velocity that a step takes up, 1 - exp(-h / tau)
+    taken_up_in: FloatArray  # (1,) the step h that it holds for [s], 0 after sorting
     near_link: ByteArray  # 1: a portal or exit may be crossed before the lists are rebuilt
 
 

@@ -112,6 +112,10 @@ def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
     Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
     held over the step. Before its response time a person wants to stand.
     """
+    if not explicit and bodies.taken_up_in[0] != h:
+        for i in range(bodies.count[0]):
+            bodies.taken_up[i] = -math.expm1(-h / bodies.tau[i])
+        bodies.taken_up_in[0] = h
     fastest = 0.0
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
@@ -129,7 +133,7 @@ def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
             share = h / tau
             weight = h * bodies.inverse_mass[i]
         else:
-            share = -math.expm1(-h / tau)
+            share = bodies.taken_up[i]
             weight = tau * share * bodies.inverse_mass[i]
         fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
         fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]

@@ -159,6 +159,8 @@ def make_bodies(n: int) -> Bodies:
     for name in Bodies._fields:
         if name == "count":
             arrays[name] = np.zeros(2, np.int64)
+        elif name == "taken_up_in":
+            arrays[name] = np.zeros(1)
         elif name == "near_link":
             arrays[name] = np.zeros(n, np.uint8)
         elif name in integers:

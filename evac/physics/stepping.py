@@ -72,6 +72,7 @@ def gather(world, crowd, bodies, lists, contacts):  # type: ignore[no-untyped-de
         bodies.distance[i] = crowd.distance[p]
         bodies.contact_force[i] = 0.0
     bodies.count[0] = inside
+    bodies.taken_up_in[0] = 0.0
     contacts.count[1] = 0
     contacts.count[2] = 0
     lists.stale[0] = 1
@@ -149,8 +150,10 @@ def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_too_fast(bodies, h, limit):  # type: ignore[no-untyped-def]
-    """Say whether a free path in the step is longer than `limit` [m], and note the body."""
+def is_too_fast(bodies, h, fastest, limit):  # type: ignore[no-untyped-def]
+    """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
+    if h * fastest <= limit:
+        return False
     for i in range(bodies.count[0]):
         if bodies.level[i] >= 0:
             square = max(
@@ -250,7 +253,7 @@ def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, shar
     smallest = 1e300
     for i in range(bodies.count[0]):
         smallest = min(smallest, bodies.radius[i])
-    if is_too_fast(bodies, h, 0.5 * smallest):
+    if is_too_fast(bodies, h, fastest, 0.5 * smallest):
         return TOO_FAST
     return meet(world, bodies, lists, contacts, tally, h, share, floor, fastest)
 

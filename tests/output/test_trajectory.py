@@ -29,6 +29,8 @@ def test_round_trip_gives_back_what_was_recorded(descent):
         np.testing.assert_array_equal(trajectory.level[k], crowd.level)
         np.testing.assert_allclose(trajectory.position[k][inside], crowd.position[inside], atol=1e-6)
         np.testing.assert_array_equal(trajectory.contact_force[k][inside], crowd.contact_force[inside])
+        pressure = crowd.contact_force[inside] / (2.0 * np.pi * trajectory.radius[inside])
+        np.testing.assert_allclose(trajectory.crowd_pressure[k][inside], pressure, rtol=1e-12)
         assert np.isnan(trajectory.position[k][~inside]).all()
         assert np.isnan(trajectory.z[k][~inside]).all()
 

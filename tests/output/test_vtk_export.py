@@ -41,6 +41,7 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
         np.testing.assert_allclose(people["speed"], frame["speed"], rtol=1e-6)
         np.testing.assert_allclose(people["velocity"], frame["velocity"], rtol=1e-6)
         np.testing.assert_allclose(people["contact_force"], frame["contact_force"])
+        np.testing.assert_allclose(people["crowd_pressure"], frame["crowd_pressure"])
         np.testing.assert_allclose(people["radius"], 0.2, rtol=1e-6)
         assert people.field_data["group_names"].tolist() == ["even", "odd"]
 
