@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
 
 #: How far neighbour lists look beyond what is needed, so that they last several steps [m].
-SKIN = 0.2
+SKIN = 0.3
 
 _ADVICE = {
     WALL_CROSSED: (
