@@ -68,7 +68,7 @@ class Dem(ContactModel):
 
 
 @kernel
-def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # type: ignore[no-untyped-def]
+def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
     """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
     for step in range(clock.first, clock.last):
         stepping.save(bodies)
@@ -86,7 +86,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
 
 
 @kernel
-def damping_limit(h, tau, explicit):  # type: ignore[no-untyped-def]
+def damping_limit(h, tau, explicit):
     """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
     if explicit:
         return 4.0 - 2.0 * h / tau
@@ -94,7 +94,7 @@ def damping_limit(h, tau, explicit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_too_stiff(bodies, contacts, stiffness, h, explicit):  # type: ignore[no-untyped-def]
+def is_too_stiff(bodies, contacts, stiffness, h, explicit):
     """Say whether the contacts as they are make a step of `h` unstable, and note the body.
 
     omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of k sum n n^T / m_i plus the
@@ -128,20 +128,20 @@ def is_too_stiff(bodies, contacts, stiffness, h, explicit):  # type: ignore[no-u
 
 
 @inner
-def _clear(image, i):  # type: ignore[no-untyped-def]
+def _clear(image, i):
     for k in range(4):
         image[i, k] = 0.0
 
 
 @inner
-def _stiffen(image, inverse_mass, i, nx, ny):  # type: ignore[no-untyped-def]
+def _stiffen(image, inverse_mass, i, nx, ny):
     image[i, 0] += inverse_mass * nx * nx
     image[i, 1] += inverse_mass * nx * ny
     image[i, 2] += inverse_mass * ny * ny
 
 
 @inner
-def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
+def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts
     for part in range(parts):

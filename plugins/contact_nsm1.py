@@ -69,7 +69,7 @@ class Nsm1(SolvedContactModel):
 
 
 @kernel
-def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # type: ignore[no-untyped-def]
+def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
     """Make all steps; cut a step that meets a wall; return (next step, status)."""
     if law.overdamped:
         for i in range(bodies.count[0]):
@@ -90,7 +90,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
 
 
 @inner
-def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
+def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts
     for part in range(parts):
@@ -128,7 +128,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
 
 
 @inner
-def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-untyped-def]
+def _project(world, bodies, lists, contacts, tally, law, h):
     """Solve for the new velocities; search and solve again where they outrun the reach; return a status."""
     tolerance = min(0.5 * law.gap_tolerance / h, law.velocity_tolerance)  # the other half is for what adds up
     n = bodies.count[0]
@@ -192,7 +192,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):  # type: ignore[no-
 
 
 @inner
-def _keep_apart(bodies, contacts, law, tolerance):  # type: ignore[no-untyped-def]
+def _keep_apart(bodies, contacts, law, tolerance):
     """Take the velocities nearest to unconverged ones that let nobody overlap, in the plain Euclidean norm.
 
     That problem does not know the ratio of masses which the other one does not converge for. Percussions stay

@@ -95,7 +95,7 @@ class Nsm2(SolvedContactModel):
 
 
 @kernel
-def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # type: ignore[no-untyped-def]
+def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
     """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
     for step in range(clock.first, clock.last):
         stepping.save(bodies)
@@ -113,7 +113,7 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):  # t
 
 
 @inner
-def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):  # type: ignore[no-untyped-def]
+def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):
     """Make one step in `parts` sub-steps; return a status."""
     h = clock.step / parts
     for part in range(parts):
@@ -144,7 +144,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
 
 
 @inner
-def _stick(bodies, contacts, law, full):  # type: ignore[no-untyped-def]
+def _stick(bodies, contacts, law, full):
     """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
     if law.tangential <= 0.0 and not full:
         return
@@ -156,7 +156,7 @@ def _stick(bodies, contacts, law, full):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-untyped-def]
+def _percussions(bodies, velocity, contacts, law, normal):
     """Solve with K_N = `normal`; return (iterations, residual)."""
     compliance = 2.0 / normal if normal > 0.0 else INELASTIC
     return solve(
@@ -174,7 +174,7 @@ def _percussions(bodies, velocity, contacts, law, normal):  # type: ignore[no-un
 
 
 @inner
-def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
+def _strike(bodies, contacts, tally, law):
     """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
     iterations, found = _percussions(bodies, bodies.solved, contacts, law, law.normal)
     if contacts.count[0] == 0:
@@ -197,7 +197,7 @@ def _strike(bodies, contacts, tally, law):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _retry(bodies, contacts, law):  # type: ignore[no-untyped-def]
+def _retry(bodies, contacts, law):
     """Solve again, cold, with the strongest method; return (iterations, residual)."""
     compliance = 2.0 / law.normal if law.normal > 0.0 else INELASTIC
     return solve_again(
@@ -215,7 +215,7 @@ def _retry(bodies, contacts, law):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _report_reaction(bodies, contacts, law, h):  # type: ignore[no-untyped-def]
+def _report_reaction(bodies, contacts, law, h):
     """Report contact forces from a solve with K_N = 0 on the same contacts.
 
     Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.

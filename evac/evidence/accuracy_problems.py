@@ -131,14 +131,14 @@ class ContactProblem:
 
 
 @kernel
-def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tolerance, limit):  # type: ignore[no-untyped-def]
+def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tolerance, limit):
     """Call a solver on a problem without tangential law; return (iterations, residual)."""
     n = inverse_mass.shape[0]
     return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
 
 
 @kernel
-def find_residual(velocity, contacts, compliance):  # type: ignore[no-untyped-def]
+def find_residual(velocity, contacts, compliance):
     """Return the shared residual of velocities and percussions [m/s]."""
     return residual(velocity, contacts, compliance, 0.0)
 

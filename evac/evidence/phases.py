@@ -7,7 +7,7 @@ from evac.physics.neighbours import build_lists
 
 
 @kernel
-def repeat_lists(world, bodies, lists, repeats):  # type: ignore[no-untyped-def]
+def repeat_lists(world, bodies, lists, repeats):
     """Build the neighbour lists so many times; return the last status."""
     status = 0
     for _ in range(repeats):
@@ -16,7 +16,7 @@ def repeat_lists(world, bodies, lists, repeats):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def repeat_search(world, bodies, lists, contacts, tally, repeats):  # type: ignore[no-untyped-def]
+def repeat_search(world, bodies, lists, contacts, tally, repeats):
     """Find the contacts within the reaches of the last step so many times; return the last status."""
     status = 0
     for _ in range(repeats):
@@ -25,7 +25,7 @@ def repeat_search(world, bodies, lists, contacts, tally, repeats):  # type: igno
 
 
 @kernel
-def repeat_drive(world, bodies, lists, forces, clock, tally, time, overdamped, repeats):  # type: ignore[no-untyped-def]
+def repeat_drive(world, bodies, lists, forces, clock, tally, time, overdamped, repeats):
     """Set the desired directions and free velocities so many times; return the last status."""
     status = 0
     for _ in range(repeats):
@@ -36,7 +36,7 @@ def repeat_drive(world, bodies, lists, forces, clock, tally, time, overdamped, r
 
 
 @kernel
-def repeat_move(world, bodies, lists, contacts, events, clock, tally, time, old_share, repeats):  # type: ignore[no-untyped-def]
+def repeat_move(world, bodies, lists, contacts, events, clock, tally, time, old_share, repeats):
     """Save, sum the work, move and go back so many times; return the last status."""
     status = 0
     fired = events.count[0]

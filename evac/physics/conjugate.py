@@ -38,7 +38,7 @@ LONGEST_FACE = 500
 
 
 @inner
-def conjugate_sweeps(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+def conjugate_sweeps(rows, n, bodies, tolerance, limit):
     """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
 
     One iteration sweeps the rows forwards and backwards and then goes on along the conjugate
@@ -64,7 +64,7 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):  # type: ignore[no-unty
 
 
 @inner
-def forget(rows, n, bodies):  # type: ignore[no-untyped-def]
+def forget(rows, n, bodies):
     """Clear the conjugate direction and its velocity image."""
     for r in range(n):
         rows.work[r, 1] = 0.0
@@ -74,7 +74,7 @@ def forget(rows, n, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def remember(rows, n, bodies):  # type: ignore[no-untyped-def]
+def remember(rows, n, bodies):
     """Keep percussions and velocities as they are before a sweep."""
     for r in range(n):
         rows.work[r, 0] = rows.impulse[r]
@@ -84,7 +84,7 @@ def remember(rows, n, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def go_on(rows, n, bodies, before):  # type: ignore[no-untyped-def]
+def go_on(rows, n, bodies, before):
     """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
     for r in range(n):
@@ -105,7 +105,7 @@ def go_on(rows, n, bodies, before):  # type: ignore[no-untyped-def]
 
 
 @inner
-def conjugate_faces(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+def conjugate_faces(rows, n, bodies, tolerance, limit):
     """Solve by conjugate sweeps and by conjugate gradients on faces; return (iterations, residual)."""
     forget(rows, n, bodies)
     for r in range(n):
@@ -135,7 +135,7 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyp
 
 
 @inner
-def branch_of(rows, r):  # type: ignore[no-untyped-def]
+def branch_of(rows, r):
     """Return the branch of the law that row r's percussion is on."""
     data = rows.data
     if data[r, BIAS] >= UNBOUNDED:
@@ -152,7 +152,7 @@ def branch_of(rows, r):  # type: ignore[no-untyped-def]
 
 
 @inner
-def mark_branches(rows, n):  # type: ignore[no-untyped-def]
+def mark_branches(rows, n):
     """Note the branch of every row; return how many changed."""
     changed = 0
     for r in range(n):
@@ -164,7 +164,7 @@ def mark_branches(rows, n):  # type: ignore[no-untyped-def]
 
 
 @inner
-def take_face(rows, n):  # type: ignore[no-untyped-def]
+def take_face(rows, n):
     """Copy the rows that push to the face, compact; return their number.
 
     On an elastic row the equation is w + w- + (2/K_N) P = 0, on a rigid one w + b = 0; both are
@@ -194,7 +194,7 @@ def take_face(rows, n):  # type: ignore[no-untyped-def]
 
 
 @inner
-def precondition(rows, held, bodies):  # type: ignore[no-untyped-def]
+def precondition(rows, held, bodies):
     """Sweep W z = -g on the face once up and once down from z = 0; return -g.z.
 
     Columns of the work array: 0 the gradient g, 2 z; columns 4, 5 of the image: the velocity image of z.
@@ -221,7 +221,7 @@ def precondition(rows, held, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _push_image(image, i, j, data, k, percussion):  # type: ignore[no-untyped-def]
+def _push_image(image, i, j, data, k, percussion):
     px = percussion * data[k, NX]
     py = percussion * data[k, NY]
     image[i, 4] += data[k, INVERSE_I] * px
@@ -231,7 +231,7 @@ def _push_image(image, i, j, data, k, percussion):  # type: ignore[no-untyped-de
 
 
 @inner
-def _gradient(rows, held):  # type: ignore[no-untyped-def]
+def _gradient(rows, held):
     """Set column 0 of the work array to the gradient on the face; return its greatest entry [m/s]."""
     worst = 0.0
     data = rows.face_data
@@ -244,7 +244,7 @@ def _gradient(rows, held):  # type: ignore[no-untyped-def]
 
 
 @inner
-def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyped-def]
+def descend_on_face(rows, n, bodies, tolerance, limit):
     """Go down on the face until it is solved or left; return (iterations, residual of all rows).
 
     Percussions that leave below zero are put back to zero, all at once, if that still goes down; else the step
@@ -270,7 +270,7 @@ def descend_on_face(rows, n, bodies, tolerance, limit):  # type: ignore[no-untyp
 
 
 @inner
-def _step_length(rows, held, bodies, beta, steepness):  # type: ignore[no-untyped-def]
+def _step_length(rows, held, bodies, beta, steepness):
     """Renew direction (column 3) and image (columns 6, 7); return the exact step along it, 0 at a standstill.
 
     A direction without curvature (percussions that oppose each other) has no step: the problem may have no solution.
@@ -289,7 +289,7 @@ def _step_length(rows, held, bodies, beta, steepness):  # type: ignore[no-untype
 
 
 @inner
-def _step(rows, held, bodies, length):  # type: ignore[no-untyped-def]
+def _step(rows, held, bodies, length):
     """Step along the direction; return how many percussions left their branch."""
     left = 0
     for i in range(bodies):
@@ -304,7 +304,7 @@ def _step(rows, held, bodies, length):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _put_back(rows, held):  # type: ignore[no-untyped-def]
+def _put_back(rows, held):
     """Raise negative percussions of the face to zero, by what column 1 then holds; return how far that goes up [J]."""
     rise = 0.0
     data = rows.face_data
@@ -322,7 +322,7 @@ def _put_back(rows, held):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _step_to_the_edge(rows, held, bodies, length):  # type: ignore[no-untyped-def]
+def _step_to_the_edge(rows, held, bodies, length):
     """Undo `_put_back`, and so much of a step that the first percussion to leave below zero is zero."""
     share = 1.0
     for k in range(held):

@@ -21,7 +21,7 @@ IMPLIED = 1e-9
 
 
 @inner
-def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
+def set_reach(bodies, h, share, floor):
     """Set how far beyond touching each body looks, at least `floor` [m].
 
     `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
@@ -34,7 +34,7 @@ def set_reach(bodies, h, share, floor):  # type: ignore[no-untyped-def]
 
 
 @inner
-def wall_acts(world, level, x, y, w, px, py):  # type: ignore[no-untyped-def]
+def wall_acts(world, level, x, y, w, px, py):
     """Say whether wall `w` with nearest point p acts on a body at (x, y)."""
     if world.wall_open[w]:
         return False
@@ -42,7 +42,7 @@ def wall_acts(world, level, x, y, w, px, py):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
+def _near_walls(world, bodies, lists, near, i):
     """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
 
     Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
@@ -84,7 +84,7 @@ def _near_walls(world, bodies, lists, near, i):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _wall_normal(world, bodies, i, w, dx, dy, distance):  # type: ignore[no-untyped-def]
+def _wall_normal(world, bodies, i, w, dx, dy, distance):
     """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
     if distance > 0.0:
         return dx / distance, dy / distance
@@ -97,7 +97,7 @@ def _wall_normal(world, bodies, i, w, dx, dy, distance):  # type: ignore[no-unty
 
 
 @inner
-def _is_implied(world, near, k, kept):  # type: ignore[no-untyped-def]
+def _is_implied(world, near, k, kept):
     """Say whether wall k of `near` lies wholly behind the tangent of a nearer kept one."""
     w = int(near[k, 3])
     for q in range(k):
@@ -111,7 +111,7 @@ def _is_implied(world, near, k, kept):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _carry_over(contacts, c, memory):  # type: ignore[no-untyped-def]
+def _carry_over(contacts, c, memory):
     """Start contact c from its percussion in the last step; `memory` walks along both sorted lists."""
     body, key = contacts.body[c], contacts.key[c]
     held = contacts.count[1]
@@ -127,7 +127,7 @@ def _carry_over(contacts, c, memory):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _sort_walls_by_key(near, kept, found):  # type: ignore[no-untyped-def]
+def _sort_walls_by_key(near, kept, found):
     """Return the kept wall of `near` that comes first by wall number; the caller clears its bit."""
     best = -1
     for q in range(found):
@@ -137,7 +137,7 @@ def _sort_walls_by_key(near, kept, found):  # type: ignore[no-untyped-def]
 
 
 @inner
-def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-def]
+def find_contacts(world, bodies, lists, contacts):
     """Fill `contacts` with every pair and wall whose gap is below the reach; return 0 or a full status.
 
     A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
@@ -205,7 +205,7 @@ def find_contacts(world, bodies, lists, contacts):  # type: ignore[no-untyped-de
 
 
 @inner
-def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
+def normal_velocity(velocity, contacts, c):
     """Return the normal velocity of contact c, positive when it opens [m/s]."""
     i = contacts.body[c]
     j = contacts.other[c]
@@ -217,7 +217,7 @@ def normal_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
 
 
 @inner
-def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
+def tangential_velocity(velocity, contacts, c):
     """Return the velocity of contact c along (-ny, nx) [m/s]."""
     i = contacts.body[c]
     j = contacts.other[c]
@@ -229,14 +229,14 @@ def tangential_velocity(velocity, contacts, c):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_approach(bodies, contacts):  # type: ignore[no-untyped-def]
+def set_approach(bodies, contacts):
     """Set the normal velocities before the step, w-."""
     for c in range(contacts.count[0]):
         contacts.approach[c] = normal_velocity(bodies.velocity, contacts, c)
 
 
 @inner
-def push(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-untyped-def]
+def push(velocity, inverse_mass, contacts, c, percussion):
     """Apply a normal percussion to the bodies of contact c."""
     i = contacts.body[c]
     j = contacts.other[c]
@@ -250,7 +250,7 @@ def push(velocity, inverse_mass, contacts, c, percussion):  # type: ignore[no-un
 
 
 @inner
-def keep_impulses(contacts):  # type: ignore[no-untyped-def]
+def keep_impulses(contacts):
     """Remember the percussions of this step for the start of the next."""
     for c in range(contacts.count[0]):
         contacts.old_body[c] = contacts.body[c]
@@ -260,7 +260,7 @@ def keep_impulses(contacts):  # type: ignore[no-untyped-def]
 
 
 @inner
-def keep_only_meeting(world, bodies, contacts, h):  # type: ignore[no-untyped-def]
+def keep_only_meeting(world, bodies, contacts, h):
     """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
     used = np.int64(0)
     for c in range(contacts.count[0]):
@@ -279,7 +279,7 @@ def keep_only_meeting(world, bodies, contacts, h):  # type: ignore[no-untyped-de
 
 
 @inner
-def report_contact_force(bodies, contacts, weight):  # type: ignore[no-untyped-def]
+def report_contact_force(bodies, contacts, weight):
     """Sum the contact forces, `weight` times the percussions, on each body [N]."""
     for i in range(bodies.count[0]):
         bodies.contact_force[i] = 0.0

@@ -8,7 +8,7 @@ from evac.physics.seams import reaches
 
 
 @inner
-def desired_speed(world, bodies, i, ex, ey):  # type: ignore[no-untyped-def]
+def desired_speed(world, bodies, i, ex, ey):
     """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
     level = bodies.level[i]
     climb = ex * world.uphill[level, 0] + ey * world.uphill[level, 1]
@@ -21,7 +21,7 @@ def desired_speed(world, bodies, i, ex, ey):  # type: ignore[no-untyped-def]
 
 
 @inner
-def desired_direction(world, bodies, i):  # type: ignore[no-untyped-def]
+def desired_direction(world, bodies, i):
     """Return the unit desired direction of body i, (0, 0) where no way leads out."""
     level = bodies.level[i]
     ex, ey = sample_direction(
@@ -47,7 +47,7 @@ def desired_direction(world, bodies, i):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_desired(world, bodies):  # type: ignore[no-untyped-def]
+def set_desired(world, bodies):
     """Set the unit desired direction of every body from its place, and clear the forces."""
     for i in range(bodies.count[0]):
         bodies.push[i, 0] = 0.0
@@ -59,7 +59,7 @@ def set_desired(world, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-def]
+def add_forces(world, bodies, lists, forces, clock):
     """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``."""
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
@@ -97,7 +97,7 @@ def add_forces(world, bodies, lists, forces, clock):  # type: ignore[no-untyped-
 
 
 @inner
-def unit_normal(nx, ny, square):  # type: ignore[no-untyped-def]
+def unit_normal(nx, ny, square):
     """Return the unit vector and the length; coincident centres are parted along x, body i to the right."""
     distance = math.sqrt(square)
     if distance > 0.0:
@@ -106,7 +106,7 @@ def unit_normal(nx, ny, square):  # type: ignore[no-untyped-def]
 
 
 @inner
-def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
+def drive(world, bodies, time, h, explicit):
     """Set ``bodies.free``, the velocity after a step of `h` if nobody touched; return the greatest speed.
 
     Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
@@ -144,7 +144,7 @@ def drive(world, bodies, time, h, explicit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def drive_overdamped(world, bodies, time):  # type: ignore[no-untyped-def]
+def drive_overdamped(world, bodies, time):
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
     fastest = 0.0
     for i in range(bodies.count[0]):

@@ -18,7 +18,7 @@ EXIT = 1
 
 
 @inner
-def save(bodies):  # type: ignore[no-untyped-def]
+def save(bodies):
     """Remember positions, velocities and levels at the start of a step."""
     for i in range(bodies.count[0]):
         bodies.old_position[i, 0] = bodies.position[i, 0]
@@ -30,7 +30,7 @@ def save(bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def restore(bodies, lists):  # type: ignore[no-untyped-def]
+def restore(bodies, lists):
     """Go back to the start of the step."""
     for i in range(bodies.count[0]):
         bodies.position[i, 0] = bodies.old_position[i, 0]
@@ -44,7 +44,7 @@ def restore(bodies, lists):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
     """Say whether the path a-b of body i passes through a wall that acts on it."""
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
@@ -64,7 +64,7 @@ def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):  # type: ignore[no-u
 
 
 @inner
-def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # type: ignore[no-untyped-def]
+def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):
     """Follow body i over the portals and exits on its path a-b; return 0 or EVENTS_FULL."""
     passed = 0.0
     for _ in range(4):
@@ -98,7 +98,7 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):  # t
 
 
 @inner
-def move(world, bodies, lists, events, time, h, old_share, full):  # type: ignore[no-untyped-def]
+def move(world, bodies, lists, events, time, h, old_share, full):
     """Move everybody by ``bodies.solved``, of which `old_share` is the old velocity's; return 0 or a status."""
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
@@ -132,7 +132,7 @@ def move(world, bodies, lists, events, time, h, old_share, full):  # type: ignor
 
 
 @inner
-def add_work(bodies, contacts, sums):  # type: ignore[no-untyped-def]
+def add_work(bodies, contacts, sums):
     """Add driving work, and what contacts took from and gave to the kinetic energy [J], to three sums.
 
     Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2; they

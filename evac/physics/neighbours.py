@@ -14,7 +14,7 @@ WALLS_FULL = 2
 
 
 @inner
-def lists_are_stale(bodies, lists):  # type: ignore[no-untyped-def]
+def lists_are_stale(bodies, lists):
     """Say whether the lists must be built again before they are used."""
     if lists.stale[0]:
         return True
@@ -28,7 +28,7 @@ def lists_are_stale(bodies, lists):  # type: ignore[no-untyped-def]
 
 
 @inner
-def segment_distance(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
+def segment_distance(x1, y1, x2, y2, px, py):
     """Return the distance of p from a segment, and the nearest point."""
     dx = x2 - x1
     dy = y2 - y1
@@ -58,7 +58,7 @@ def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
 
 
 @inner
-def _fill_cells(bodies, lists, size):  # type: ignore[no-untyped-def]
+def _fill_cells(bodies, lists, size):
     """Sort the bodies into square cells by counting; return origin, size and numbers of cells."""
     n = bodies.count[0]
     big = 1e300
@@ -103,7 +103,7 @@ def _fill_cells(bodies, lists, size):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
+def _build_pairs(world, bodies, lists):
     n = bodies.count[0]
     greatest = 0.0
     inside = 0
@@ -152,7 +152,7 @@ def _build_pairs(world, bodies, lists):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
+def _build_walls(world, bodies, lists):
     capacity = lists.wall_item.shape[0]
     span = lists.span[2] + lists.span[1]
     frame = world.bucket_frame
@@ -188,7 +188,7 @@ def _build_walls(world, bodies, lists):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _flag_links(world, bodies, lists):  # type: ignore[no-untyped-def]
+def _flag_links(world, bodies, lists):
     """Mark the bodies that can reach a portal or exit before the lists are built again."""
     limit = 1.5 * lists.span[1]
     for i in range(bodies.count[0]):

@@ -17,7 +17,7 @@ LONGEST_CHAIN = 0.1
 
 
 @inner
-def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):  # type: ignore[no-untyped-def]
+def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):
     """Push bodies apart where an overlap exceeds half the tolerance; return a status.
 
     The displacement is the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1
@@ -69,7 +69,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
 
 
 @inner
-def _deepest(contacts):  # type: ignore[no-untyped-def]
+def _deepest(contacts):
     """Return the greatest overlap among the contacts [m]."""
     deepest = 0.0
     for c in range(contacts.count[0]):
@@ -78,7 +78,7 @@ def _deepest(contacts):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _displace(world, bodies, lists, events, clock, time, limit):  # type: ignore[no-untyped-def]
+def _displace(world, bodies, lists, events, clock, time, limit):
     """Move everybody by the displacement in ``bodies.solved``, at most `limit` [m]; velocities stay."""
     n = bodies.count[0]
     for i in range(n):

@@ -21,7 +21,7 @@ UNBOUNDED = 1e300
 
 
 @inner
-def pack(contacts, bodies, inverse_mass, free, compliance, tangential):  # type: ignore[no-untyped-def]
+def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
     """Fill the rows from the contacts, set velocities to the free ones plus percussions; return the number of rows."""
     rows = contacts.rows
     for i in range(bodies):
@@ -50,7 +50,7 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):  # type:
 
 
 @inner
-def _pack_row(contacts, rows, c, r, bodies, inverse_mass, nx, ny, bias, before, spring, start):  # type: ignore[no-untyped-def]
+def _pack_row(contacts, rows, c, r, bodies, inverse_mass, nx, ny, bias, before, spring, start):
     i, j = contacts.body[c], contacts.other[c]
     rows.body[r] = i
     rows.other[r] = j if j >= 0 else bodies
@@ -66,7 +66,7 @@ def _pack_row(contacts, rows, c, r, bodies, inverse_mass, nx, ny, bias, before, 
 
 
 @inner
-def unpack(contacts, bodies, velocity, tangential):  # type: ignore[no-untyped-def]
+def unpack(contacts, bodies, velocity, tangential):
     """Copy percussions and velocities back."""
     rows = contacts.rows
     r = contacts.count[0] * 0
@@ -84,7 +84,7 @@ def unpack(contacts, bodies, velocity, tangential):  # type: ignore[no-untyped-d
 
 
 @inner
-def push_row(velocity, i, j, data, r, percussion):  # type: ignore[no-untyped-def]
+def push_row(velocity, i, j, data, r, percussion):
     """Apply a percussion along row r."""
     px = percussion * data[r, NX]
     py = percussion * data[r, NY]
@@ -95,13 +95,13 @@ def push_row(velocity, i, j, data, r, percussion):  # type: ignore[no-untyped-de
 
 
 @inner
-def row_velocity(velocity, i, j, data, r):  # type: ignore[no-untyped-def]
+def row_velocity(velocity, i, j, data, r):
     """Return the velocity along row r, positive when it opens [m/s]."""
     return data[r, NX] * (velocity[i, 0] - velocity[j, 0]) + data[r, NY] * (velocity[i, 1] - velocity[j, 1])
 
 
 @inner
-def law(data, r, w, percussion):  # type: ignore[no-untyped-def]
+def law(data, r, w, percussion):
     """Return the percussion that makes row r obey its law with all others held, w being its velocity now."""
     softness = data[r, SOFTNESS]
     new = max(
@@ -114,7 +114,7 @@ def law(data, r, w, percussion):  # type: ignore[no-untyped-def]
 
 
 @inner
-def relax(rows, r):  # type: ignore[no-untyped-def]
+def relax(rows, r):
     """Make row r obey its law."""
     i, j = rows.body[r], rows.other[r]
     old = rows.impulse[r]
@@ -125,21 +125,21 @@ def relax(rows, r):  # type: ignore[no-untyped-def]
 
 
 @inner
-def sweep_up(rows, n):  # type: ignore[no-untyped-def]
+def sweep_up(rows, n):
     """Relax the rows in their order: along the chains of force, away from the exit."""
     for r in range(n):
         relax(rows, r)
 
 
 @inner
-def sweep_down(rows, n):  # type: ignore[no-untyped-def]
+def sweep_down(rows, n):
     """Relax the rows backwards."""
     for r in range(n - 1, -1, -1):
         relax(rows, r)
 
 
 @inner
-def row_residual(rows, n):  # type: ignore[no-untyped-def]
+def row_residual(rows, n):
     """Return max omega |P - P_local| over the rows [m/s]."""
     worst = 0.0
     for r in range(n):
@@ -150,7 +150,7 @@ def row_residual(rows, n):  # type: ignore[no-untyped-def]
 
 
 @inner
-def renew_velocity(rows, bodies, free, n):  # type: ignore[no-untyped-def]
+def renew_velocity(rows, bodies, free, n):
     """Set the velocities to the free ones plus all percussions."""
     for i in range(bodies):
         rows.velocity[i, 0] = free[i, 0]

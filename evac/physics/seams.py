@@ -7,13 +7,13 @@ SEAM = 1e-9
 
 
 @inner
-def side_of(x1, y1, x2, y2, px, py):  # type: ignore[no-untyped-def]
+def side_of(x1, y1, x2, y2, px, py):
     """Twice the area of (1, 2, p): positive where p is left of the segment, inside the level."""
     return (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
 
 
 @inner
-def crossing(segment, s, ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
+def crossing(segment, s, ax, ay, bx, by, slack):
     """Return how far along a-b the inside-left segment `s` is crossed outwards, or -1.
 
     A point on the line counts as inside, so that a crossing there and back is counted once each way;
@@ -36,7 +36,7 @@ def crossing(segment, s, ax, ay, bx, by, slack):  # type: ignore[no-untyped-def]
 
 
 @inner
-def reaches(world, level_a, ax, ay, level_b, bx, by):  # type: ignore[no-untyped-def]
+def reaches(world, level_a, ax, ay, level_b, bx, by):
     """Say whether the straight segment from a, followed through portals, ends on b's level.
 
     At most two portals are passed: levels are at least a metre deep, and nothing reaches farther.

@@ -47,7 +47,7 @@ SOLVERS = ("uzawa", "gauss_seidel", "accelerated_gradient", "conjugate_sweeps", 
 
 
 @inner
-def residual(velocity, contacts, compliance, tangential):  # type: ignore[no-untyped-def]
+def residual(velocity, contacts, compliance, tangential):
     """Return max_c omega_c |P_c - P_c^local| [m/s] of velocities and percussions, tangential ones included."""
     worst = 0.0
     for c in range(contacts.count[0]):
@@ -71,7 +71,7 @@ def residual(velocity, contacts, compliance, tangential):  # type: ignore[no-unt
 
 
 @inner
-def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):
     """Solve the contact problem from the percussions in `contacts`; return (iterations, residual).
 
     Parameters
@@ -115,7 +115,7 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, ta
 
 
 @inner
-def solve_again(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):  # type: ignore[no-untyped-def]
+def solve_again(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):
     """Solve cold by the strongest other method with four times the iterations, after `method` did not converge."""
     for c in range(contacts.count[0]):
         contacts.impulse[c] = 0.0
@@ -125,7 +125,7 @@ def solve_again(method, bodies, inverse_mass, free, velocity, contacts, complian
 
 
 @inner
-def gauss_seidel(rows, n, tolerance, limit):  # type: ignore[no-untyped-def]
+def gauss_seidel(rows, n, tolerance, limit):
     """Projected Gauss-Seidel in the rows' order; return (iterations, residual)."""
     found = row_residual(rows, n)
     for iteration in range(limit):
@@ -138,7 +138,7 @@ def gauss_seidel(rows, n, tolerance, limit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def gradient_step(rows, r, w, percussion, rate):  # type: ignore[no-untyped-def]
+def gradient_step(rows, r, w, percussion, rate):
     """Return the projected step of length `rate` [kg] along the multiplier of row r (appendix 2 of the paper)."""
     new = percussion - rate * (w + rows.data[r, BIAS])
     spring = rows.data[r, SPRING]
@@ -151,7 +151,7 @@ def gradient_step(rows, r, w, percussion, rate):  # type: ignore[no-untyped-def]
 
 
 @inner
-def uzawa(rows, n, bodies, free, tolerance, limit):  # type: ignore[no-untyped-def]
+def uzawa(rows, n, bodies, free, tolerance, limit):
     """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
 
     rho = 0.95 * 2 alpha / |C|^2 with alpha the least mass; h^2 rho of NSM1, whose rows are h G, is the same
@@ -175,7 +175,7 @@ def uzawa(rows, n, bodies, free, tolerance, limit):  # type: ignore[no-untyped-d
 
 
 @inner
-def accelerated_gradient(rows, n, bodies, free, tolerance, limit):  # type: ignore[no-untyped-def]
+def accelerated_gradient(rows, n, bodies, free, tolerance, limit):
     """Nesterov's projected gradient with diagonal scaling and restart; return (iterations, residual).
 
     The step of a row is 1 over the sum of its row of G^T M^-1 G, bounded by the numbers of rows at its
@@ -216,7 +216,7 @@ def accelerated_gradient(rows, n, bodies, free, tolerance, limit):  # type: igno
 
 
 @inner
-def _set_rates(rows, n, bodies):  # type: ignore[no-untyped-def]
+def _set_rates(rows, n, bodies):
     """Set column 2 of the work array to the step of each row."""
     for i in range(bodies + 1):
         rows.image[i, 0] = 0.0
@@ -230,7 +230,7 @@ def _set_rates(rows, n, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def constraint_norm(rows, n, bodies):  # type: ignore[no-untyped-def]
+def constraint_norm(rows, n, bodies):
     """Return lambda_max(G^T G) by power iteration, to a per cent: |C|^2 of the paper's bound."""
     for r in range(n):
         rows.work[r, 0] = 1.0 + 0.5 * math.sin(float(r))

@@ -25,7 +25,7 @@ GREATEST_PARTS = 256
 
 
 @kernel
-def gather(world, crowd, bodies, lists, contacts):  # type: ignore[no-untyped-def]
+def gather(world, crowd, bodies, lists, contacts):
     """Copy the people inside to `bodies`, sorted by travel time to their exit, row breaking ties."""
     n = crowd.level.shape[0]
     inside = 0
@@ -80,7 +80,7 @@ def gather(world, crowd, bodies, lists, contacts):  # type: ignore[no-untyped-de
 
 
 @kernel
-def scatter(crowd, bodies):  # type: ignore[no-untyped-def]
+def scatter(crowd, bodies):
     """Copy back what the step loop wrote."""
     for i in range(bodies.count[0]):
         p = bodies.row[i]
@@ -93,7 +93,7 @@ def scatter(crowd, bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def refresh(world, bodies, lists, tally, needed, contact):  # type: ignore[no-untyped-def]
+def refresh(world, bodies, lists, tally, needed, contact):
     """Build the lists again if they are stale or do not reach as far as needed.
 
     `needed` [m] is for forces between bodies, `contact` [m] for contacts with bodies and walls; the latter follows
@@ -112,7 +112,7 @@ def refresh(world, bodies, lists, tally, needed, contact):  # type: ignore[no-un
 
 
 @inner
-def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped):  # type: ignore[no-untyped-def]
+def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped):
     """Set ``bodies.free``; return (status, greatest speed [m/s])."""
     set_desired(world, bodies)
     if forces.address.shape[0] > 0:
@@ -126,7 +126,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
 
 
 @inner
-def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # type: ignore[no-untyped-def]
+def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):
     """Find the contacts within `share` of the free paths (at least `floor`) beyond touching; return a status."""
     set_reach(bodies, h, share, floor)
     status = refresh(world, bodies, lists, tally, 0.0, 2.0 * max(share * h * fastest, floor) + h * fastest)
@@ -136,7 +136,7 @@ def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):  # ty
 
 
 @inner
-def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
+def seek(world, bodies, lists, contacts, tally):
     """Find the contacts within the reaches as they are set; return a status."""
     status = find_contacts(world, bodies, lists, contacts)
     if status != OK:
@@ -150,7 +150,7 @@ def seek(world, bodies, lists, contacts, tally):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_too_fast(bodies, h, fastest, limit):  # type: ignore[no-untyped-def]
+def is_too_fast(bodies, h, fastest, limit):
     """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
     if h * fastest <= limit:
         return False
@@ -166,7 +166,7 @@ def is_too_fast(bodies, h, fastest, limit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def tally_contacts(contacts, tally):  # type: ignore[no-untyped-def]
+def tally_contacts(contacts, tally):
     """Count the contacts and their overlaps at the start of the step."""
     for c in range(contacts.count[0]):
         if contacts.gap[c] <= 0.0:
@@ -177,7 +177,7 @@ def tally_contacts(contacts, tally):  # type: ignore[no-untyped-def]
 
 
 @inner
-def take_free(bodies):  # type: ignore[no-untyped-def]
+def take_free(bodies):
     """Let the free velocity be the velocity after the step, as it is without contacts."""
     for i in range(bodies.count[0]):
         bodies.solved[i, 0] = bodies.free[i, 0]
@@ -185,7 +185,7 @@ def take_free(bodies):  # type: ignore[no-untyped-def]
 
 
 @inner
-def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):  # type: ignore[no-untyped-def]
+def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):
     """Sum the work, keep the percussions for a warm start, move; return a status."""
     add_work(bodies, contacts, tally[0, 13:16])
     keep_impulses(contacts)
@@ -194,14 +194,14 @@ def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_sh
 
 
 @inner
-def report_force(bodies, contacts, clock, step, part, parts, weight):  # type: ignore[no-untyped-def]
+def report_force(bodies, contacts, clock, step, part, parts, weight):
     """Sum the contact forces at the last sub-step before an output."""
     if clock.report_force and step == clock.last - 1 and part == parts - 1:
         report_contact_force(bodies, contacts, weight)
 
 
 @inner
-def begin_step(events, tally):  # type: ignore[no-untyped-def]
+def begin_step(events, tally):
     """Remember the sums and the number of events at the start of a step."""
     for k in range(tally.shape[1]):
         tally[1, k] = tally[0, k]
@@ -209,7 +209,7 @@ def begin_step(events, tally):  # type: ignore[no-untyped-def]
 
 
 @inner
-def undo(bodies, lists, contacts, events, tally, fired):  # type: ignore[no-untyped-def]
+def undo(bodies, lists, contacts, events, tally, fired):
     """Go back to the start of the step after a part of it failed."""
     restore(bodies, lists)
     events.count[0] = fired
@@ -219,7 +219,7 @@ def undo(bodies, lists, contacts, events, tally, fired):  # type: ignore[no-unty
 
 
 @inner
-def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
+def more_parts(status, parts, tally):
     """Return the number of parts to try next, 0 if cutting the step further does not help."""
     if status == WALL_CROSSED:
         entry = 16
@@ -238,14 +238,14 @@ def more_parts(status, parts, tally):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def open_step(bodies, events, tally):  # type: ignore[no-untyped-def]
+def open_step(bodies, events, tally):
     """Remember the state at the start of a step; return the number of events so far."""
     save(bodies)
     return begin_step(events, tally)
 
 
 @kernel
-def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, share, floor, overdamped):  # type: ignore[no-untyped-def]
+def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, share, floor, overdamped):
     """Set the free velocities and find the contacts of a sub-step; return a status."""
     status, fastest = free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
     if status != OK:
@@ -259,7 +259,7 @@ def approach(world, bodies, lists, contacts, forces, clock, tally, time, h, shar
 
 
 @kernel
-def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, old_share, is_last):  # type: ignore[no-untyped-def]
+def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, old_share, is_last):
     """Report forces, count overlaps, sum work and move after a sub-step; return a status."""
     if clock.report_force and is_last:
         report_contact_force(bodies, contacts, 1.0 / h)
@@ -268,7 +268,7 @@ def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, old_
 
 
 @kernel
-def cut(bodies, lists, contacts, events, tally, fired, status, parts):  # type: ignore[no-untyped-def]
+def cut(bodies, lists, contacts, events, tally, fired, status, parts):
     """Go back to the start of the step; return the number of parts to try next, 0 to give up."""
     undo(bodies, lists, contacts, events, tally, fired)
     return more_parts(status, parts, tally)
