@@ -58,7 +58,7 @@ def _show_contact(contact: dict[str, Any]) -> None:
         ("contact model", contact["model"]),
         ("greatest overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
         ("mean overlap", f"{1000.0 * contact['mean_overlap']:.3g} mm"),
-        ("greatest residual", contact["greatest_residual"]),
+        ("greatest residual", f"{contact['greatest_residual']:.3g} m/s"),
         ("unconverged steps", f"{contact['unconverged_steps']:.0f} of {contact['steps']:.0f}"),
         ("work of driving", f"{energy['driving_work']:.4g} J"),
         ("dissipated in contacts", f"{energy['contact_dissipation']:.4g} J"),
