@@ -92,7 +92,7 @@ def build_fields(
         slowness = rates / cosine[:, None]
         plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
         guide = march(grids, Metric(slowness, bent), exits, order) if clearance > 0.0 else plain
-        direction = _directions(grids, guide, exits)
+        direction = _directions(grids, guide, exits, clearance == 0.0)
         lengths = _lengths(grids, plain, exits, rates, cosine)
         travel_time = _seen_from(grids, plain)
         for level in sorted(levels_reaching(graph, [e.index for e in exits])):
@@ -179,12 +179,12 @@ def _seen_from(grids: BuildingGrids, values: FloatArray) -> FloatArray:
     return seen
 
 
-def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit]) -> FloatArray:
+def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
     """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
-        descend(cost[grid.packed].reshape(grid.window.shape), grid.sheet == OWN, grids.lattice.spacing, own)
+        descend(cost[grid.packed].reshape(grid.window.shape), grid.sheet == OWN, grids.lattice.spacing, is_plain, own)
         for exit_ in exits:
             if exit_.level == grid.level:
                 x1, y1, x2, y2 = exit_.segments.sum(axis=0)

@@ -25,8 +25,85 @@ def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
     return (one - near) / spacing
 
 
+#: Nodes around a node that a fit beside a slanted wall takes part in, to each side.
+WINDOW = 3
+
+#: A cost that differs by more than this many times the slope lies behind a wall.
+STEEPEST = 1.5
+
+
 @kernel
-def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, direction: FloatArray) -> None:
+def is_beside_slant(cost: FloatArray, i: int, j: int) -> bool:
+    """Say whether a node stands beside a wall that steps back within the window: one that is not along the grid."""
+    nx, ny = cost.shape
+    for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        if cost[i + di, j + dj] < math.inf:
+            continue
+        for way in (1, -1):
+            for k in range(1, WINDOW + 1):
+                a, b = i + way * k * dj, j + way * k * di
+                if not (0 < a < nx - 1 and 0 < b < ny - 1) or cost[a, b] == math.inf:
+                    break
+                if cost[a + di, b + dj] < math.inf:
+                    return True
+    return False
+
+
+@kernel
+def is_near_slant(cost: FloatArray, i: int, j: int) -> bool:
+    """Say whether a node stands beside a slanted wall, or next to a node that does: both got the wave late."""
+    for di, dj in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
+        if cost[i + di, j + dj] < math.inf and is_beside_slant(cost, i + di, j + dj):
+            return True
+    return False
+
+
+@kernel
+def fit_descent(cost: FloatArray, i: int, j: int, limit: float) -> tuple[float, float]:
+    """Return the descent of the plane through a node that fits the lower ones around it best; (0, 0) if too few do.
+
+    Beside a slanted wall the grid's steps leave a node with neighbours along one axis only. Least squares over the
+    nodes linked to it within the window, whose cost is lower by at most `limit` for each cell of distance.
+    """
+    side = 2 * WINDOW + 1
+    linked = np.zeros((side, side), np.bool_)
+    linked[WINDOW, WINDOW] = True
+    grown = True
+    while grown:
+        grown = False
+        for a in range(side):
+            for b in range(side):
+                if linked[a, b] or cost[i + a - WINDOW, j + b - WINDOW] == math.inf:
+                    continue
+                if (
+                    (a > 0 and linked[a - 1, b])
+                    or (a + 1 < side and linked[a + 1, b])
+                    or (b > 0 and linked[a, b - 1])
+                    or (b + 1 < side and linked[a, b + 1])
+                ):
+                    linked[a, b] = True
+                    grown = True
+    xx, xy, yy, xd, yd = 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(side):
+        for b in range(side):
+            x, y = a - WINDOW, b - WINDOW
+            drop = cost[i, j] - cost[i + x, j + y]
+            if not linked[a, b] or drop <= 0.0 or drop > limit * math.sqrt(x * x + y * y):
+                continue
+            xx += x * x
+            xy += x * y
+            yy += y * y
+            xd += x * drop
+            yd += y * drop
+    determinant = xx * yy - xy * xy
+    # Nodes nearly in one line leave the slope across it open.
+    if determinant < 0.02 * (xx + yy) ** 2:
+        return 0.0, 0.0
+    return (yy * xd - xy * yd) / determinant, (xx * yd - xy * xd) / determinant
+
+
+@kernel
+def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, is_plain: bool, direction: FloatArray) -> None:
     """Write the unit vectors of steepest descent of a grid.
 
     Parameters
@@ -36,6 +113,8 @@ def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, directi
     chosen : (nx, ny) bool
         Nodes to write; the others stay.
     spacing : float [m]
+    is_plain : bool
+        Whether the cost of a metre is the same on all of a level: then nodes beside slanted walls are fitted.
     direction : (nx, ny, 2) float64
         Written: zero where no neighbour is lower.
     """
@@ -50,6 +129,11 @@ def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, directi
             step = 1 if cost[i, j + 1] < cost[i, j - 1] else -1
             along_y = step * upwind_slope(one, cost[i, j + step], cost[i, j + 2 * step], spacing)
             length = math.sqrt(along_x * along_x + along_y * along_y)
+            if is_plain and is_near_slant(cost, i, j):
+                fitted_x, fitted_y = fit_descent(cost, i, j, STEEPEST * length * spacing)
+                if fitted_x != 0.0 or fitted_y != 0.0:
+                    along_x, along_y = fitted_x, fitted_y
+                    length = math.sqrt(along_x * along_x + along_y * along_y)
             if length > 0.0:
                 direction[i, j, 0] = along_x / length
                 direction[i, j, 1] = along_y / length

@@ -49,7 +49,8 @@ def run(evidence: Evidence) -> None:
     evidence.text(
         f"""Angles between the directions people get and the exact ones, by distance to the nearest wall; no body's
         centre comes nearer than its radius, some 0.2 m. "ours" is what `build_fields` gives without clearance:
-        upwind differences of second order among nodes that the wave came from; "np.gradient" the central
+        upwind differences of second order among nodes that the wave came from, and beside slanted walls a plane
+        fitted to the lower nodes around; "np.gradient" the central
         differences of the same travel times, continued into the walls by the nearest value, as a plain
         implementation does. Places where another way is nearly as short, and those within {CLEAR_EXIT:g} m of the
         exit, are left out. With clearance, directions leave the geodesics on purpose, to keep bodies off walls: its
