@@ -188,10 +188,12 @@ class Rows(NamedTuple):
     body: IntArray
     other: IntArray  # a wall is body number n
     data: FloatArray  # (r, 8)
-    impulse: FloatArray
+    scale: FloatArray  # sqrt(omega) [kg^-1/2]
+    impulse: FloatArray  # percussions times scale, x
     branch: IntArray  # of the law
-    velocity: FloatArray  # (n + 1, 2)
-    mass: FloatArray  # (n + 1,) 0 for the wall
+    root: FloatArray  # (n + 1,) sqrt(m), infinite for the wall
+    free: FloatArray  # (n + 1, 2) free velocities times root
+    velocity: FloatArray  # (n + 1, 2) velocities times root, U
     face: IntArray  # rows on the face
     face_body: IntArray
     face_other: IntArray

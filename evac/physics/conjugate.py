@@ -8,15 +8,14 @@ gradients need few iterations there; the sweeps between keep every percussion on
 
 from evac.jit import inner
 from evac.physics.rows import (
+    AX,
+    AY,
     BEFORE,
     BIAS,
-    INVERSE_I,
-    INVERSE_J,
-    NX,
-    NY,
-    SOFTNESS,
+    BOUND,
+    CX,
+    CY,
     SPRING,
-    UNBOUNDED,
     push_row,
     row_residual,
     row_velocity,
@@ -26,6 +25,9 @@ from evac.physics.rows import (
 
 #: Iterations between two looks at the residual, which costs as much as a sweep; small problems end in the first few.
 LOOK_EVERY = 4
+
+#: Columns of ``Rows.face_data`` behind A and C.
+SHIFT, SOFTNESS, COMPLIANCE = BIAS, BEFORE, SPRING
 
 #: Branches of the law that a row can be on.
 OFF, RIGID, ELASTIC = 0, 1, 2
@@ -88,7 +90,7 @@ def go_on(rows, n, bodies, before):
     """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
     for r in range(n):
-        now += (rows.impulse[r] - rows.work[r, 0]) ** 2 / rows.data[r, SOFTNESS]
+        now += (rows.impulse[r] - rows.work[r, 0]) ** 2
     beta = now / before if before > 0.0 else 0.0
     if beta > 1.0:
         beta = 0.0
@@ -138,16 +140,13 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):
 def branch_of(rows, r):
     """Return the branch of the law that row r's percussion is on."""
     data = rows.data
-    if data[r, BIAS] >= UNBOUNDED:
+    if data[r, BOUND] < 0.0:
         return ELASTIC
     if rows.impulse[r] <= 0.0:
         return OFF
-    spring = data[r, SPRING]
-    if spring > 0.0 and data[r, BEFORE] < 0.0:
-        # Elastic below P = -w- K_N / 2, where the separation velocity is still positive.
-        compliance = (1.0 - spring) / (spring * data[r, SOFTNESS])
-        if rows.impulse[r] * compliance < -data[r, BEFORE]:
-            return ELASTIC
+    # Elastic below P = -w- K_N / 2, where the separation velocity is still positive.
+    if rows.impulse[r] * (1.0 - data[r, SPRING]) < -data[r, SPRING] * data[r, BEFORE]:
+        return ELASTIC
     return RIGID
 
 
@@ -168,7 +167,7 @@ def take_face(rows, n):
     """Copy the rows that push to the face, compact; return their number.
 
     On an elastic row the equation is w + w- + (2/K_N) P = 0, on a rigid one w + b = 0; both are
-    w + shift + compliance P = 0, with the diagonal 1/softness.
+    w + shift + compliance x = 0, with the diagonal 1 + compliance.
     """
     held = n * 0
     for r in range(n):
@@ -178,17 +177,12 @@ def take_face(rows, n):
         rows.face[held] = r
         rows.face_body[held] = rows.body[r]
         rows.face_other[held] = rows.other[r]
-        for k in (NX, NY, INVERSE_I, INVERSE_J):
+        for k in (AX, AY, CX, CY):
             rows.face_data[held, k] = rows.data[r, k]
-        softness, spring = rows.data[r, SOFTNESS], rows.data[r, SPRING]
-        if branch == RIGID:
-            rows.face_data[held, SOFTNESS] = softness
-            rows.face_data[held, BIAS] = rows.data[r, BIAS]
-            rows.face_data[held, SPRING] = 0.0
-        else:
-            rows.face_data[held, SOFTNESS] = softness * spring
-            rows.face_data[held, BIAS] = rows.data[r, BEFORE]
-            rows.face_data[held, SPRING] = (1.0 - spring) / (spring * softness)
+        rows.face_data[held, SHIFT] = rows.data[r, BIAS] if branch == RIGID else rows.data[r, BEFORE]
+        softness = 1.0 if branch == RIGID else rows.data[r, SPRING]
+        rows.face_data[held, SOFTNESS] = softness
+        rows.face_data[held, COMPLIANCE] = (1.0 - softness) / softness
         held += 1
     return held
 
@@ -205,15 +199,15 @@ def precondition(rows, held, bodies):
         image[i, 5] = 0.0
     for k in range(held):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = data[k, NX] * (image[i, 4] - image[j, 4]) + data[k, NY] * (image[i, 5] - image[j, 5])
+        w = _image_velocity(image, i, j, data, k)
         z = -(work[k, 0] + w) * data[k, SOFTNESS]
         work[k, 2] = z
         _push_image(image, i, j, data, k, z)
     total = 0.0
     for k in range(held - 1, -1, -1):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = data[k, NX] * (image[i, 4] - image[j, 4]) + data[k, NY] * (image[i, 5] - image[j, 5])
-        z = -(work[k, 0] + w + data[k, SPRING] * work[k, 2]) * data[k, SOFTNESS]
+        w = _image_velocity(image, i, j, data, k)
+        z = -(work[k, 0] + w + data[k, COMPLIANCE] * work[k, 2]) * data[k, SOFTNESS]
         work[k, 2] += z
         total -= work[k, 0] * work[k, 2]
         _push_image(image, i, j, data, k, z)
@@ -221,13 +215,17 @@ def precondition(rows, held, bodies):
 
 
 @inner
-def _push_image(image, i, j, data, k, percussion):
-    px = percussion * data[k, NX]
-    py = percussion * data[k, NY]
-    image[i, 4] += data[k, INVERSE_I] * px
-    image[i, 5] += data[k, INVERSE_I] * py
-    image[j, 4] -= data[k, INVERSE_J] * px
-    image[j, 5] -= data[k, INVERSE_J] * py
+def _image_velocity(image, i, j, data, k):
+    own = data[k, AX] * image[i, 4] + data[k, AY] * image[i, 5]
+    return own - (data[k, CX] * image[j, 4] + data[k, CY] * image[j, 5])
+
+
+@inner
+def _push_image(image, i, j, data, k, change):
+    image[i, 4] += data[k, AX] * change
+    image[i, 5] += data[k, AY] * change
+    image[j, 4] -= data[k, CX] * change
+    image[j, 5] -= data[k, CY] * change
 
 
 @inner
@@ -237,9 +235,9 @@ def _gradient(rows, held):
     data = rows.face_data
     for k in range(held):
         w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k)
-        g = w + data[k, BIAS] + data[k, SPRING] * rows.impulse[rows.face[k]]
+        g = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[rows.face[k]]
         rows.work[k, 0] = g
-        worst = max(worst, abs(g))
+        worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
 
 
@@ -279,12 +277,12 @@ def _step_length(rows, held, bodies, beta, steepness):
     length = 0.0
     for k in range(held):
         rows.work[k, 3] = rows.work[k, 2] + (beta * rows.work[k, 3] if beta != 0.0 else 0.0)
-        curvature += rows.face_data[k, SPRING] * rows.work[k, 3] ** 2
+        curvature += rows.face_data[k, COMPLIANCE] * rows.work[k, 3] ** 2
         length += rows.work[k, 3] ** 2 / rows.face_data[k, SOFTNESS]
-    for i in range(bodies + 1):
+    for i in range(bodies):
         for k in range(2):
             rows.image[i, 6 + k] = rows.image[i, 4 + k] + (beta * rows.image[i, 6 + k] if beta != 0.0 else 0.0)
-        curvature += rows.mass[i] * (rows.image[i, 6] ** 2 + rows.image[i, 7] ** 2)
+        curvature += rows.image[i, 6] ** 2 + rows.image[i, 7] ** 2
     return steepness / curvature if curvature > FLAT * length else 0.0
 
 
@@ -310,11 +308,11 @@ def _put_back(rows, held):
     data = rows.face_data
     for k in range(held):
         r = rows.face[k]
-        push = max(-rows.impulse[r], 0.0) if rows.data[r, BIAS] < UNBOUNDED else 0.0
+        push = max(-rows.impulse[r], 0.0) if rows.data[r, BOUND] == 0.0 else 0.0
         rows.work[k, 1] = push
         if push > 0.0:
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k)
-            gradient = w + data[k, BIAS] + data[k, SPRING] * rows.impulse[r]
+            gradient = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[r]
             rise += push * (gradient + 0.5 * push / data[k, SOFTNESS])
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, push)
             rows.impulse[r] = 0.0

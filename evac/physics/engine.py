@@ -212,8 +212,9 @@ def make_rows(n: int, capacity: int) -> Rows:
         "data": np.zeros((capacity, 8)),
         "face_data": np.zeros((capacity, 8)),
         "work": np.zeros((capacity, 4)),
+        "root": np.zeros(n + 1),
+        "free": np.zeros((n + 1, 2)),
         "velocity": np.zeros((n + 1, 2)),
-        "mass": np.zeros(n + 1),
         "image": np.zeros((n + 1, 8)),
     }
     arrays: dict[str, Any] = {

@@ -6,10 +6,10 @@ from evac.jit import inner
 from evac.physics import stepping
 from evac.physics.motion import move
 from evac.physics.neighbours import OK
-from evac.physics.solvers import INELASTIC, solve
+from evac.physics.solvers import INELASTIC, solve, solve_again
 
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
-ITERATIONS = 300
+ITERATIONS = 600
 
 #: Contacts are looked for as far as this many overlaps in a row push somebody, but no farther than [m].
 CHAIN = 20.0
@@ -53,6 +53,19 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         0.1 * tolerance,
         min(limit, ITERATIONS),
     )
+    if found > 0.5 * deepest:
+        _, found = solve_again(
+            method,
+            n,
+            bodies.inverse_mass,
+            bodies.spare,
+            bodies.solved,
+            contacts,
+            INELASTIC,
+            0.0,
+            0.1 * tolerance,
+            min(limit, ITERATIONS),
+        )
     if found <= 0.5 * deepest:
         # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
         limit = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest

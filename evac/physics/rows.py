@@ -1,23 +1,27 @@
-"""The contact problem packed for solvers: one row of eight numbers per unknown percussion.
+"""The contact problem packed for solvers: one row of eight numbers per unknown percussion, with unit diagonal.
 
 A normal percussion is one row, a tangential one (where a contact is sticky) another without a lower bound. Walls
-are a last body of infinite mass. A sweep then costs 3 to 4 ns a row; on the bundles of the step loop it cost
-ten times as much (memory and branches).
+are a last body that is never moved. Solvers work on scaled unknowns
 
-Columns of ``Rows.data``: normal x and y, 1/omega, bias b, inverse masses of both bodies, velocity before the
-step w-, and s = omega / (omega + 2/K_N), 0 where the elastic term is absent. The local law of PHYSICS 3.3 reads
+    x = sqrt(omega) P  [J^1/2],    U = sqrt(m) v  [J^1/2]
 
-    P = max(0, P - (w + b)/omega, s (P - (w + w-)/omega))
+so that a row is a unit vector, A on its body and -C on the other one: its velocity w / sqrt(omega) is
+A.U_i - C.U_j, a change of x moves U_i by A and U_j by -C, and a body's mass is never looked at. A sweep then costs
+some 4 ns a row; on the bundles of the step loop it cost ten times as much (memory and branches).
 
-and a tangential row, which has b = UNBOUNDED, takes the last of the three alone.
+Columns of ``Rows.data``: A and C, then bias b and velocity before the step w-, both over sqrt(omega), s = omega /
+(omega + 2/K_N), 0 where the elastic term is absent, and the lower bound of x. The local law of PHYSICS 3.3 reads
+
+    x = max(bound, x - (w + b), s (x - (w + w-)))
+
+and a tangential row, with bound minus and b plus infinity, takes the last of the three alone.
 """
+
+import math
 
 from evac.jit import inner
 
-NX, NY, SOFTNESS, BIAS, INVERSE_I, INVERSE_J, BEFORE, SPRING = range(8)
-
-#: Bias of a row without lower bound.
-UNBOUNDED = 1e300
+AX, AY, CX, CY, BIAS, BEFORE, SPRING, BOUND = range(8)
 
 
 @inner
@@ -25,44 +29,46 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
     """Fill the rows from the contacts, set velocities to the free ones plus percussions; return the number of rows."""
     rows = contacts.rows
     for i in range(bodies):
-        rows.velocity[i, 0] = free[i, 0]
-        rows.velocity[i, 1] = free[i, 1]
-        rows.mass[i] = 1.0 / inverse_mass[i]
-    rows.velocity[bodies, 0] = 0.0
-    rows.velocity[bodies, 1] = 0.0
-    rows.mass[bodies] = 0.0
+        rows.root[i] = math.sqrt(1.0 / inverse_mass[i])
+        for k in range(2):
+            rows.free[i, k] = rows.root[i] * free[i, k]
+    rows.root[bodies] = math.inf
+    rows.free[bodies, 0] = 0.0
+    rows.free[bodies, 1] = 0.0
     used = contacts.count[0] * 0
     for c in range(contacts.count[0]):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         bias, before, start = contacts.bias[c], contacts.approach[c], contacts.impulse[c]
-        _pack_row(contacts, rows, c, used, bodies, inverse_mass, nx, ny, bias, before, spring, start)
+        _pack_row(contacts, rows, c, used, bodies, nx, ny, bias, before, spring, 0.0, start)
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
             spring = omega / (omega + 2.0 / tangential)
-            start, before = contacts.friction[c], contacts.work[c, 5]
-            _pack_row(contacts, rows, c, used, bodies, inverse_mass, -ny, nx, UNBOUNDED, before, spring, start)
+            before, start = contacts.work[c, 5], contacts.friction[c]
+            _pack_row(contacts, rows, c, used, bodies, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
-    for r in range(used):
-        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.impulse[r])
+    renew_velocity(rows, bodies, used)
     return used
 
 
 @inner
-def _pack_row(contacts, rows, c, r, bodies, inverse_mass, nx, ny, bias, before, spring, start):
-    i, j = contacts.body[c], contacts.other[c]
+def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound, start):
+    i = contacts.body[c]
+    j = contacts.other[c] if contacts.other[c] >= 0 else bodies
     rows.body[r] = i
-    rows.other[r] = j if j >= 0 else bodies
-    rows.impulse[r] = start
-    rows.data[r, NX] = nx
-    rows.data[r, NY] = ny
-    rows.data[r, SOFTNESS] = 1.0 / contacts.omega[c]
-    rows.data[r, BIAS] = bias
-    rows.data[r, INVERSE_I] = inverse_mass[i]
-    rows.data[r, INVERSE_J] = inverse_mass[j] if j >= 0 else 0.0
-    rows.data[r, BEFORE] = before
+    rows.other[r] = j
+    scale = math.sqrt(contacts.omega[c])
+    rows.scale[r] = scale
+    rows.impulse[r] = scale * start
+    rows.data[r, AX] = nx / (scale * rows.root[i])
+    rows.data[r, AY] = ny / (scale * rows.root[i])
+    rows.data[r, CX] = nx / (scale * rows.root[j])
+    rows.data[r, CY] = ny / (scale * rows.root[j])
+    rows.data[r, BIAS] = bias / scale
+    rows.data[r, BEFORE] = before / scale
     rows.data[r, SPRING] = spring
+    rows.data[r, BOUND] = bound
 
 
 @inner
@@ -71,46 +77,41 @@ def unpack(contacts, bodies, velocity, tangential):
     rows = contacts.rows
     r = contacts.count[0] * 0
     for c in range(contacts.count[0]):
-        contacts.impulse[c] = rows.impulse[r]
+        contacts.impulse[c] = rows.impulse[r] / rows.scale[r]
         r += 1
         if contacts.sticky[c]:
             contacts.friction[c] = 0.0
             if tangential > 0.0:
-                contacts.friction[c] = rows.impulse[r]
+                contacts.friction[c] = rows.impulse[r] / rows.scale[r]
                 r += 1
     for i in range(bodies):
-        velocity[i, 0] = rows.velocity[i, 0]
-        velocity[i, 1] = rows.velocity[i, 1]
+        velocity[i, 0] = rows.velocity[i, 0] / rows.root[i]
+        velocity[i, 1] = rows.velocity[i, 1] / rows.root[i]
 
 
 @inner
-def push_row(velocity, i, j, data, r, percussion):
-    """Apply a percussion along row r."""
-    px = percussion * data[r, NX]
-    py = percussion * data[r, NY]
-    velocity[i, 0] += data[r, INVERSE_I] * px
-    velocity[i, 1] += data[r, INVERSE_I] * py
-    velocity[j, 0] -= data[r, INVERSE_J] * px
-    velocity[j, 1] -= data[r, INVERSE_J] * py
+def push_row(velocity, i, j, data, r, change):
+    """Apply a change of x along row r."""
+    # All loads before the first store, so that the compiler may keep what `row_velocity` has loaded.
+    ux, uy, vx, vy = velocity[i, 0], velocity[i, 1], velocity[j, 0], velocity[j, 1]
+    velocity[i, 0] = ux + data[r, AX] * change
+    velocity[i, 1] = uy + data[r, AY] * change
+    velocity[j, 0] = vx - data[r, CX] * change
+    velocity[j, 1] = vy - data[r, CY] * change
 
 
 @inner
 def row_velocity(velocity, i, j, data, r):
-    """Return the velocity along row r, positive when it opens [m/s]."""
-    return data[r, NX] * (velocity[i, 0] - velocity[j, 0]) + data[r, NY] * (velocity[i, 1] - velocity[j, 1])
+    """Return the scaled velocity along row r, positive when it opens."""
+    own = data[r, AX] * velocity[i, 0] + data[r, AY] * velocity[i, 1]
+    return own - (data[r, CX] * velocity[j, 0] + data[r, CY] * velocity[j, 1])
 
 
 @inner
-def law(data, r, w, percussion):
-    """Return the percussion that makes row r obey its law with all others held, w being its velocity now."""
-    softness = data[r, SOFTNESS]
-    new = max(
-        percussion - (w + data[r, BIAS]) * softness,
-        data[r, SPRING] * (percussion - (w + data[r, BEFORE]) * softness),
-    )
-    if new < 0.0 and data[r, BIAS] < UNBOUNDED:
-        return 0.0
-    return new
+def law(data, r, w, x):
+    """Return the x that makes row r obey its law with all others held, w being its scaled velocity now."""
+    rest = x - w
+    return max(max(rest - data[r, BIAS], data[r, SPRING] * (rest - data[r, BEFORE])), data[r, BOUND])
 
 
 @inner
@@ -119,9 +120,8 @@ def relax(rows, r):
     i, j = rows.body[r], rows.other[r]
     old = rows.impulse[r]
     new = law(rows.data, r, row_velocity(rows.velocity, i, j, rows.data, r), old)
-    if new != old:
-        rows.impulse[r] = new
-        push_row(rows.velocity, i, j, rows.data, r, new - old)
+    push_row(rows.velocity, i, j, rows.data, r, new - old)
+    rows.impulse[r] = new
 
 
 @inner
@@ -145,17 +145,15 @@ def row_residual(rows, n):
     for r in range(n):
         old = rows.impulse[r]
         new = law(rows.data, r, row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r), old)
-        worst = max(worst, abs(new - old) / rows.data[r, SOFTNESS])
+        worst = max(worst, abs(new - old) * rows.scale[r])
     return worst
 
 
 @inner
-def renew_velocity(rows, bodies, free, n):
+def renew_velocity(rows, bodies, n):
     """Set the velocities to the free ones plus all percussions."""
-    for i in range(bodies):
-        rows.velocity[i, 0] = free[i, 0]
-        rows.velocity[i, 1] = free[i, 1]
-    rows.velocity[bodies, 0] = 0.0
-    rows.velocity[bodies, 1] = 0.0
+    for i in range(bodies + 1):
+        rows.velocity[i, 0] = rows.free[i, 0]
+        rows.velocity[i, 1] = rows.free[i, 1]
     for r in range(n):
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.impulse[r])

@@ -16,16 +16,17 @@ import math
 from evac.jit import inner
 from evac.physics.conjugate import LOOK_EVERY, conjugate_faces, conjugate_sweeps
 from evac.physics.rows import (
+    AX,
+    AY,
     BEFORE,
     BIAS,
-    INVERSE_I,
-    INVERSE_J,
-    NX,
-    NY,
-    SOFTNESS,
+    BOUND,
+    CX,
+    CY,
     SPRING,
-    UNBOUNDED,
+    law,
     pack,
+    push_row,
     renew_velocity,
     row_residual,
     row_velocity,
@@ -38,12 +39,20 @@ GAUSS_SEIDEL = 1
 ACCELERATED_GRADIENT = 2
 CONJUGATE_SWEEPS = 3
 CONJUGATE_FACES = 4
+ACCELERATED_SWEEPS = 5
 
 #: In place of 2/K_N where K_N = 0: no third term in the local form.
 INELASTIC = -1.0
 
 #: Names of the solvers, in the order of their codes.
-SOLVERS = ("uzawa", "gauss_seidel", "accelerated_gradient", "conjugate_sweeps", "conjugate_faces")
+SOLVERS = (
+    "uzawa",
+    "gauss_seidel",
+    "accelerated_gradient",
+    "conjugate_sweeps",
+    "conjugate_faces",
+    "accelerated_sweeps",
+)
 
 
 @inner
@@ -101,11 +110,13 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, ta
     rows = contacts.rows
     n = pack(contacts, bodies, inverse_mass, free, compliance, tangential)
     if method == UZAWA:
-        iterations, found = uzawa(rows, n, bodies, free, tolerance, limit)
+        iterations, found = uzawa(rows, n, bodies, tolerance, limit)
     elif method == GAUSS_SEIDEL:
         iterations, found = gauss_seidel(rows, n, tolerance, limit)
     elif method == ACCELERATED_GRADIENT:
-        iterations, found = accelerated_gradient(rows, n, bodies, free, tolerance, limit)
+        iterations, found = accelerated_gradient(rows, n, bodies, tolerance, limit)
+    elif method == ACCELERATED_SWEEPS:
+        iterations, found = accelerated_sweeps(rows, n, bodies, tolerance, limit)
     elif method == CONJUGATE_SWEEPS:
         iterations, found = conjugate_sweeps(rows, n, bodies, tolerance, limit)
     else:
@@ -138,44 +149,49 @@ def gauss_seidel(rows, n, tolerance, limit):
 
 
 @inner
-def gradient_step(rows, r, w, percussion, rate):
-    """Return the projected step of length `rate` [kg] along the multiplier of row r (appendix 2 of the paper)."""
-    new = percussion - rate * (w + rows.data[r, BIAS])
-    spring = rows.data[r, SPRING]
+def gradient_step(rows, r, w, x, rate):
+    """Return the projected step of length `rate` along the multiplier of row r (appendix 2 of the paper)."""
+    data = rows.data
+    new = x - rate * (w + data[r, BIAS])
+    spring = data[r, SPRING]
     if spring > 0.0:
-        compliance = (1.0 - spring) / (spring * rows.data[r, SOFTNESS])
-        new = max(new, (percussion - rate * (w + rows.data[r, BEFORE])) / (1.0 + rate * compliance))
-    if new < 0.0 and rows.data[r, BIAS] < UNBOUNDED:
-        return 0.0
-    return new
+        new = max(new, (x - rate * (w + data[r, BEFORE])) / (1.0 + rate * (1.0 - spring) / spring))
+    return max(new, data[r, BOUND])
 
 
 @inner
-def uzawa(rows, n, bodies, free, tolerance, limit):
+def uzawa(rows, n, bodies, tolerance, limit):
     """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
 
     rho = 0.95 * 2 alpha / |C|^2 with alpha the least mass; h^2 rho of NSM1, whose rows are h G, is the same
     step on percussions. Returns (iterations, residual).
     """
-    lightest = 0.0
-    for r in range(n):
-        lightest = max(lightest, rows.data[r, INVERSE_I], rows.data[r, INVERSE_J])
-    rate = 1.9 / (lightest * constraint_norm(rows, n, bodies))
+    least = rows.root[0]
+    for i in range(bodies):
+        least = min(least, rows.root[i])
+    rate = 1.9 * least * least / constraint_norm(rows, n, bodies)
     found = row_residual(rows, n)
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
         for r in range(n):
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r)
-            rows.impulse[r] = gradient_step(rows, r, w, rows.impulse[r], rate)
-        renew_velocity(rows, bodies, free, n)
+            rows.impulse[r] = gradient_step(rows, r, w, rows.impulse[r], rate * rows.scale[r] * rows.scale[r])
+        renew_velocity(rows, bodies, n)
         if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
             found = row_residual(rows, n)
     return limit, found
 
 
 @inner
-def accelerated_gradient(rows, n, bodies, free, tolerance, limit):
+def momentum_after(momentum):
+    """Return Nesterov's next momentum, and how much of the last step to go on by."""
+    following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
+    return following, (momentum - 1.0) / following
+
+
+@inner
+def accelerated_gradient(rows, n, bodies, tolerance, limit):
     """Nesterov's projected gradient with diagonal scaling and restart; return (iterations, residual).
 
     The step of a row is 1 over the sum of its row of G^T M^-1 G, bounded by the numbers of rows at its
@@ -189,30 +205,45 @@ def accelerated_gradient(rows, n, bodies, free, tolerance, limit):
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
-        uphill = 0.0
-        for r in range(n):
-            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r)
-            rows.work[r, 0] = gradient_step(rows, r, w, rows.impulse[r], rows.work[r, 2])
-            uphill += (rows.impulse[r] - rows.work[r, 0]) * (rows.work[r, 0] - rows.work[r, 1]) / rows.work[r, 2]
-        if uphill > 0.0:
-            momentum = 1.0
-        following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
-        share = (momentum - 1.0) / following
-        momentum = following
+        following, share = momentum_after(momentum)
         look = iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1
-        for r in range(n):
-            new = rows.work[r, 0]
-            rows.impulse[r] = new if look else new + share * (new - rows.work[r, 1])
-            rows.work[r, 3] = new + share * (new - rows.work[r, 1])
-            rows.work[r, 1] = new
-        renew_velocity(rows, bodies, free, n)
+        uphill = _gradient_pass(rows, n, bodies, 0.0 if look else share)
+        momentum = following if uphill <= 0.0 else 1.0
         if look:
             found = row_residual(rows, n)
             if found > tolerance and iteration < limit - 1:
                 for r in range(n):
-                    rows.impulse[r] = rows.work[r, 3]
-                renew_velocity(rows, bodies, free, n)
+                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[r, 3])
+                renew_velocity(rows, bodies, n)
     return limit, found
+
+
+@inner
+def _gradient_pass(rows, n, bodies, share):
+    """Step all rows at once, go on by `share` of the step, renew velocities; return the slope along the last step.
+
+    Columns of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
+    """
+    data, work, image = rows.data, rows.work, rows.image
+    for i in range(bodies + 1):
+        image[i, 0] = rows.free[i, 0]
+        image[i, 1] = rows.free[i, 1]
+    uphill = 0.0
+    for r in range(n):
+        i, j = rows.body[r], rows.other[r]
+        x = rows.impulse[r]
+        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[r, 2])
+        step = new - work[r, 1]
+        uphill += (x - new) * step / work[r, 2]
+        work[r, 3] = work[r, 1]
+        work[r, 1] = new
+        new += share * step
+        rows.impulse[r] = new
+        push_row(image, i, j, data, r, new)
+    for i in range(bodies):
+        rows.velocity[i, 0] = image[i, 0]
+        rows.velocity[i, 1] = image[i, 1]
+    return uphill
 
 
 @inner
@@ -224,9 +255,59 @@ def _set_rates(rows, n, bodies):
         rows.image[rows.body[r], 0] += 1.0
         rows.image[rows.other[r], 0] += 1.0
     for r in range(n):
-        total = rows.data[r, INVERSE_I] * rows.image[rows.body[r], 0]
-        total += rows.data[r, INVERSE_J] * rows.image[rows.other[r], 0]
+        data = rows.data[r]
+        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[rows.body[r], 0]
+        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[rows.other[r], 0]
         rows.work[r, 2] = 1.0 / total
+
+
+@inner
+def accelerated_sweeps(rows, n, bodies, tolerance, limit):
+    """Gauss-Seidel sweeps with Nesterov's momentum and restart; return (iterations, residual).
+
+    Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
+    where it points uphill, as for gradients (O'Donoghue and Candes, 2015). No bound of a step is needed.
+    """
+    for r in range(n):
+        rows.work[r, 0] = rows.impulse[r]
+    for i in range(bodies):
+        rows.image[i, 0] = rows.velocity[i, 0]
+        rows.image[i, 1] = rows.velocity[i, 1]
+    momentum, share = 1.0, 0.0
+    found = row_residual(rows, n)
+    for iteration in range(limit):
+        if found <= tolerance:
+            return iteration, found
+        uphill = _sweep_on(rows, n, share)
+        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
+            found = row_residual(rows, n)
+            if found <= tolerance:
+                return iteration + 1, found
+        momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
+        for i in range(bodies):
+            for k in range(2):
+                new = rows.velocity[i, k]
+                rows.velocity[i, k] = new + share * (new - rows.image[i, k])
+                rows.image[i, k] = new
+    return limit, found
+
+
+@inner
+def _sweep_on(rows, n, share):
+    """Sweep up from x gone on by `share` of its last step; return the slope along the last step."""
+    data = rows.data
+    uphill = 0.0
+    for r in range(n):
+        i, j = rows.body[r], rows.other[r]
+        old = rows.impulse[r]
+        start = old + share * (old - rows.work[r, 0])
+        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start)
+        change = new - start
+        push_row(rows.velocity, i, j, data, r, change)
+        rows.work[r, 0] = old
+        rows.impulse[r] = new
+        uphill -= change * (new - old)
+    return uphill
 
 
 @inner
@@ -244,24 +325,17 @@ def constraint_norm(rows, n, bodies):
             square += rows.work[r, 0] ** 2
         norm = math.sqrt(square)
         for r in range(n):
-            share = rows.work[r, 0] / norm
-            i, j = rows.body[r], rows.other[r]
-            rows.image[i, 0] += share * rows.data[r, NX]
-            rows.image[i, 1] += share * rows.data[r, NY]
-            if j < bodies:
-                rows.image[j, 0] -= share * rows.data[r, NX]
-                rows.image[j, 1] -= share * rows.data[r, NY]
+            push_row(rows.image, rows.body[r], rows.other[r], rows.data, r, rows.work[r, 0] * rows.scale[r] / norm)
         square = 0.0
         for i in range(bodies):
-            square += rows.image[i, 0] ** 2 + rows.image[i, 1] ** 2
+            for k in range(2):
+                rows.image[i, k] *= rows.root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
+                square += rows.image[i, k] ** 2
+                rows.image[i, k] *= rows.root[i]
         done = abs(square - value) <= 1e-3 * square
         value = square
         if done:
             break
         for r in range(n):
-            i, j = rows.body[r], rows.other[r]
-            w = rows.data[r, NX] * rows.image[i, 0] + rows.data[r, NY] * rows.image[i, 1]
-            if j < bodies:
-                w -= rows.data[r, NX] * rows.image[j, 0] + rows.data[r, NY] * rows.image[j, 1]
-            rows.work[r, 0] = w
+            rows.work[r, 0] = rows.scale[r] * row_velocity(rows.image, rows.body[r], rows.other[r], rows.data, r)
     return value

@@ -179,6 +179,38 @@ def test_what_did_not_converge_says_so(solver):
     assert found == pytest.approx(problem.law(velocity, problem.contacts.impulse, 0.0), rel=1e-9)
 
 
+def solve_queue(solver, people):
+    """Solve for a queue that walks against a wall at 1.5 m/s; return (iterations, error of percussions [N s])."""
+    mass = np.linspace(60.0, 100.0, people)
+    contacts = make_contacts(people, people)
+    contacts.count[0] = people
+    contacts.body[:] = np.arange(people)
+    contacts.other[:] = np.arange(people) - 1  # the first one at the wall
+    contacts.normal[:] = (1.0, 0.0)
+    contacts.omega[:] = 1.0 / mass + np.append(0.0, 1.0 / mass[:-1])
+    free = np.column_stack([np.full(people, -1.5), np.zeros(people)])
+    velocity = np.zeros_like(free)
+    iterations, found = run_solver(
+        SOLVERS.index(solver), 1.0 / mass, free, velocity, contacts, INELASTIC, 0.0, 1e-9, 100000
+    )
+    assert found <= 1e-9
+    exact = 1.5 * np.cumsum(mass[::-1])[::-1]  # everybody stops: each contact carries all who are behind it
+    return iterations, np.abs(contacts.impulse - exact).max()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_queue_against_a_wall_carries_all_behind(solver):
+    _, error = solve_queue(solver, 20)
+    assert error <= 1e-3
+
+
+def test_momentum_makes_iterations_grow_with_the_length_of_a_chain_not_its_square():
+    plain = [solve_queue("gauss_seidel", people)[0] for people in (20, 80)]
+    fast = [solve_queue("accelerated_sweeps", people)[0] for people in (20, 80)]
+    assert plain[1] > 10 * plain[0]
+    assert fast[1] < 6 * fast[0]
+
+
 def test_uzawa_bound_is_the_greatest_eigenvalue():
     for seed in range(10):
         problem = Problem(seed)
