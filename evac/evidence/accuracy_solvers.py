@@ -9,6 +9,7 @@ import numpy as np
 
 from evac.evidence.accuracy_data import add_data
 from evac.evidence.accuracy_problems import LAWS, ContactProblem, Law, contact_problem, snapshots, velocity_error
+from evac.evidence.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.evidence.snapshots import KINDS
 from evac.physics.bundles import FloatArray
@@ -59,10 +60,10 @@ def run(evidence: Evidence) -> None:
     registry = Registry()
     evidence.heading("a. Contact solvers: error against run time")
     evidence.text(
-        """Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
+        f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
         crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
         no percussions, warm from those of the step before. The error is the greatest distance of the velocities
-        found from those of an independent interior-point solver (Clarabel, checked to 1e-9 m/s): times h, in
+        found from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
         metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units."""
     )
     rows: list[dict[str, Any]] = []
