@@ -15,6 +15,7 @@ from evac.physics.rows import (
     BOUND,
     CX,
     CY,
+    LOOK_EVERY,
     SPRING,
     push_row,
     row_residual,
@@ -22,9 +23,6 @@ from evac.physics.rows import (
     sweep_down,
     sweep_up,
 )
-
-#: Iterations between two looks at the residual, which costs as much as a sweep; small problems end in the first few.
-LOOK_EVERY = 4
 
 #: Columns of ``Rows.face_data`` behind A and C.
 SHIFT, SOFTNESS, COMPLIANCE = BIAS, BEFORE, SPRING

@@ -23,6 +23,9 @@ from evac.jit import inner
 
 AX, AY, CX, CY, BIAS, BEFORE, SPRING, BOUND = range(8)
 
+#: Iterations between two looks at the residual, which costs half a sweep; small problems end in the first few.
+LOOK_EVERY = 4
+
 
 @inner
 def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
@@ -112,6 +115,22 @@ def law(data, r, w, x):
     """Return the x that makes row r obey its law with all others held, w being its scaled velocity now."""
     rest = x - w
     return max(max(rest - data[r, BIAS], data[r, SPRING] * (rest - data[r, BEFORE])), data[r, BOUND])
+
+
+@inner
+def row_energy(data, r, x):
+    """Return the energy whose slope along x is minus the velocity that the law asks of row r [J].
+
+    The slope is min(b, w- + (1/s - 1) x): that of the elastic term up to where the rigid one takes over.
+    """
+    spring, bias, before = data[r, SPRING], data[r, BIAS], data[r, BEFORE]
+    if spring <= 0.0 or before >= bias:
+        return bias * x
+    compliance = (1.0 - spring) / spring
+    if before + compliance * x <= bias:
+        return x * (before + 0.5 * compliance * x)
+    edge = (bias - before) / compliance
+    return edge * (before + 0.5 * compliance * edge) + bias * (x - edge)
 
 
 @inner

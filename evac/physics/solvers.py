@@ -14,17 +14,10 @@ packed rows of `evac.physics.rows`.
 import math
 
 from evac.jit import inner
-from evac.physics.conjugate import LOOK_EVERY, conjugate_faces, conjugate_sweeps
+from evac.physics.conjugate import conjugate_faces, conjugate_sweeps
+from evac.physics.momentum import accelerated_gradient, accelerated_sweeps, gradient_step
 from evac.physics.rows import (
-    AX,
-    AY,
-    BEFORE,
-    BIAS,
-    BOUND,
-    CX,
-    CY,
-    SPRING,
-    law,
+    LOOK_EVERY,
     pack,
     push_row,
     renew_velocity,
@@ -149,17 +142,6 @@ def gauss_seidel(rows, n, tolerance, limit):
 
 
 @inner
-def gradient_step(rows, r, w, x, rate):
-    """Return the projected step of length `rate` along the multiplier of row r (appendix 2 of the paper)."""
-    data = rows.data
-    new = x - rate * (w + data[r, BIAS])
-    spring = data[r, SPRING]
-    if spring > 0.0:
-        new = max(new, (x - rate * (w + data[r, BEFORE])) / (1.0 + rate * (1.0 - spring) / spring))
-    return max(new, data[r, BOUND])
-
-
-@inner
 def uzawa(rows, n, bodies, tolerance, limit):
     """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
 
@@ -181,133 +163,6 @@ def uzawa(rows, n, bodies, tolerance, limit):
         if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
             found = row_residual(rows, n)
     return limit, found
-
-
-@inner
-def momentum_after(momentum):
-    """Return Nesterov's next momentum, and how much of the last step to go on by."""
-    following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
-    return following, (momentum - 1.0) / following
-
-
-@inner
-def accelerated_gradient(rows, n, bodies, tolerance, limit):
-    """Nesterov's projected gradient with diagonal scaling and restart; return (iterations, residual).
-
-    The step of a row is 1 over the sum of its row of G^T M^-1 G, bounded by the numbers of rows at its
-    bodies, so the scaled gradient step never overshoots; the momentum starts anew where it points uphill.
-    """
-    _set_rates(rows, n, bodies)
-    momentum = 1.0
-    for r in range(n):
-        rows.work[r, 1] = rows.impulse[r]
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
-        following, share = momentum_after(momentum)
-        look = iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1
-        uphill = _gradient_pass(rows, n, bodies, 0.0 if look else share)
-        momentum = following if uphill <= 0.0 else 1.0
-        if look:
-            found = row_residual(rows, n)
-            if found > tolerance and iteration < limit - 1:
-                for r in range(n):
-                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[r, 3])
-                renew_velocity(rows, bodies, n)
-    return limit, found
-
-
-@inner
-def _gradient_pass(rows, n, bodies, share):
-    """Step all rows at once, go on by `share` of the step, renew velocities; return the slope along the last step.
-
-    Columns of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
-    """
-    data, work, image = rows.data, rows.work, rows.image
-    for i in range(bodies + 1):
-        image[i, 0] = rows.free[i, 0]
-        image[i, 1] = rows.free[i, 1]
-    uphill = 0.0
-    for r in range(n):
-        i, j = rows.body[r], rows.other[r]
-        x = rows.impulse[r]
-        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[r, 2])
-        step = new - work[r, 1]
-        uphill += (x - new) * step / work[r, 2]
-        work[r, 3] = work[r, 1]
-        work[r, 1] = new
-        new += share * step
-        rows.impulse[r] = new
-        push_row(image, i, j, data, r, new)
-    for i in range(bodies):
-        rows.velocity[i, 0] = image[i, 0]
-        rows.velocity[i, 1] = image[i, 1]
-    return uphill
-
-
-@inner
-def _set_rates(rows, n, bodies):
-    """Set column 2 of the work array to the step of each row."""
-    for i in range(bodies + 1):
-        rows.image[i, 0] = 0.0
-    for r in range(n):
-        rows.image[rows.body[r], 0] += 1.0
-        rows.image[rows.other[r], 0] += 1.0
-    for r in range(n):
-        data = rows.data[r]
-        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[rows.body[r], 0]
-        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[rows.other[r], 0]
-        rows.work[r, 2] = 1.0 / total
-
-
-@inner
-def accelerated_sweeps(rows, n, bodies, tolerance, limit):
-    """Gauss-Seidel sweeps with Nesterov's momentum and restart; return (iterations, residual).
-
-    Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
-    where it points uphill, as for gradients (O'Donoghue and Candes, 2015). No bound of a step is needed.
-    """
-    for r in range(n):
-        rows.work[r, 0] = rows.impulse[r]
-    for i in range(bodies):
-        rows.image[i, 0] = rows.velocity[i, 0]
-        rows.image[i, 1] = rows.velocity[i, 1]
-    momentum, share = 1.0, 0.0
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
-        uphill = _sweep_on(rows, n, share)
-        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
-            found = row_residual(rows, n)
-            if found <= tolerance:
-                return iteration + 1, found
-        momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
-        for i in range(bodies):
-            for k in range(2):
-                new = rows.velocity[i, k]
-                rows.velocity[i, k] = new + share * (new - rows.image[i, k])
-                rows.image[i, k] = new
-    return limit, found
-
-
-@inner
-def _sweep_on(rows, n, share):
-    """Sweep up from x gone on by `share` of its last step; return the slope along the last step."""
-    data = rows.data
-    uphill = 0.0
-    for r in range(n):
-        i, j = rows.body[r], rows.other[r]
-        old = rows.impulse[r]
-        start = old + share * (old - rows.work[r, 0])
-        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start)
-        change = new - start
-        push_row(rows.velocity, i, j, data, r, change)
-        rows.work[r, 0] = old
-        rows.impulse[r] = new
-        uphill -= change * (new - old)
-    return uphill
 
 
 @inner

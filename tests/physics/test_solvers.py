@@ -211,6 +211,38 @@ def test_momentum_makes_iterations_grow_with_the_length_of_a_chain_not_its_squar
     assert fast[1] < 6 * fast[0]
 
 
+def ring(people=100, seed=1):
+    """Return a big body in a closed ring of small ones, contacts in random order: momentum alone diverges here."""
+    random = np.random.default_rng(seed)
+    small = people - 1
+    angle = 2.0 * np.pi * np.arange(small) / small
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    chord = out - np.roll(out, -1, axis=0)
+    body = np.concatenate([np.zeros(small), 1 + np.minimum(np.arange(small), (np.arange(small) + 1) % small)])
+    other = np.concatenate([1 + np.arange(small), 1 + np.maximum(np.arange(small), (np.arange(small) + 1) % small)])
+    normal = np.concatenate([-out, chord / np.hypot(*chord.T)[:, None]])
+    normal[-1] *= -1.0  # between the last and the first
+    order = random.permutation(len(body))
+    contacts = make_contacts(people, len(body))
+    contacts.count[0] = len(body)
+    contacts.body[:], contacts.other[:], contacts.normal[:] = body[order], other[order], normal[order]
+    contacts.omega[:] = 2.0 / 80.0
+    return contacts, random.normal(0.0, 1.5, (people, 2))
+
+
+@pytest.mark.parametrize("limit", [7, 50, 201, 20000])
+def test_momentum_that_does_not_suit_is_given_up(limit):
+    contacts, free = ring()
+    velocity = np.zeros_like(free)
+    inverse_mass = np.full(len(free), 1.0 / 80.0)
+    code = SOLVERS.index("accelerated_sweeps")
+    _, found = run_solver(code, inverse_mass, free, velocity, contacts, INELASTIC, 0.0, 1e-6, limit)
+    assert (found <= 1e-6) == (limit == 20000)
+    assert np.isfinite(velocity).all()
+    assert np.sum(velocity**2) <= np.sum(free**2)  # percussions of an inelastic law only take energy
+    assert found == pytest.approx(find_residual(velocity, contacts, INELASTIC, 0.0), rel=1e-6, abs=1e-12)
+
+
 def test_uzawa_bound_is_the_greatest_eigenvalue():
     for seed in range(10):
         problem = Problem(seed)

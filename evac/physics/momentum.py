@@ -1,0 +1,221 @@
+"""Nesterov's momentum: gradient steps, and Gauss-Seidel sweeps, that go on along their last step.
+
+Both start the momentum anew where it points uphill (O'Donoghue and Candes, 2015). A sweep with momentum takes as
+many iterations for a chain of contacts as it is long, a sweep without its square.
+"""
+
+import math
+
+from evac.jit import inner
+from evac.physics.rows import (
+    AX,
+    AY,
+    BEFORE,
+    BIAS,
+    BOUND,
+    CX,
+    CY,
+    LOOK_EVERY,
+    SPRING,
+    law,
+    push_row,
+    renew_velocity,
+    row_energy,
+    row_residual,
+    row_velocity,
+)
+
+#: A rise of the energy by more than this share of it is no rounding; within so many sweeps from the start of the
+#: momentum it means that momentum does not suit the problem.
+RISE = 1e-10
+SOON = 16
+
+
+@inner
+def gradient_step(rows, r, w, x, rate):
+    """Return the projected step of length `rate` along the multiplier of row r (appendix 2 of the paper)."""
+    data = rows.data
+    new = x - rate * (w + data[r, BIAS])
+    spring = data[r, SPRING]
+    if spring > 0.0:
+        new = max(new, (x - rate * (w + data[r, BEFORE])) / (1.0 + rate * (1.0 - spring) / spring))
+    return max(new, data[r, BOUND])
+
+
+@inner
+def momentum_after(momentum):
+    """Return Nesterov's next momentum, and how much of the last step to go on by."""
+    following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
+    return following, (momentum - 1.0) / following
+
+
+@inner
+def accelerated_gradient(rows, n, bodies, tolerance, limit):
+    """Nesterov's projected gradient with diagonal scaling and restart; return (iterations, residual).
+
+    The step of a row is 1 over the sum of its row of G^T M^-1 G, bounded by the numbers of rows at its
+    bodies, so the scaled gradient step never overshoots; the momentum starts anew where it points uphill.
+    """
+    _set_rates(rows, n, bodies)
+    momentum = 1.0
+    for r in range(n):
+        rows.work[r, 1] = rows.impulse[r]
+    found = row_residual(rows, n)
+    for iteration in range(limit):
+        if found <= tolerance:
+            return iteration, found
+        following, share = momentum_after(momentum)
+        look = iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1
+        uphill = _gradient_pass(rows, n, bodies, 0.0 if look else share)
+        momentum = following if uphill <= 0.0 else 1.0
+        if look:
+            found = row_residual(rows, n)
+            if found > tolerance and iteration < limit - 1:
+                for r in range(n):
+                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[r, 3])
+                renew_velocity(rows, bodies, n)
+    return limit, found
+
+
+@inner
+def _gradient_pass(rows, n, bodies, share):
+    """Step all rows at once, go on by `share` of the step, renew velocities; return the slope along the last step.
+
+    Columns of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
+    """
+    data, work, image = rows.data, rows.work, rows.image
+    for i in range(bodies + 1):
+        image[i, 0] = rows.free[i, 0]
+        image[i, 1] = rows.free[i, 1]
+    uphill = 0.0
+    for r in range(n):
+        i, j = rows.body[r], rows.other[r]
+        x = rows.impulse[r]
+        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[r, 2])
+        step = new - work[r, 1]
+        uphill += (x - new) * step / work[r, 2]
+        work[r, 3] = work[r, 1]
+        work[r, 1] = new
+        new += share * step
+        rows.impulse[r] = new
+        push_row(image, i, j, data, r, new)
+    for i in range(bodies):
+        rows.velocity[i, 0] = image[i, 0]
+        rows.velocity[i, 1] = image[i, 1]
+    return uphill
+
+
+@inner
+def _set_rates(rows, n, bodies):
+    """Set column 2 of the work array to the step of each row."""
+    for i in range(bodies + 1):
+        rows.image[i, 0] = 0.0
+    for r in range(n):
+        rows.image[rows.body[r], 0] += 1.0
+        rows.image[rows.other[r], 0] += 1.0
+    for r in range(n):
+        data = rows.data[r]
+        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[rows.body[r], 0]
+        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[rows.other[r], 0]
+        rows.work[r, 2] = 1.0 / total
+
+
+@inner
+def accelerated_sweeps(rows, n, bodies, tolerance, limit):
+    """Gauss-Seidel sweeps with Nesterov's momentum and restart; return (iterations, residual).
+
+    Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
+    where it points uphill. No bound of a step is needed, but sweeps with momentum need not go down: where the energy
+    has risen between two looks, they go on from the look before, and where that happens soon, with half the share
+    of the last step from then on; in the end with none, which always goes down.
+    """
+    momentum, share, most = 1.0, 0.0, 1.0
+    started = n * 0
+    found = row_residual(rows, n)
+    least = energy(rows, n, bodies)
+    rounding = RISE * abs(least)
+    _keep(rows, n, bodies, 0)
+    _keep(rows, n, bodies, 1)
+    iteration = n * 0
+    while found > tolerance and iteration < limit:
+        _go_on(rows, bodies, share)
+        uphill = _sweep_on(rows, n, share)
+        iteration += 1
+        if iteration % LOOK_EVERY == 0 or iteration == limit:
+            now = energy(rows, n, bodies)
+            if now <= least + rounding:
+                least = now
+                _keep(rows, n, bodies, 1)
+            else:
+                _take_back(rows, n, bodies)
+                if LOOK_EVERY <= iteration - started < SOON:
+                    most *= 0.5
+                uphill = 1.0
+            found = row_residual(rows, n)
+        if uphill > 0.0:
+            momentum = 1.0
+            started = iteration
+        momentum, share = momentum_after(momentum)
+        share = min(share, most)
+    return iteration, found
+
+
+@inner
+def _go_on(rows, bodies, share):
+    """Go on by `share` of the last step of the velocities."""
+    for i in range(bodies):
+        for k in range(2):
+            now = rows.velocity[i, k]
+            rows.velocity[i, k] = now + share * (now - rows.image[i, k])
+            rows.image[i, k] = now
+
+
+@inner
+def _keep(rows, n, bodies, place):
+    """Keep percussions and velocities: as the last ones (place 0), or as those of the last look (1)."""
+    for r in range(n):
+        rows.work[r, place] = rows.impulse[r]
+    for i in range(bodies):
+        for k in range(2):
+            rows.image[i, 2 * place + k] = rows.velocity[i, k]
+
+
+@inner
+def _take_back(rows, n, bodies):
+    """Return to percussions and velocities of the last look."""
+    for r in range(n):
+        rows.impulse[r] = rows.work[r, 1]
+        rows.work[r, 0] = rows.work[r, 1]
+    for i in range(bodies):
+        for k in range(2):
+            rows.velocity[i, k] = rows.image[i, 2 + k]
+            rows.image[i, k] = rows.image[i, 2 + k]
+
+
+@inner
+def energy(rows, n, bodies):
+    """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
+    total = 0.0
+    for i in range(bodies):
+        total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
+    for r in range(n):
+        total += row_energy(rows.data, r, rows.impulse[r])
+    return total
+
+
+@inner
+def _sweep_on(rows, n, share):
+    """Sweep up from x gone on by `share` of its last step; return the slope along the last step."""
+    data = rows.data
+    uphill = 0.0
+    for r in range(n):
+        i, j = rows.body[r], rows.other[r]
+        old = rows.impulse[r]
+        start = old + share * (old - rows.work[r, 0])
+        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start)
+        change = new - start
+        push_row(rows.velocity, i, j, data, r, change)
+        rows.work[r, 0] = old
+        rows.impulse[r] = new
+        uphill -= change * (new - old)
+    return uphill
