@@ -66,6 +66,13 @@ def run(evidence: Evidence) -> None:
         found from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
         metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units."""
     )
+    evidence.text(
+        """uzawa is the paper's solver: all percussions step along their gradient by 0.95 of the greatest fixed length.
+        accelerated_gradient steps each by its own length and goes on along the last step (Nesterov's momentum).
+        gauss_seidel puts one contact right after the other, outwards from the exit. conjugate_sweeps and
+        conjugate_faces join sweeps there and back by conjugate gradients, the second on one set of pushing contacts
+        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum."""
+    )
     rows: list[dict[str, Any]] = []
     for stage in QUICK if evidence.quick else FULL:
         found = _stage_rows(stage, evidence.seed, registry)
