@@ -209,14 +209,18 @@ class Registry:
                 self._enter(kind, item, plugin)
 
     def _check_hooks(self, module: ModuleType, plugin: str) -> None:
-        """Refuse hooks that the contract does not have, and functions that forgot to say they are one."""
+        """Refuse hooks that the contract does not have, functions that forgot to say they are one, and none at all."""
         known = [name for name in vars(hookspecs) if name.startswith("evac_")]
+        hooks = 0
         for name, item in vars(module).items():
             marked = self._manager.parse_hookimpl_opts(module, name) is not None
+            hooks += marked
             if marked and name not in known:
                 raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
             if name in known and not marked and inspect.isfunction(item):
                 raise PluginError(f"plugin {plugin}: {name} is not marked; put @hookimpl of evac.hookspecs above it")
+        if not hooks:
+            raise PluginError(f"plugin {plugin}: has no hook and would change nothing; it may have {', '.join(known)}")
 
     def _enter(self, kind: str, item: Any, plugin: str) -> None:
         """Enter one class or folder in its table, checked."""

@@ -106,7 +106,8 @@ class Simulation:
         with naming(case.source):
             self.contact.check_scene(self._border_scene())
         world = make_world(self.building, self.fields)
-        self.engine = Engine(world, len(self.population.crowd.level), self.forces, full)
+        names = [level.name for level in self.building.levels]
+        self.engine = Engine(world, len(self.population.crowd.level), self.forces, full, names)
         self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
         self.recorders: list[Recorder] = [recorder() for recorder in self.registry.recorders.values()]
         self._is_recording = False

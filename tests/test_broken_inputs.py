@@ -15,11 +15,11 @@ BROKEN = Path(__file__).parent / "broken"
 #: What the message must say: file, dotted key or place, and what to do.
 REFUSED = {
     "area_too_small": r"area_too_small/case\.toml: people\.visitors\.number: area 'room' on level 'floor z=0\.00': "
-    r"\d+ of 200 people .* lower the number or enlarge the area",
+    r"200 people of radii up to .* do not fit on .* m2, about \d+ do; lower the number or enlarge the area",
     "area_unknown": r"people\.visitors\.area: unknown area 'rooom'; did you mean 'room'\?",
     "exit_off_edge": r"room\.obj: exit 'door', \(3\.00, 1\.50\).* level 'floor z=0\.00', does not lie on a free edge "
     r".* nearest free edge is",
-    "mesh_empty": r"empty\.obj: there are no surface cells .*; export the walkable surface",
+    "mesh_empty": r"empty\.obj: the file is empty; write the mesh again",
     "mesh_folded": r"folded\.obj: .* folds over itself at the edge \(6\.00, 0\.00, 0\.00\)",
     "mesh_missing": r"building\.mesh: no such file .*nowhere\.obj; check the path",
     "mesh_nan": r"nan\.obj: vertex 3 is not finite: \[6\.0, nan, 0\.0\]; repair",

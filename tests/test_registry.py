@@ -78,7 +78,12 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
         tmp_path,
         "kernels.py",
         """
+        from evac.hookspecs import hookimpl
         from evac.jit import kernel
+
+        @hookimpl
+        def evac_forces():
+            return []
 
         @kernel
         def twice(values):
@@ -102,6 +107,7 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
         ("def evac_forces():\n    return []\n", ["evac_forces is not marked", "put @hookimpl"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces(scene):\n    return []\n",
          ["scene", "see evac.hookspecs"]),
+        ("gravity = 9.81\n", ["has no hook and would change nothing", "evac_contact_models"]),
         ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",
          ["evac_forces() cannot be loaded", "ZeroDivisionError"]),

@@ -81,6 +81,8 @@ def read_mesh(path: Path) -> SurfaceMesh:
         raise BuildingError(f"{path}: cannot read files ending in {suffix!r}; use one of {', '.join(FORMATS)}")
     if not path.is_file():
         raise BuildingError(f"{path}: no such file; check the path")
+    if path.stat().st_size == 0:
+        raise BuildingError(f"{path}: the file is empty; write the mesh again")
     try:
         tags: dict[str, list[BoolArray]] = {}
         if suffix in READERS:
@@ -157,8 +159,11 @@ def _assemble(
             f"{path}: there are no surface cells (triangles, quads or polygons) in this file; "
             "export the walkable surface with its faces"
         )
-    if any(block.min() < 0 or block.max() >= len(points) for block in blocks):
-        raise BuildingError(f"{path}: a cell refers to a vertex that is not in the file; write the mesh again")
+    outside = [corner for block in blocks for corner in (block.min(), block.max()) if not 0 <= corner < len(points)]
+    if outside:
+        raise BuildingError(
+            f"{path}: a cell refers to vertex {outside[0] + 1}, but the file has {len(points)}; write the mesh again"
+        )
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise BuildingError(

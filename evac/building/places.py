@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 EXIT_REACH = 0.05
 #: A height given for a level may differ this much from the level's own [m].
 HEIGHT_REACH = 0.5
+#: An area that leaves its level by more than this share is warned of.
+CUT_OFF = 0.01
 #: Remainders of walls and exits shorter than this are dropped [m].
 LEAST_LENGTH = 1e-3
 
@@ -85,7 +87,12 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     polygon = _plane_part(drawn.intersection(level.polygon))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
-    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)))
+    warnings = building.warnings
+    if polygon.area < (1.0 - CUT_OFF) * drawn.area:
+        warnings += (
+            f"{what}: {polygon.area:.2f} of its {drawn.area:.2f} m2 are on level {level.name!r}; the rest is cut off",
+        )
+    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), warnings=warnings)
 
 
 def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:

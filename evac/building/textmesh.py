@@ -39,7 +39,7 @@ def read_obj(path: Path) -> tuple[FloatArray, list[IndexArray]]:
                 points.append([float(x), float(y), float(z)])
             elif word == "f":
                 corners = [int(corner.partition("/")[0]) for corner in rest]
-                faces.append([c - 1 if c > 0 else len(points) + c for c in corners])
+                faces.append(_checked([c - 1 if c > 0 else len(points) + c for c in corners]))
         except ValueError as error:
             raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
     return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
@@ -58,26 +58,41 @@ def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     ValueError
         If the header, a count or a line is wrong.
     """
-    lines = [line.partition("#")[0].split() for line in path.read_text(encoding="utf-8").splitlines()]
-    lines = [line for line in lines if line]
-    if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][0]):
+    text = path.read_text(encoding="utf-8").splitlines()
+    lines = [(number, line.partition("#")[0].split()) for number, line in enumerate(text, start=1)]
+    lines = [(number, words) for number, words in lines if words]
+    if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][1][0]):
         raise ValueError("the first word must be OFF")
-    counts, *rest = [lines[0][1:], *lines[1:]] if len(lines[0]) > 1 else lines[1:] or [[]]
+    number, first = lines[0]
+    (_, counts), *rest = [(number, first[1:]), *lines[1:]] if len(first) > 1 else lines[1:] or [(number, [])]
     if len(counts) < 2:
         raise ValueError("the numbers of vertices and faces are missing")
     n_points, n_faces = int(counts[0]), int(counts[1])
     if len(rest) < n_points + n_faces:
         raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but only {len(rest)} lines follow")
-    points = np.array([[float(value) for value in line[:3]] for line in rest[:n_points]], dtype=np.float64)
-    faces = [[int(corner) for corner in line[1 : 1 + int(line[0])]] for line in rest[n_points : n_points + n_faces]]
-    return points.reshape(-1, 3), face_blocks(faces)
+    points, faces = [], []
+    for index, (number, words) in enumerate(rest[: n_points + n_faces]):
+        try:
+            if index < n_points:
+                x, y, z = words[:3]
+                points.append([float(x), float(y), float(z)])
+            else:
+                faces.append(_checked([int(corner) for corner in words[1 : 1 + int(words[0])]]))
+        except ValueError as error:
+            raise ValueError(f"line {number}: {text[number - 1].strip()!r}: {error}") from error
+    return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
+
+
+def _checked(face: list[int]) -> list[int]:
+    """Return the face, or refuse one that encloses nothing."""
+    if len(face) < 3:
+        raise ValueError(f"a face has only {len(face)} corners")
+    return face
 
 
 def face_blocks(faces: list[list[int]]) -> list[IndexArray]:
     """Gather faces of equal length, in the order of their lengths."""
     by_length: dict[int, list[list[int]]] = defaultdict(list)
     for face in faces:
-        if len(face) < 3:
-            raise ValueError(f"a face has only {len(face)} corners")
-        by_length[len(face)].append(face)
+        by_length[len(_checked(face))].append(face)
     return [np.array(by_length[length], dtype=np.int64) for length in sorted(by_length)]

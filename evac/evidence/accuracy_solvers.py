@@ -151,12 +151,13 @@ def measure(
 
 def _affordable(problem: ContactProblem, solver: str, cap: float) -> int:
     """Return the number of iterations that take about `cap` seconds; also compiles."""
-    few = 20
-    for _ in range(2):
+    few, spans = 20, {}
+    for iterations in (few, few, 5 * few):  # the first compiles; what a solve costs before its iterations drops out
         problem.start(False)
         start = time.perf_counter()
-        problem.solve(solver, 0.0, few)
-        each = (time.perf_counter() - start) / few
+        problem.solve(solver, 0.0, iterations)
+        spans[iterations] = time.perf_counter() - start
+    each = max(spans[5 * few] - spans[few], 1e-6) / (4 * few)
     return max(few, int(cap / each))
 
 

@@ -81,8 +81,8 @@ def place(
     lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator)
     if lattice is None:
         raise ScenarioError(
-            f"{place_name}: {n_placed} of {len(radii)} people were placed on {polygon.area:.1f} m2; about "
-            f"{max(n_placed, n_fitting)} of radii up to {reach:.2f} m fit; lower the number or enlarge the area"
+            f"{place_name}: {len(radii)} people of radii up to {reach:.2f} m do not fit on {polygon.area:.1f} m2,"
+            f" about {max(n_placed, n_fitting)} do; lower the number or enlarge the area"
         )
     return lattice
 

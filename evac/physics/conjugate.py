@@ -15,8 +15,9 @@ from evac.physics.rows import (
     BOUND,
     CX,
     CY,
-    LOOK_EVERY,
+    LOOK_EARLY,
     SPRING,
+    is_look,
     push_row,
     row_residual,
     row_velocity,
@@ -55,7 +56,7 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):
         remember(rows, n, bodies)
         sweep_up(rows, n)
         sweep_down(rows, n)
-        if iteration < LOOK_EVERY or iteration % LOOK_EVERY == 0 or iteration == limit - 1:
+        if iteration < LOOK_EARLY or is_look(iteration, limit - 1):
             found = row_residual(rows, n)
             if found <= tolerance or iteration == limit - 1:
                 return iteration + 1, found
@@ -119,7 +120,7 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):
         sweep_down(rows, n)
         iteration += 1
         changed = mark_branches(rows, n)
-        if iteration <= LOOK_EVERY or iteration % LOOK_EVERY == 0 or iteration >= limit:
+        if iteration <= LOOK_EARLY or is_look(iteration, limit):
             found = row_residual(rows, n)
             if found <= tolerance or iteration >= limit:
                 break

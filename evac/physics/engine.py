@@ -1,5 +1,6 @@
 """The engine: owns the work arrays of the step loop and makes one tick of steps."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,10 +44,15 @@ class Engine:
         Those in use.
     full : bool
         Do even what the scene does not need (``evac run --full``).
+    levels : sequence of str
+        Names of the levels, for messages; without them their numbers are told.
     """
 
-    def __init__(self, world: World, people: int, forces: list[Force], full: bool = False) -> None:
+    def __init__(
+        self, world: World, people: int, forces: list[Force], full: bool = False, levels: Sequence[str] = ()
+    ) -> None:
         self.world = world
+        self.levels = levels
         self.bodies = make_bodies(people)
         self.lists = make_lists(people, 8 * people + 64, 8 * people + 64)
         self.contacts = make_contacts(people, 4 * people + 64)
@@ -122,7 +128,9 @@ class Engine:
         """Name the body that the failure is about."""
         i = int(self.bodies.count[1])
         x, y = self.bodies.position[i]
-        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {self.bodies.level[i]}"
+        level = int(self.bodies.level[i])
+        name = repr(self.levels[level]) if self.levels else level
+        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {name}"
 
 
 def _grown(array: np.ndarray) -> np.ndarray:

@@ -15,8 +15,8 @@ from evac.physics.rows import (
     BOUND,
     CX,
     CY,
-    LOOK_EVERY,
     SPRING,
+    is_look,
     law,
     push_row,
     renew_velocity,
@@ -25,10 +25,11 @@ from evac.physics.rows import (
     row_velocity,
 )
 
-#: A rise of the energy by more than this share of it is no rounding; within so many sweeps from the start of the
-#: momentum it means that momentum does not suit the problem.
+#: A rise of the energy by more than this share of it is no rounding.
 RISE = 1e-10
-SOON = 16
+
+#: Two rises within so many sweeps tell that momentum does not suit the problem.
+SOON = 64
 
 
 @inner
@@ -65,7 +66,7 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
         if found <= tolerance:
             return iteration, found
         following, share = momentum_after(momentum)
-        look = iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1
+        look = is_look(iteration + 1, limit)
         uphill = _gradient_pass(rows, n, bodies, 0.0 if look else share)
         momentum = following if uphill <= 0.0 else 1.0
         if look:
@@ -126,11 +127,11 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
 
     Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
     where it points uphill. No bound of a step is needed, but sweeps with momentum need not go down: where the energy
-    has risen between two looks, they go on from the look before, and where that happens soon, with half the share
-    of the last step from then on; in the end with none, which always goes down.
+    has risen between two looks, they start again from the look before, and where it soon rises again, with at most
+    half the share of the last step from then on; in the end with none, which always goes down.
     """
     momentum, share, most = 1.0, 0.0, 1.0
-    started = n * 0
+    risen = -SOON
     found = row_residual(rows, n)
     least = energy(rows, n, bodies)
     rounding = RISE * abs(least)
@@ -141,21 +142,19 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
         _go_on(rows, bodies, share)
         uphill = _sweep_on(rows, n, share)
         iteration += 1
-        if iteration % LOOK_EVERY == 0 or iteration == limit:
+        if is_look(iteration, limit):
             now = energy(rows, n, bodies)
             if now <= least + rounding:
                 least = now
                 _keep(rows, n, bodies, 1)
             else:
                 _take_back(rows, n, bodies)
-                if LOOK_EVERY <= iteration - started < SOON:
+                if iteration - risen <= SOON:
                     most *= 0.5
+                risen = iteration
                 uphill = 1.0
             found = row_residual(rows, n)
-        if uphill > 0.0:
-            momentum = 1.0
-            started = iteration
-        momentum, share = momentum_after(momentum)
+        momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
         share = min(share, most)
     return iteration, found
 

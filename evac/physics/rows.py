@@ -23,8 +23,9 @@ from evac.jit import inner
 
 AX, AY, CX, CY, BIAS, BEFORE, SPRING, BOUND = range(8)
 
-#: Iterations between two looks at the residual, which costs half a sweep; small problems end in the first few.
-LOOK_EVERY = 4
+#: Iterations between two looks at the residual, which costs half a sweep: small problems end in the first few, and
+#: large ones do not wait for the next one long, for what they took.
+EARLY, LOOK_EARLY, LOOK_LATE = 64, 4, 16
 
 
 @inner
@@ -176,3 +177,9 @@ def renew_velocity(rows, bodies, n):
         rows.velocity[i, 1] = rows.free[i, 1]
     for r in range(n):
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.impulse[r])
+
+
+@inner
+def is_look(made, limit):
+    """Whether to look at the residual after so many iterations."""
+    return made % (LOOK_EARLY if made <= EARLY else LOOK_LATE) == 0 or made == limit

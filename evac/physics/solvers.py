@@ -17,7 +17,7 @@ from evac.jit import inner
 from evac.physics.conjugate import conjugate_faces, conjugate_sweeps
 from evac.physics.momentum import accelerated_gradient, accelerated_sweeps, gradient_step
 from evac.physics.rows import (
-    LOOK_EVERY,
+    is_look,
     pack,
     push_row,
     renew_velocity,
@@ -136,7 +136,7 @@ def gauss_seidel(rows, n, tolerance, limit):
         if found <= tolerance:
             return iteration, found
         sweep_up(rows, n)
-        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
+        if is_look(iteration + 1, limit):
             found = row_residual(rows, n)
     return limit, found
 
@@ -160,7 +160,7 @@ def uzawa(rows, n, bodies, tolerance, limit):
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r)
             rows.impulse[r] = gradient_step(rows, r, w, rows.impulse[r], rate * rows.scale[r] * rows.scale[r])
         renew_velocity(rows, bodies, n)
-        if iteration % LOOK_EVERY == LOOK_EVERY - 1 or iteration == limit - 1:
+        if is_look(iteration + 1, limit):
             found = row_residual(rows, n)
     return limit, found
 

@@ -59,6 +59,13 @@ def load_case(
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        from evac.building.meshfile import FORMATS
+
+        if path.suffix.lower() in FORMATS:
+            raise ScenarioError(
+                f"{path}: this is a mesh, not a case; name it in a case.toml as building.mesh, and see what is in it"
+                f" with: evac check {source}"
+            ) from error
         raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error

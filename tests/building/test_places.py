@@ -76,7 +76,10 @@ def test_level_by_name_and_by_height(stair_mesh, read):
 
 def test_area_is_clipped_to_its_level(room, read):
     square = {"name": "start", "polygon": [[5, 3], [8, 3], [8, 6], [5, 6]], "z": 0.0}
-    (area,) = read(room, exits=[way([6, 1], [6, 2])], areas=[square]).areas
+    building = read(room, exits=[way([6, 1], [6, 2])], areas=[square])
+    (area,) = building.areas
+    (warning,) = building.warnings
+    assert "area 'start': 1.00 of its 9.00 m2 are on level" in warning
     assert (area.name, area.level) == ("start", 0)
     assert area.polygon.equals(shapely.box(5, 3, 6, 4))
     with pytest.raises(

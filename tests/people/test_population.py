@@ -125,7 +125,7 @@ def test_too_many_people_are_refused_by_area_and_level(make_case, house, fields)
         build_population(case, house, fields(), seed=1)
     message = str(caught.value)
     assert message.startswith(f"{case.source}: people.crowd.number: area 'room 0' on level 'west 0': ")
-    assert "of 500 people were placed on 16.0 m2" in message
+    assert "500 people of radii up to 0.25 m do not fit on 16.0 m2" in message
 
 
 def test_people_who_cannot_reach_an_exit_are_refused_by_place(make_case, house, fields):

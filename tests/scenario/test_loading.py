@@ -195,6 +195,14 @@ def test_missing_files_are_named(case_file, registry):
     ]
 
 
+@pytest.mark.parametrize("content", [b"v 0 0 0\n", b"\x80\xff"])
+def test_a_mesh_in_place_of_a_case_is_told(tmp_path, registry, content):
+    path = tmp_path / "house.obj"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match=r"house\.obj: this is a mesh, not a case; .* evac check .*house\.obj"):
+        load_case(path, registry=registry)
+
+
 def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
     case_file.write_text("title = \n")
     with pytest.raises(ScenarioError, match=r"case\.toml: not valid TOML: .*line 1"):
