@@ -14,7 +14,7 @@ import numpy as np
 from evac.evidence import phases
 from evac.evidence.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.models import make_model
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
+from evac.evidence.report import MODEL_COLOURS, Evidence, claim, new_figure, timed
 from evac.physics import stepping
 from evac.physics.bundles import Clock, Crowd
 from evac.physics.contact_model import ContactModel
@@ -199,7 +199,7 @@ def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> d
     hall = make_hall(people, DENSITIES["free"], seed)
     measured = [1e9 * walk(hall, make_model("DEM"), *sizes[people]).per_person for _ in range(repeats + 1)]
     what = f"Hall of {people:,} people at {DENSITIES['free']:g} per m2, DEM [ns per person-step]"
-    return _claim(what, "at most", GREATEST_TIME, _middle(measured))
+    return claim(what, "at most", GREATEST_TIME, _middle(measured))
 
 
 def _school_claims(repeats: int) -> list[dict[str, Any]]:
@@ -217,20 +217,15 @@ def _school_claims(repeats: int) -> list[dict[str, Any]]:
         command = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(Path(folder) / "result")]
         whole = timed(lambda: subprocess.run(command, check=True, capture_output=True), repeats)
     return [
-        _claim("School, simulated time over wall time of the loop", "at least", LEAST_SPEED, _middle(speeds)),
-        _claim("School, share of the loop outside the compiled tick [%]", "at most", GREATEST_PYTHON, _middle(shares)),
-        _claim("evac run primary_school, whole command [s]", "at most", GREATEST_WALL, whole.median),
+        claim("School, simulated time over wall time of the loop", "at least", LEAST_SPEED, _middle(speeds)),
+        claim("School, share of the loop outside the compiled tick [%]", "at most", GREATEST_PYTHON, _middle(shares)),
+        claim("evac run primary_school, whole command [s]", "at most", GREATEST_WALL, whole.median),
     ]
 
 
 def _middle(values: list[float]) -> float:
     """Return the median without the first, which warms up."""
     return float(np.median(values[1:]))
-
-
-def _claim(what: str, bound: str, asked: float, measured: float) -> dict[str, Any]:
-    met = measured <= asked if bound == "at most" else measured >= asked
-    return {"what": what, "asked": f"{bound} {asked:g}", "measured": measured, "met": "yes" if met else "no"}
 
 
 def _report_scaling(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[int, tuple[int, int]]) -> None:

@@ -10,7 +10,7 @@ from evac.evidence.accuracy_egress import flow_of
 from evac.evidence.accuracy_fields import _fields, plain_directions
 from evac.evidence.accuracy_plans import l_corner
 from evac.evidence.accuracy_problems import LAWS, contact_problem, find_residual, snapshots, velocity_error
-from evac.evidence.accuracy_solvers import ASKED, default_rows, measure, time_to
+from evac.evidence.accuracy_solvers import ASKED, asked_rows, default_rows, measure, time_to
 from evac.evidence.accuracy_trajectories import PROBLEMS, VARIANTS, walked
 from evac.evidence.report import Evidence
 from evac.physics.solvers import SOLVERS
@@ -38,6 +38,28 @@ def test_solvers_agree_with_the_independent_reference(crowds, registry, law, sol
     assert found <= 1e-9
     assert velocity_error(problem, truth) < 1e-6
     assert problem.size > 40
+
+
+def test_what_was_asked_of_the_default_solver_is_told_as_it_is():
+    rows = [
+        {
+            "people": 4000, "crowd": crowd, "law": law.label, "start": "cold", "solver": solver, "asked": asked,
+            "time [s]": time, "residual": asked if reached else 1.0,
+        }
+        for crowd in ("settled", "arriving")
+        for law in LAWS
+        for solver, asked, time, reached in (
+            ("fast", 1e-4, 0.01, True), ("fast", 1e-6, 0.02, True), ("fast", 1e-10, 0.4, True),
+            ("gauss_seidel", 1e-4, 0.2, True), ("gauss_seidel", 1e-6, 0.3, True), ("uzawa", 1e-6, 1.6, False),
+        )
+    ]  # fmt: skip
+    table = asked_rows(rows, "fast")
+    assert [(row["measured"], row["met"]) for row in table] == [
+        (pytest.approx(15.0), "no"), (pytest.approx(80.0), "yes"), (pytest.approx(20.0), "yes"),
+        (pytest.approx(15.0), "no"), (pytest.approx(15.0), "no"), (pytest.approx(15.0), "no"),
+        (pytest.approx(400.0), "no"),
+    ]  # fmt: skip
+    assert "4000 people, arriving, NSM1, to 0.0001 m: gauss_seidel / fast" in table[2]["what"]
 
 
 def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, registry):

@@ -12,7 +12,7 @@ from evac.cli import evidence as command
 from evac.cli import main
 from evac.errors import ScenarioError
 from evac.evidence.command import KINDS, run_evidence, write_index
-from evac.evidence.report import Evidence, in_processes, markdown_table, new_figure, timed
+from evac.evidence.report import Evidence, claim, in_processes, markdown_table, new_figure, timed
 
 
 def test_table_is_written_in_full_and_shown_rounded(tmp_path):
@@ -137,3 +137,10 @@ def test_findings_head_the_page_and_stand_on_the_index_with_their_chart(tmp_path
     write_index(tmp_path)
     index = (tmp_path / "README.md").read_text()
     assert "A is better.\n\n![A over B](accuracy/line.png)" in index
+
+
+def test_claims_say_whether_they_are_met():
+    assert claim("a", "at most", 150.0, 150.0)["met"] == "yes"
+    assert claim("a", "at most", 150.0, 151.0)["met"] == "no"
+    assert claim("a", "at least", 300.0, 299.0)["met"] == "no"
+    assert claim("a", "at least", 300.0, None)["met"] == "no"

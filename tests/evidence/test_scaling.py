@@ -90,9 +90,3 @@ def test_page_is_written(tmp_path, monkeypatch):
     rows = np.genfromtxt(tmp_path / "phases.csv", delimiter=",", names=True, usecols=range(3, 3 + len(PHASES)))
     assert np.allclose([sum(row) for row in rows.tolist()], 100.0)
     assert len(rows) == 2 * 2 * len(scaling.MODELS)
-
-
-def test_claims_say_whether_they_are_met():
-    assert scaling._claim("a", "at most", 150.0, 150.0)["met"] == "yes"
-    assert scaling._claim("a", "at most", 150.0, 151.0)["met"] == "no"
-    assert scaling._claim("a", "at least", 300.0, 299.0)["met"] == "no"
