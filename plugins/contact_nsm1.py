@@ -204,7 +204,7 @@ def _keep_apart(bodies, contacts, law, tolerance):
         bodies.spare[i, 0] = bodies.solved[i, 0]
         bodies.spare[i, 1] = bodies.solved[i, 1]
     for c in range(contacts.count[0]):
-        contacts.work[c, 4] = contacts.impulse[c]
+        contacts.work[c, 0] = contacts.impulse[c]
         contacts.impulse[c] = 0.0
         contacts.omega[c] = 2.0 if contacts.other[c] >= 0 else 1.0
     solve(
@@ -223,7 +223,7 @@ def _keep_apart(bodies, contacts, law, tolerance):
         bodies.inverse_mass[i] = 1.0 / bodies.mass[i]
     for c in range(contacts.count[0]):
         i, j = contacts.body[c], contacts.other[c]
-        contacts.impulse[c] = contacts.work[c, 4]
+        contacts.impulse[c] = contacts.work[c, 0]
         contacts.omega[c] = bodies.inverse_mass[i]
         if j >= 0:
             contacts.omega[c] += bodies.inverse_mass[j]

@@ -151,7 +151,7 @@ def _stick(bodies, contacts, law, full):
     for c in range(contacts.count[0]):
         if normal_velocity(bodies.free, contacts, c) < 0.0:
             contacts.sticky[c] = 1
-            contacts.work[c, 5] = tangential_velocity(bodies.velocity, contacts, c)
+            contacts.work[c, 2] = tangential_velocity(bodies.velocity, contacts, c)
             contacts.friction[c] = 0.0
 
 
@@ -188,6 +188,7 @@ def _strike(bodies, contacts, tally, law):
     if found > law.velocity_tolerance and math.isinf(law.normal):
         for c in range(contacts.count[0]):
             contacts.impulse[c] = 0.0
+            contacts.friction[c] = 0.0
         iterations, found = _percussions(bodies, bodies.solved, contacts, law, FALLBACK)
         tally[0, 8] += iterations
         tally[0, 19] += 1.0
@@ -221,11 +222,13 @@ def _report_reaction(bodies, contacts, law, h):
     Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
     """
     for c in range(contacts.count[0]):
-        contacts.work[c, 4] = contacts.impulse[c]
+        contacts.work[c, 0] = contacts.impulse[c]
+        contacts.work[c, 1] = contacts.friction[c]
     _percussions(bodies, bodies.spare, contacts, law, 0.0)
     report_contact_force(bodies, contacts, 1.0 / h)
     for c in range(contacts.count[0]):
-        contacts.impulse[c] = contacts.work[c, 4]
+        contacts.impulse[c] = contacts.work[c, 0]
+        contacts.friction[c] = contacts.work[c, 1]
 
 
 @hookimpl

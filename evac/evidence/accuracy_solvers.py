@@ -310,7 +310,7 @@ def _ratio(rows: Sequence[dict[str, Any]], solver: str, ours: float | None, wher
         return "-"
     reached = time_to(rows, RATIO_GOAL, solver=solver, start="cold", **where)
     if solver == "clarabel" or reached is None:
-        spent = _spent(rows, solver, **where)
+        spent = _spent(rows, solver, start="cold", **where)
         return f"{'' if solver == 'clarabel' else '> '}{spent / ours:.2g}"
     return f"{reached / ours:.2g}"
 

@@ -199,7 +199,7 @@ class Rows(NamedTuple):
     face_other: IntArray
     face_data: FloatArray
     work: FloatArray  # (r, 4)
-    image: FloatArray  # (n + 1, 8) velocity images of directions
+    image: FloatArray  # (n + 1, 8) velocities of earlier iterations, velocity images of directions
 
 
 class Contacts(NamedTuple):
@@ -220,7 +220,7 @@ class Contacts(NamedTuple):
     old_body: IntArray
     old_key: IntArray
     old_impulse: FloatArray
-    work: FloatArray  # (c, 6): 4 percussions set aside, 5 tangential velocity before the step
+    work: FloatArray  # (c, 3): 0, 1 normal and tangential percussions set aside, 2 tangential velocity before the step
     rows: Rows
     near: FloatArray  # (walls at one body, 6) of the wall search
 

@@ -143,8 +143,8 @@ def branch_of(rows, r):
         return ELASTIC
     if rows.impulse[r] <= 0.0:
         return OFF
-    # Elastic below P = -w- K_N / 2, where the separation velocity is still positive.
-    if rows.impulse[r] * (1.0 - data[r, SPRING]) < -data[r, SPRING] * data[r, BEFORE]:
+    # Elastic below P = (b - w-) K_N / 2, where the separation velocity is still above -b.
+    if rows.impulse[r] * (1.0 - data[r, SPRING]) < data[r, SPRING] * (data[r, BIAS] - data[r, BEFORE]):
         return ELASTIC
     return RIGID
 
@@ -245,7 +245,7 @@ def descend_on_face(rows, n, bodies, tolerance, limit):
     """Go down on the face until it is solved or left; return (iterations, residual of all rows).
 
     Percussions that leave below zero are put back to zero, all at once, if that still goes down; else the step
-    ends where the first of them is zero. So all percussions stay admissible, and no face goes up.
+    ends where the first of them is zero. So all percussions stay admissible, and the face's own energy never rises.
     """
     held = take_face(rows, n)
     before = 0.0

@@ -202,7 +202,7 @@ def make_contacts(n: int, capacity: int) -> Contacts:
         "count": np.zeros(3, np.int64),
         "normal": np.zeros((capacity, 2)),
         "sticky": np.zeros(capacity, np.uint8),
-        "work": np.zeros((capacity, 6)),
+        "work": np.zeros((capacity, 3)),
         "rows": make_rows(n, 2 * capacity),
         "near": np.zeros((60, 6)),
     }

@@ -54,7 +54,7 @@ def momentum_after(momentum):
 def accelerated_gradient(rows, n, bodies, tolerance, limit):
     """Nesterov's projected gradient with diagonal scaling and restart; return (iterations, residual).
 
-    The step of a row is 1 over the sum of its row of G^T M^-1 G, bounded by the numbers of rows at its
+    The step of a row is 1 over the sum of its row of G M^-1 G^T, bounded by the numbers of rows at its
     bodies, so the scaled gradient step never overshoots; the momentum starts anew where it points uphill.
     """
     _set_rates(rows, n, bodies)
@@ -128,13 +128,12 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
     where it points uphill. No bound of a step is needed, but sweeps with momentum need not go down: where the energy
     has risen between two looks, they start again from the look before, and where it soon rises again, with at most
-    half the share of the last step from then on; in the end with none, which always goes down.
+    half the share of the last step from then on: plain sweeps, which do go down, are what that tends to.
     """
     momentum, share, most = 1.0, 0.0, 1.0
     risen = -SOON
     found = row_residual(rows, n)
-    least = energy(rows, n, bodies)
-    rounding = RISE * abs(least)
+    accepted = energy(rows, n, bodies)
     _keep(rows, n, bodies, 0)
     _keep(rows, n, bodies, 1)
     iteration = n * 0
@@ -144,8 +143,8 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
         iteration += 1
         if is_look(iteration, limit):
             now = energy(rows, n, bodies)
-            if now <= least + rounding:
-                least = now
+            if now <= accepted + RISE * max(abs(accepted), abs(now)):
+                accepted = now
                 _keep(rows, n, bodies, 1)
             else:
                 _take_back(rows, n, bodies)

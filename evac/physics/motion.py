@@ -3,7 +3,7 @@
 import math
 
 from evac.jit import inner
-from evac.physics.contacts import normal_velocity, wall_acts
+from evac.physics.contacts import normal_velocity, tangential_velocity, wall_acts
 from evac.physics.neighbours import segment_distance
 from evac.physics.seams import crossing
 
@@ -135,8 +135,8 @@ def move(world, bodies, lists, events, time, h, old_share, full):
 def add_work(bodies, contacts, sums):
     """Add driving work, and what contacts took from and gave to the kinetic energy [J], to three sums.
 
-    Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2; they
-    add up to the change of kinetic energy to rounding. To be called before `move`.
+    Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2 along the normal
+    and likewise along the tangent; they add up to the change of kinetic energy to rounding. To be called before `move`.
     """
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
@@ -146,6 +146,9 @@ def add_work(bodies, contacts, sums):
         sums[0] += 0.5 * bodies.mass[i] * (x + y)
     for c in range(contacts.count[0]):
         work = 0.5 * contacts.impulse[c] * (contacts.approach[c] + normal_velocity(bodies.solved, contacts, c))
+        if contacts.sticky[c]:
+            slide = contacts.work[c, 2] + tangential_velocity(bodies.solved, contacts, c)
+            work += 0.5 * contacts.friction[c] * slide
         if work < 0.0:
             sums[1] -= work
         else:

@@ -68,8 +68,8 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         )
     if found <= 0.5 * deepest:
         # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
-        limit = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest
-        status = _displace(world, bodies, lists, events, clock, time, limit)
+        farthest = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest
+        status = _displace(world, bodies, lists, events, clock, time, farthest)
         tally[0, 12] += 1.0
         if status == OK:
             status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
@@ -91,16 +91,16 @@ def _deepest(contacts):
 
 
 @inner
-def _displace(world, bodies, lists, events, clock, time, limit):
-    """Move everybody by the displacement in ``bodies.solved``, at most `limit` [m]; velocities stay."""
+def _displace(world, bodies, lists, events, clock, time, farthest):
+    """Move everybody by the displacement in ``bodies.solved``, at most `farthest` [m]; velocities stay."""
     n = bodies.count[0]
     for i in range(n):
         bodies.spare[i, 0] = bodies.velocity[i, 0]
         bodies.spare[i, 1] = bodies.velocity[i, 1]
         length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
-        if length > limit:
-            bodies.solved[i, 0] *= limit / length
-            bodies.solved[i, 1] *= limit / length
+        if length > farthest:
+            bodies.solved[i, 0] *= farthest / length
+            bodies.solved[i, 1] *= farthest / length
     status = move(world, bodies, lists, events, time, 1.0, 0.0, clock.full)
     for i in range(n):
         bodies.velocity[i, 0] = bodies.spare[i, 0]

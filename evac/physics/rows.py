@@ -23,8 +23,8 @@ from evac.jit import inner
 
 AX, AY, CX, CY, BIAS, BEFORE, SPRING, BOUND = range(8)
 
-#: Iterations between two looks at the residual, which costs half a sweep: small problems end in the first few, and
-#: large ones do not wait for the next one long, for what they took.
+#: Iterations between two looks at the residual, which costs half a sweep, up to `EARLY` iterations and from then on:
+#: small problems end in the first few, and large ones do not wait long, for what they took.
 EARLY, LOOK_EARLY, LOOK_LATE = 64, 4, 16
 
 
@@ -49,7 +49,7 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
             spring = omega / (omega + 2.0 / tangential)
-            before, start = contacts.work[c, 5], contacts.friction[c]
+            before, start = contacts.work[c, 2], contacts.friction[c]
             _pack_row(contacts, rows, c, used, bodies, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
     renew_velocity(rows, bodies, used)
@@ -77,8 +77,9 @@ def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound,
 
 @inner
 def unpack(contacts, bodies, velocity, tangential):
-    """Copy percussions and velocities back."""
+    """Copy percussions and velocities back; return whether all velocities are numbers."""
     rows = contacts.rows
+    total = 0.0
     r = contacts.count[0] * 0
     for c in range(contacts.count[0]):
         contacts.impulse[c] = rows.impulse[r] / rows.scale[r]
@@ -91,6 +92,8 @@ def unpack(contacts, bodies, velocity, tangential):
     for i in range(bodies):
         velocity[i, 0] = rows.velocity[i, 0] / rows.root[i]
         velocity[i, 1] = rows.velocity[i, 1] / rows.root[i]
+        total += velocity[i, 0] + velocity[i, 1]
+    return math.isfinite(total)
 
 
 @inner

@@ -67,7 +67,7 @@ def residual(velocity, contacts, compliance, tangential):
         worst = max(worst, omega * abs(contacts.impulse[c] - local))
         if contacts.sticky[c]:
             a = nx * vy - ny * vx - omega * contacts.friction[c]
-            local = -tangential * (a + contacts.work[c, 5]) / (2.0 + tangential * omega)
+            local = -tangential * (a + contacts.work[c, 2]) / (2.0 + tangential * omega)
             worst = max(worst, omega * abs(contacts.friction[c] - local))
     return worst
 
@@ -114,7 +114,8 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, ta
         iterations, found = conjugate_sweeps(rows, n, bodies, tolerance, limit)
     else:
         iterations, found = conjugate_faces(rows, n, bodies, tolerance, limit)
-    unpack(contacts, bodies, velocity, tangential)
+    if not unpack(contacts, bodies, velocity, tangential):
+        found = math.inf  # where numbers are lost, the residual of a row compares as none
     return iterations, found
 
 

@@ -27,8 +27,9 @@ def text(root):
 def test_named_files_exist(document, root, text):
     named = re.findall(r"`((?:evac|plugins|buildings|tests|docs|\.ci)/[\w./*]*)`", text(document))
     linked = re.findall(r"\]\((?!http)([^)#]+)\)", text(document))
-    for name in [*named, *linked]:
-        assert list(root.glob(name.rstrip("/"))), f"{document} names {name}, which is not there"
+    for folder, names in ((root, named), ((root / document).parent, linked)):
+        for name in names:
+            assert list(folder.glob(name.rstrip("/"))), f"{document} names {name}, which is not there"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

@@ -19,7 +19,13 @@ from tests.physics.scenes import (
 
 FREE = 1e30
 TIGHT = {"velocity_tolerance": 1e-12, "iterations": 20000}
-MODELS = [Dem(), Nsm1(gap_tolerance=1e-12, **TIGHT), Nsm2(**TIGHT), Nsm2(normal_dissipation=0.0, **TIGHT)]
+MODELS = [
+    Dem(),
+    Nsm1(gap_tolerance=1e-12, **TIGHT),
+    Nsm2(**TIGHT),
+    Nsm2(normal_dissipation=0.0, **TIGHT),
+    Nsm2(normal_dissipation=1e3, tangential_dissipation=40.0, **TIGHT),
+]
 ENERGY = ("driving_work", "contact_creation", "contact_dissipation")
 
 

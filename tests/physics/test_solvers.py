@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 
 from evac.jit import kernel
 from evac.physics.engine import make_contacts
-from evac.physics.rows import pack
+from evac.physics.rows import law, pack, row_energy
 from evac.physics.solvers import INELASTIC, SOLVERS, constraint_norm, residual, solve
 
 DISSIPATION = [0.0, 10.0, 1e3, 1e5]
@@ -28,6 +28,14 @@ def find_norm(contacts, inverse_mass, free):
     bodies = inverse_mass.shape[0]
     n = pack(contacts, bodies, inverse_mass, free, INELASTIC, 0.0)
     return constraint_norm(contacts.rows, n, bodies)
+
+
+@kernel
+def find_slopes(contacts, inverse_mass, free, compliance, x, slopes, laws):
+    n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, 0.0)
+    for r in range(n):
+        slopes[r] = (row_energy(contacts.rows.data, r, x + 1e-4) - row_energy(contacts.rows.data, r, x - 1e-4)) / 2e-4
+        laws[r] = law(contacts.rows.data, r, -slopes[r], x)
 
 
 class Problem:
@@ -74,26 +82,41 @@ class Problem:
         assert iterations > 0
         return velocity, self.contacts.impulse.copy()
 
-    def reference(self, dissipation=0.0):
+    def slide(self, tangential_before):
+        """Let every contact slide: the tangential law acts, with these tangential velocities before the step."""
+        self.tangents = np.zeros_like(self.gradient)
+        self.tangents[:, ::2], self.tangents[:, 1::2] = -self.gradient[:, 1::2], self.gradient[:, ::2]
+        self.tangential_before = tangential_before
+        self.contacts.sticky[:] = 1
+        self.contacts.work[:, 2] = tangential_before
+
+    def reference(self, dissipation=0.0, tangential=0.0):
         """Return the velocities as the point nearest to the free ones under the constraints.
 
         NSM1, and NSM2 with K_N = 0: min 1/2 |v - V|_M^2 with G v + b >= 0. With K_N > 0 the pseudopotential
-        K_N/4 max(0, -(w+ + w-))^2 is added, with a slack for the maximum. Scaled to a least-distance problem,
-        min |x| with E x >= f, it is solved by non-negative least squares (Lawson and Hanson, 1974, chapter 23).
+        K_N/4 max(0, -(w+ + w-))^2 is added, with a slack for the maximum, with K_T > 0 another, K_T/4 (w_T+ + w_T-)^2,
+        which changes the metric and the point. Scaled to a least-distance problem, min |x| with E x >= f, it is
+        solved by non-negative least squares (Lawson and Hanson, 1974, chapter 23).
         """
-        root = self.gradient * np.sqrt(self.inverse)
-        free = self.gradient @ self.free.ravel()
+        metric, pull = np.diag(1.0 / self.inverse), self.free.ravel() / self.inverse
+        if tangential > 0.0:
+            metric = metric + 0.5 * tangential * self.tangents.T @ self.tangents
+            pull = pull - 0.5 * tangential * self.tangents.T @ self.tangential_before
+        nearest_free = np.linalg.solve(metric, pull)
+        lower = np.linalg.inv(np.linalg.cholesky(metric))
+        root = self.gradient @ lower.T
+        free = self.gradient @ nearest_free
         left, right = root, -free - self.bias
         if dissipation > 0.0:
             c = len(free)
             left = np.block([[root, np.zeros((c, c))], [root, np.sqrt(2.0 / dissipation) * np.eye(c)]])
-            right = np.concatenate([-free, -free - self.approach])
+            right = np.concatenate([-free - self.bias, -free - self.approach])
         target = np.append(np.zeros(left.shape[1]), 1.0)
         system = np.vstack([left.T, right])
         share, _ = nnls(system, target, maxiter=10000)
         rest = system @ share - target
         nearest = -rest[: root.shape[1]] / rest[-1]
-        return self.free + (np.sqrt(self.inverse) * nearest).reshape(-1, 2)
+        return (nearest_free + lower.T @ nearest).reshape(-1, 2)
 
     def law(self, velocity, impulse, dissipation):
         """Return the residual max omega |P - P_local| by its definition."""
@@ -131,6 +154,72 @@ def test_nsm2_problem_is_the_minimum_of_its_pseudopotential(solver, dissipation,
     assert after.min() >= -1e-9
     assert reaction.min() >= -1e-9 * scale
     assert np.abs(reaction * after).max() <= 1e-8 * scale
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+def test_gaps_and_dissipation_together_are_the_minimum_too(solver, dissipation):
+    for seed in range(4):
+        problem = Problem(seed)
+        velocity, _ = problem.solve(solver, dissipation)
+        np.testing.assert_allclose(velocity, problem.reference(dissipation), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("solver", [name for name in SOLVERS if name != "uzawa"])  # its step knows no tangential rows
+@pytest.mark.parametrize("tangential", [50.0, 1e3])
+@pytest.mark.parametrize("dissipation", [0.0, 1e3])
+def test_sliding_contacts_are_the_minimum_too(solver, tangential, dissipation):
+    for seed in range(3):
+        problem = Problem(seed, biased=False)
+        problem.slide(np.random.default_rng(seed + 10).normal(0.0, 1.5, len(problem.omega)))
+        velocity = np.zeros_like(problem.free)
+        compliance = 2.0 / dissipation if dissipation else INELASTIC
+        _, found = run_solver(
+            SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
+            compliance, tangential, 1e-11, 400000,
+        )  # fmt: skip
+        assert found <= 1e-11
+        assert find_residual(velocity, problem.contacts, compliance, tangential) <= 1.001e-11
+        np.testing.assert_allclose(velocity, problem.reference(dissipation, tangential), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("limit", [5, 17, 70])
+def test_velocities_belong_to_the_percussions_wherever_a_solve_ends(solver, limit):
+    contacts, free = ring(40)
+    velocity = np.zeros_like(free)
+    inverse_mass = np.full(len(free), 1.0 / 80.0)
+    _, found = run_solver(SOLVERS.index(solver), inverse_mass, free, velocity, contacts, 2e-3, 0.0, 1e-14, limit)
+    expected = free.copy()
+    for body, other, normal, impulse in zip(
+        contacts.body, contacts.other, contacts.normal, contacts.impulse, strict=True
+    ):
+        expected[body] += impulse * normal / 80.0
+        expected[other] -= impulse * normal / 80.0
+    np.testing.assert_allclose(velocity, expected, rtol=0, atol=1e-11)
+    assert found == pytest.approx(find_residual(velocity, contacts, 2e-3, 0.0), rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_numbers_that_are_none_are_no_solution(solver):
+    problem = Problem(0)
+    problem.free[0, 0] = np.nan
+    velocity = np.zeros_like(problem.free)
+    _, found = run_solver(
+        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts, INELASTIC, 0.0, 1e-6, 50
+    )
+    assert np.isinf(found)
+
+
+@pytest.mark.parametrize("dissipation", [0.0, 1e3])
+@pytest.mark.parametrize("x", [0.5, 30.0])
+def test_the_energy_of_a_row_falls_as_the_law_says(dissipation, x):
+    """Minus its slope is the velocity at which the law leaves x as it is."""
+    problem = Problem(3)
+    compliance = 2.0 / dissipation if dissipation else INELASTIC
+    slopes, laws = np.zeros_like(problem.omega), np.zeros_like(problem.omega)
+    find_slopes(problem.contacts, 1.0 / problem.mass, problem.free, compliance, x, slopes, laws)
+    np.testing.assert_allclose(laws, x, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -243,6 +332,19 @@ def test_momentum_that_does_not_suit_is_given_up(limit):
     assert found == pytest.approx(find_residual(velocity, contacts, INELASTIC, 0.0), rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_overlaps_are_parted_to_rounding(seed):
+    """From rest the energy starts at zero, where no rise is small beside it."""
+    contacts, free = ring(60, seed)
+    contacts.bias[:] = -np.random.default_rng(2).uniform(0.0, 0.1, len(contacts.bias))
+    velocity = np.zeros_like(free)
+    inverse_mass = np.full(len(free), 1.0 / 80.0)
+    code = SOLVERS.index("accelerated_sweeps")
+    iterations, found = run_solver(code, inverse_mass, 0.0 * free, velocity, contacts, INELASTIC, 0.0, 1e-11, 3000)
+    assert found <= 1e-11
+    assert iterations < 1000
+
+
 def test_uzawa_bound_is_the_greatest_eigenvalue():
     for seed in range(10):
         problem = Problem(seed)
@@ -258,7 +360,7 @@ def test_tangential_law():
     tangent = np.array([-problem.normal[0, 1], problem.normal[0, 0]])
     first, second = contacts.body[0], contacts.other[0]
     before = 0.8
-    contacts.sticky[0], contacts.work[0, 5] = 1, before
+    contacts.sticky[0], contacts.work[0, 2] = 1, before
     velocity = np.zeros((2, 2))
     run_solver(1, 1.0 / problem.mass, problem.free, velocity, contacts, INELASTIC, 300.0, 1e-12, 1000)
     after = tangent @ (velocity[first] - velocity[second])
