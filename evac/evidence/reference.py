@@ -156,9 +156,7 @@ def _polished(
 
     Rigid ones obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0.
     """
-    after = gradient @ velocity
-    spring = dissipation * np.maximum(0.0, -0.5 * (after + approach))
-    omega = np.asarray(gradient.multiply(gradient) @ (1.0 / mass)).ravel()
+    omega, after, spring = _contact_state(gradient, mass, approach, dissipation, velocity)
     rigid = omega * (percussion - spring) > after + bias
     pushes = rigid | (spring > 0.0)
     held = gradient[pushes]
@@ -192,11 +190,18 @@ def law_residual(
     contact, percussions turned into velocities by omega.
     """
     balance = velocity - free - (gradient.T @ percussion) / mass
-    omega = np.asarray(gradient.multiply(gradient) @ (1.0 / mass)).ravel()
-    after = gradient @ velocity
-    spring = dissipation * np.maximum(0.0, -0.5 * (after + approach))
+    omega, after, spring = _contact_state(gradient, mass, approach, dissipation, velocity)
     law = np.minimum(omega * (percussion - spring), after + bias)
     return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
+
+
+def _contact_state(
+    gradient: Any, mass: FloatArray, approach: FloatArray, dissipation: float, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return omega [1/kg], the velocity w+ [m/s] and the elastic percussion K_N max(0, -(w+ + w-)/2) [N s] of each."""
+    omega = np.asarray(gradient.multiply(gradient) @ (1.0 / mass)).ravel()
+    after = gradient @ velocity
+    return omega, after, dissipation * np.maximum(0.0, -0.5 * (after + approach))
 
 
 def geodesics(
