@@ -23,6 +23,9 @@ STEPS_BEFORE = 5
 COARSE = {"gap_tolerance": 1e-3, "velocity_tolerance": 0.02}
 SETTLING_STEPS = 20
 
+#: The kinds of crowd, in the order of `snapshots`.
+KINDS = ("arriving", "settled", "opened")
+
 
 @dataclass(frozen=True)
 class Law:
@@ -143,15 +146,14 @@ def find_residual(velocity, contacts, compliance):
     return residual(velocity, contacts, compliance, 0.0)
 
 
-def snapshots(people: int, kinds: tuple[str, ...], seed: int, registry: Registry) -> dict[str, DoorCrowd]:
-    """Return crowds at a door by kind; "opened" goes on from "settled", so that nothing is walked twice."""
-    made: dict[str, DoorCrowd] = {}
+def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:
+    """Return crowds at a door by kind: arriving, settled against the closed door, and 0.05 s after it opened."""
     rough = registry.get("contact_model", "nsm1")(**COARSE)
-    for kind in kinds:
-        if kind == "opened" and "settled" in made:
-            made[kind] = _opened(made["settled"], registry)
-        else:
-            made[kind] = _walked_on(door_crowd(kind, people, seed, rough), SETTLING_STEPS, registry)
+    made = {
+        kind: _walked_on(door_crowd(kind, people, seed, rough), SETTLING_STEPS, registry)
+        for kind in ("arriving", "settled")
+    }
+    made["opened"] = _opened(made["settled"], registry)
     return made
 
 

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy_data import add_data
-from evac.evidence.accuracy_problems import LAWS, ContactProblem, contact_problem, snapshots, velocity_error
+from evac.evidence.accuracy_problems import KINDS, LAWS, ContactProblem, contact_problem, snapshots, velocity_error
 from evac.evidence.reference import PRECISION
 from evac.evidence.report import Evidence, claim, new_figure, reference_time
-from evac.evidence.snapshots import KINDS
 from evac.physics.bundles import FloatArray
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
@@ -108,7 +107,7 @@ def run(evidence: Evidence) -> None:
 def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
     """Measure all solvers on all problems of one size."""
     rows = []
-    crowds = snapshots(stage.people, KINDS, seed, registry)
+    crowds = snapshots(stage.people, seed, registry)
     for kind, law in PROBLEMS:
         problem = contact_problem(crowds[kind], law, registry)
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Contact problems of crowds at a door: arriving, jammed, just opened; made again from a seed.
+"""Crowds at a door, arriving or settled against it; made again from a seed.
 
 A square room at 3.5 people per m2, 1 m door in the middle of one wall, directions straight to the door. The
 crowd walks until it is arriving, or is pressed against the closed door until it has settled.
@@ -8,20 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
-from evac.physics import stepping
-from evac.physics.bundles import Clock, Contacts, Crowd, make_crowd
+from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import make_world, set_open
-
-#: The kinds of crowd.
-KINDS = ("arriving", "settled", "opened")
 
 DENSITY = 3.5  # people per m2
 DOOR = 1.0  # m
@@ -54,7 +49,7 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     ----------
     kind : str
         ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed
-        against the closed door for twice that time; ``"opened"``: the same, 0.05 s after the door opens.
+        against the closed door for twice that time.
     people : int
     seed : int
     model : ContactModel
@@ -68,14 +63,10 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     if kind != "arriving":
         set_open(engine.world, 0, False)
     packing = 0.35 * side / 1.3
-    steps = {"arriving": packing, "settled": 2.0 * packing + 2.0, "opened": 2.0 * packing + 2.0}[kind]
-    made = 10 * int(np.ceil(10.0 * steps))
+    seconds = {"arriving": packing, "settled": 2.0 * packing + 2.0}[kind]
+    made = 10 * int(np.ceil(10.0 * seconds))
     for first in range(0, made, 10):
         engine.advance(model, crowd, first, 10, STEP, False, False)
-    if kind == "opened":
-        set_open(engine.world, 0, True)
-        engine.advance(model, crowd, made, 5, STEP, False, False)
-        made += 5
     return DoorCrowd(kind, engine, crowd, made)
 
 
@@ -135,47 +126,3 @@ def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
         tau=generator.uniform(0.1, 0.5, people),
         speed=speed,
     )
-
-
-@dataclass(frozen=True)
-class ContactProblem:
-    """The contact problem of a crowd's next step, cold: percussions zero.
-
-    Attributes
-    ----------
-    contacts : Contacts
-        With gaps, normals, approach velocities and zero percussions.
-    free : (n, 2) [m/s]
-    inverse_mass : (n,) [1/kg]
-    step : float [s]
-    """
-
-    contacts: Contacts
-    free: NDArray[np.float64]
-    inverse_mass: NDArray[np.float64]
-    step: float
-
-
-def contact_problem(crowd: DoorCrowd, reach: float = 0.02) -> ContactProblem:
-    """Return the problem of the next step, with every contact whose gap is below `reach` [m] per body."""
-    engine = crowd.engine
-    stepping.gather(engine.world, crowd.crowd, engine.bodies, engine.lists, engine.contacts)
-    clock = Clock(crowd.step, crowd.step + 1, STEP, False, False, 0.0, False)
-    time = crowd.step * STEP
-    while status := stepping.approach(
-        engine.world,
-        engine.bodies,
-        engine.lists,
-        engine.contacts,
-        engine.forces,
-        clock,
-        engine.tally,
-        time,
-        STEP,
-        1.0,
-        reach,
-        False,
-    ):
-        engine.handle(int(status), time)
-    n = int(engine.bodies.count[0])
-    return ContactProblem(engine.contacts, engine.bodies.free[:n].copy(), engine.bodies.inverse_mass[:n].copy(), STEP)

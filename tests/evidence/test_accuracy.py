@@ -24,7 +24,7 @@ def registry():
 
 @pytest.fixture(scope="module")
 def crowds(registry):
-    return snapshots(40, ("settled", "opened"), 1, registry)
+    return snapshots(40, 1, registry)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
