@@ -203,7 +203,7 @@ class SolvedContactModel(ContactModel):
     """A contact model that solves a contact problem in every step: NSM1 and NSM2 share these parameters."""
 
     solver = Parameter("accelerated_sweeps", "method of the contact problem", choices=SOLVERS)
-    velocity_tolerance = Parameter(1e-3, "greatest residual of the contact problem", unit="m/s", above=0.0)
+    velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
     iterations = Parameter(2000, "iterations after which a solve is counted as unconverged", minimum=1)
 
     def method(self) -> int:
