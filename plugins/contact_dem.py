@@ -100,44 +100,39 @@ def is_too_stiff(bodies, contacts, stiffness, h, explicit):
     omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of k sum n n^T / m_i plus the
     couplings k / sqrt(m_i m_j) of its contacts.
     """
-    image = contacts.rows.image
+    own, cross = contacts.rows.image[0], contacts.rows.image[1]  # xx and yy; xy and couplings [1/kg]
     for c in range(contacts.count[0]):
-        _clear(image, contacts.body[c])
-        if contacts.other[c] >= 0:
-            _clear(image, contacts.other[c])
+        for i in (contacts.body[c], contacts.other[c]):
+            if i >= 0:
+                for k in range(2):
+                    own[i, k] = cross[i, k] = 0.0
     for c in range(contacts.count[0]):
         i, j = contacts.body[c], contacts.other[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        _stiffen(image, bodies.inverse_mass[i], i, nx, ny)
+        _stiffen(own, cross, bodies.inverse_mass[i], i, nx, ny)
         if j >= 0:
-            _stiffen(image, bodies.inverse_mass[j], j, nx, ny)
+            _stiffen(own, cross, bodies.inverse_mass[j], j, nx, ny)
             coupling = math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
-            image[i, 3] += coupling
-            image[j, 3] += coupling
+            cross[i, 1] += coupling
+            cross[j, 1] += coupling
     for c in range(contacts.count[0]):
         for i in (contacts.body[c], contacts.other[c]):
-            if i < 0 or image[i, 3] < 0.0:  # a wall, or looked at before
+            if i < 0 or cross[i, 1] < 0.0:  # a wall, or looked at before
                 continue
-            mean, half = 0.5 * (image[i, 0] + image[i, 2]), 0.5 * (image[i, 0] - image[i, 2])
-            square = stiffness * (mean + math.sqrt(half * half + image[i, 1] ** 2) + image[i, 3])
+            mean, half = 0.5 * (own[i, 0] + own[i, 1]), 0.5 * (own[i, 0] - own[i, 1])
+            square = stiffness * (mean + math.sqrt(half * half + cross[i, 0] ** 2) + cross[i, 1])
             if h * h * square > damping_limit(h, bodies.tau[i], explicit):
                 bodies.count[1] = i
                 return True
-            image[i, 3] = -1.0
+            cross[i, 1] = -1.0
     return False
 
 
 @inner
-def _clear(image, i):
-    for k in range(4):
-        image[i, k] = 0.0
-
-
-@inner
-def _stiffen(image, inverse_mass, i, nx, ny):
-    image[i, 0] += inverse_mass * nx * nx
-    image[i, 1] += inverse_mass * nx * ny
-    image[i, 2] += inverse_mass * ny * ny
+def _stiffen(own, cross, inverse_mass, i, nx, ny):
+    own[i, 0] += inverse_mass * nx * nx
+    own[i, 1] += inverse_mass * ny * ny
+    cross[i, 0] += inverse_mass * nx * ny
 
 
 @inner

@@ -16,7 +16,7 @@ from evac.physics.contacts import keep_impulses
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import CONJUGATE_FACES, INELASTIC, solve, solve_again
+from evac.physics.solvers import CONJUGATE_FACES, INELASTIC, solve, solve_or_retry
 
 #: Contacts are looked for as far as this share of a body's free path, and of the fastest one's, reaches.
 REACH = 1.05
@@ -135,7 +135,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):
     for search in range(MOST_SEARCHES):
         for c in range(contacts.count[0]):
             contacts.bias[c] = max(contacts.gap[c], 0.0) / h
-        iterations, found = solve(
+        iterations, found, again = solve_or_retry(
             law.method,
             n,
             bodies.inverse_mass,
@@ -146,25 +146,12 @@ def _project(world, bodies, lists, contacts, tally, law, h):
             0.0,
             tolerance,
             law.iterations,
+            tolerance,
         )
         if contacts.count[0] > 0:
             tally[0, 7] += 1.0
             tally[0, 8] += iterations
-        if found > tolerance:
-            iterations, found = solve_again(
-                law.method,
-                n,
-                bodies.inverse_mass,
-                bodies.free,
-                bodies.solved,
-                contacts,
-                INELASTIC,
-                0.0,
-                tolerance,
-                law.iterations,
-            )
-            tally[0, 8] += iterations
-            tally[0, 11] += 1.0
+            tally[0, 11] += again
         if found > tolerance and not law.overdamped:
             _keep_apart(bodies, contacts, law, tolerance)
         outrun = False

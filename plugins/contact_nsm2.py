@@ -22,7 +22,7 @@ from evac.physics.contacts import (
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import INELASTIC, solve, solve_again
+from evac.physics.solvers import INELASTIC, solve_or_retry
 
 #: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
 REACH = 1.0 + 1e-9
@@ -156,10 +156,10 @@ def _stick(bodies, contacts, law, full):
 
 
 @inner
-def _percussions(bodies, velocity, contacts, law, normal):
-    """Solve with K_N = `normal`; return (iterations, residual)."""
+def _percussions(bodies, velocity, contacts, law, normal, enough):
+    """Solve with K_N = `normal`; retry above a residual `enough`; return (iterations, residual, retried)."""
     compliance = 2.0 / normal if normal > 0.0 else INELASTIC
-    return solve(
+    return solve_or_retry(
         law.method,
         bodies.count[0],
         bodies.inverse_mass,
@@ -170,49 +170,31 @@ def _percussions(bodies, velocity, contacts, law, normal):
         law.tangential,
         law.velocity_tolerance,
         law.iterations,
+        enough,
     )
 
 
 @inner
 def _strike(bodies, contacts, tally, law):
     """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
-    iterations, found = _percussions(bodies, bodies.solved, contacts, law, law.normal)
+    enough = math.inf if math.isinf(law.normal) else law.velocity_tolerance
+    iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, law.normal, enough)
     if contacts.count[0] == 0:
         return
     tally[0, 7] += 1.0
     tally[0, 8] += iterations
-    if found > law.velocity_tolerance and not math.isinf(law.normal):
-        again, found = _retry(bodies, contacts, law)
-        tally[0, 8] += again
-        tally[0, 11] += 1.0
+    tally[0, 11] += again
     if found > law.velocity_tolerance and math.isinf(law.normal):
         for c in range(contacts.count[0]):
             contacts.impulse[c] = 0.0
             contacts.friction[c] = 0.0
-        iterations, found = _percussions(bodies, bodies.solved, contacts, law, FALLBACK)
+        iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, FALLBACK, law.velocity_tolerance)
         tally[0, 8] += iterations
+        tally[0, 11] += again
         tally[0, 19] += 1.0
     tally[0, 9] = max(tally[0, 9], found)
     if found > law.velocity_tolerance:
         tally[0, 10] += 1.0
-
-
-@inner
-def _retry(bodies, contacts, law):
-    """Solve again, cold, with the strongest method; return (iterations, residual)."""
-    compliance = 2.0 / law.normal if law.normal > 0.0 else INELASTIC
-    return solve_again(
-        law.method,
-        bodies.count[0],
-        bodies.inverse_mass,
-        bodies.free,
-        bodies.solved,
-        contacts,
-        compliance,
-        law.tangential,
-        law.velocity_tolerance,
-        law.iterations,
-    )
 
 
 @inner
@@ -224,7 +206,7 @@ def _report_reaction(bodies, contacts, law, h):
     for c in range(contacts.count[0]):
         contacts.work[c, 0] = contacts.impulse[c]
         contacts.work[c, 1] = contacts.friction[c]
-    _percussions(bodies, bodies.spare, contacts, law, 0.0)
+    _percussions(bodies, bodies.spare, contacts, law, 0.0, law.velocity_tolerance)
     report_contact_force(bodies, contacts, 1.0 / h)
     for c in range(contacts.count[0]):
         contacts.impulse[c] = contacts.work[c, 0]

@@ -198,8 +198,8 @@ class Rows(NamedTuple):
     face_body: IntArray
     face_other: IntArray
     face_data: FloatArray
-    work: FloatArray  # (r, 4)
-    image: FloatArray  # (n + 1, 8) velocities of earlier iterations, velocity images of directions
+    work: FloatArray  # (4, r) percussions of earlier iterations, directions
+    image: FloatArray  # (4, n + 1, 2) velocities of earlier iterations, velocity images of directions
 
 
 class Contacts(NamedTuple):

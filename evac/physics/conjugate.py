@@ -18,6 +18,7 @@ from evac.physics.rows import (
     LOOK_EARLY,
     SPRING,
     is_look,
+    keep,
     push_row,
     row_residual,
     row_velocity,
@@ -53,7 +54,7 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):
     for iteration in range(limit):
         if found <= tolerance:
             return iteration, found
-        remember(rows, n, bodies)
+        keep(rows, n, bodies, 0)
         sweep_up(rows, n)
         sweep_down(rows, n)
         if iteration < LOOK_EARLY or is_look(iteration, limit - 1):
@@ -68,20 +69,10 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):
 def forget(rows, n, bodies):
     """Clear the conjugate direction and its velocity image."""
     for r in range(n):
-        rows.work[r, 1] = 0.0
+        rows.work[1, r] = 0.0
     for i in range(bodies + 1):
-        rows.image[i, 2] = 0.0
-        rows.image[i, 3] = 0.0
-
-
-@inner
-def remember(rows, n, bodies):
-    """Keep percussions and velocities as they are before a sweep."""
-    for r in range(n):
-        rows.work[r, 0] = rows.impulse[r]
-    for i in range(bodies):
-        rows.image[i, 0] = rows.velocity[i, 0]
-        rows.image[i, 1] = rows.velocity[i, 1]
+        rows.image[1, i, 0] = 0.0
+        rows.image[1, i, 1] = 0.0
 
 
 @inner
@@ -89,18 +80,18 @@ def go_on(rows, n, bodies, before):
     """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
     for r in range(n):
-        now += (rows.impulse[r] - rows.work[r, 0]) ** 2
+        now += (rows.impulse[r] - rows.work[0, r]) ** 2
     beta = now / before if before > 0.0 else 0.0
     if beta > 1.0:
         beta = 0.0
     for r in range(n):
-        step = beta * rows.work[r, 1]
-        rows.work[r, 1] = step + rows.impulse[r] - rows.work[r, 0]
+        step = beta * rows.work[1, r]
+        rows.work[1, r] = step + rows.impulse[r] - rows.work[0, r]
         rows.impulse[r] += step
     for i in range(bodies):
         for k in range(2):
-            step = beta * rows.image[i, 2 + k]
-            rows.image[i, 2 + k] = step + rows.velocity[i, k] - rows.image[i, k]
+            step = beta * rows.image[1, i, k]
+            rows.image[1, i, k] = step + rows.velocity[i, k] - rows.image[0, i, k]
             rows.velocity[i, k] += step
     return now
 
@@ -115,7 +106,7 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):
     iteration = n * 0
     found = row_residual(rows, n)
     while found > tolerance and iteration < limit:
-        remember(rows, n, bodies)
+        keep(rows, n, bodies, 0)
         sweep_up(rows, n)
         sweep_down(rows, n)
         iteration += 1
@@ -190,52 +181,38 @@ def take_face(rows, n):
 def precondition(rows, held, bodies):
     """Sweep W z = -g on the face once up and once down from z = 0; return -g.z.
 
-    Columns of the work array: 0 the gradient g, 2 z; columns 4, 5 of the image: the velocity image of z.
+    Of the work array: 0 the gradient g, 2 z; image 2: the velocity image of z.
     """
-    data, work, image = rows.face_data, rows.work, rows.image
+    data, work, image = rows.face_data, rows.work, rows.image[2]
     for i in range(bodies + 1):
-        image[i, 4] = 0.0
-        image[i, 5] = 0.0
+        image[i, 0] = 0.0
+        image[i, 1] = 0.0
     for k in range(held):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = _image_velocity(image, i, j, data, k)
-        z = -(work[k, 0] + w) * data[k, SOFTNESS]
-        work[k, 2] = z
-        _push_image(image, i, j, data, k, z)
+        w = row_velocity(image, i, j, data, k)
+        z = -(work[0, k] + w) * data[k, SOFTNESS]
+        work[2, k] = z
+        push_row(image, i, j, data, k, z)
     total = 0.0
     for k in range(held - 1, -1, -1):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = _image_velocity(image, i, j, data, k)
-        z = -(work[k, 0] + w + data[k, COMPLIANCE] * work[k, 2]) * data[k, SOFTNESS]
-        work[k, 2] += z
-        total -= work[k, 0] * work[k, 2]
-        _push_image(image, i, j, data, k, z)
+        w = row_velocity(image, i, j, data, k)
+        z = -(work[0, k] + w + data[k, COMPLIANCE] * work[2, k]) * data[k, SOFTNESS]
+        work[2, k] += z
+        total -= work[0, k] * work[2, k]
+        push_row(image, i, j, data, k, z)
     return total
 
 
 @inner
-def _image_velocity(image, i, j, data, k):
-    own = data[k, AX] * image[i, 4] + data[k, AY] * image[i, 5]
-    return own - (data[k, CX] * image[j, 4] + data[k, CY] * image[j, 5])
-
-
-@inner
-def _push_image(image, i, j, data, k, change):
-    image[i, 4] += data[k, AX] * change
-    image[i, 5] += data[k, AY] * change
-    image[j, 4] -= data[k, CX] * change
-    image[j, 5] -= data[k, CY] * change
-
-
-@inner
 def _gradient(rows, held):
-    """Set column 0 of the work array to the gradient on the face; return its greatest entry [m/s]."""
+    """Set work 0 to the gradient on the face; return its greatest entry [m/s]."""
     worst = 0.0
     data = rows.face_data
     for k in range(held):
         w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k)
         g = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[rows.face[k]]
-        rows.work[k, 0] = g
+        rows.work[0, k] = g
         worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
 
@@ -268,20 +245,20 @@ def descend_on_face(rows, n, bodies, tolerance, limit):
 
 @inner
 def _step_length(rows, held, bodies, beta, steepness):
-    """Renew direction (column 3) and image (columns 6, 7); return the exact step along it, 0 at a standstill.
+    """Renew direction (work 3) and image 3; return the exact step along it, 0 at a standstill.
 
     A direction without curvature (percussions that oppose each other) has no step: the problem may have no solution.
     """
     curvature = 0.0
     length = 0.0
     for k in range(held):
-        rows.work[k, 3] = rows.work[k, 2] + (beta * rows.work[k, 3] if beta != 0.0 else 0.0)
-        curvature += rows.face_data[k, COMPLIANCE] * rows.work[k, 3] ** 2
-        length += rows.work[k, 3] ** 2 / rows.face_data[k, SOFTNESS]
+        rows.work[3, k] = rows.work[2, k] + (beta * rows.work[3, k] if beta != 0.0 else 0.0)
+        curvature += rows.face_data[k, COMPLIANCE] * rows.work[3, k] ** 2
+        length += rows.work[3, k] ** 2 / rows.face_data[k, SOFTNESS]
     for i in range(bodies):
         for k in range(2):
-            rows.image[i, 6 + k] = rows.image[i, 4 + k] + (beta * rows.image[i, 6 + k] if beta != 0.0 else 0.0)
-        curvature += rows.image[i, 6] ** 2 + rows.image[i, 7] ** 2
+            rows.image[3, i, k] = rows.image[2, i, k] + (beta * rows.image[3, i, k] if beta != 0.0 else 0.0)
+        curvature += rows.image[3, i, 0] ** 2 + rows.image[3, i, 1] ** 2
     return steepness / curvature if curvature > FLAT * length else 0.0
 
 
@@ -290,11 +267,11 @@ def _step(rows, held, bodies, length):
     """Step along the direction; return how many percussions left their branch."""
     left = 0
     for i in range(bodies):
-        rows.velocity[i, 0] += length * rows.image[i, 6]
-        rows.velocity[i, 1] += length * rows.image[i, 7]
+        rows.velocity[i, 0] += length * rows.image[3, i, 0]
+        rows.velocity[i, 1] += length * rows.image[3, i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.impulse[r] += length * rows.work[k, 3]
+        rows.impulse[r] += length * rows.work[3, k]
         if branch_of(rows, r) != rows.branch[r]:
             left += 1
     return left
@@ -302,13 +279,13 @@ def _step(rows, held, bodies, length):
 
 @inner
 def _put_back(rows, held):
-    """Raise negative percussions of the face to zero, by what column 1 then holds; return how far that goes up [J]."""
+    """Raise negative percussions of the face to zero, by what work 1 then holds; return how far that goes up [J]."""
     rise = 0.0
     data = rows.face_data
     for k in range(held):
         r = rows.face[k]
         push = max(-rows.impulse[r], 0.0) if rows.data[r, BOUND] == 0.0 else 0.0
-        rows.work[k, 1] = push
+        rows.work[1, k] = push
         if push > 0.0:
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k)
             gradient = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[r]
@@ -323,18 +300,18 @@ def _step_to_the_edge(rows, held, bodies, length):
     """Undo `_put_back`, and so much of a step that the first percussion to leave below zero is zero."""
     share = 1.0
     for k in range(held):
-        push = rows.work[k, 1]
+        push = rows.work[1, k]
         if push > 0.0:
             r = rows.face[k]
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -push)
             rows.impulse[r] = -push
-            share = min(share, 1.0 + push / (length * rows.work[k, 3]))
+            share = min(share, 1.0 + push / (length * rows.work[3, k]))
     back = (1.0 - max(share, 0.0)) * length
     for i in range(bodies):
-        rows.velocity[i, 0] -= back * rows.image[i, 6]
-        rows.velocity[i, 1] -= back * rows.image[i, 7]
+        rows.velocity[i, 0] -= back * rows.image[3, i, 0]
+        rows.velocity[i, 1] -= back * rows.image[3, i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.impulse[r] -= back * rows.work[k, 3]
-        if rows.work[k, 1] > 0.0:
+        rows.impulse[r] -= back * rows.work[3, k]
+        if rows.work[1, k] > 0.0:
             rows.impulse[r] = max(rows.impulse[r], 0.0)

@@ -219,11 +219,11 @@ def make_rows(n: int, capacity: int) -> Rows:
     special: dict[str, Any] = {
         "data": np.zeros((capacity, 8)),
         "face_data": np.zeros((capacity, 8)),
-        "work": np.zeros((capacity, 4)),
+        "work": np.zeros((4, capacity)),
         "root": np.zeros(n + 1),
         "free": np.zeros((n + 1, 2)),
         "velocity": np.zeros((n + 1, 2)),
-        "image": np.zeros((n + 1, 8)),
+        "image": np.zeros((4, n + 1, 2)),
     }
     arrays: dict[str, Any] = {
         name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)

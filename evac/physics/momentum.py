@@ -17,6 +17,7 @@ from evac.physics.rows import (
     CY,
     SPRING,
     is_look,
+    keep,
     law,
     push_row,
     renew_velocity,
@@ -60,7 +61,7 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
     _set_rates(rows, n, bodies)
     momentum = 1.0
     for r in range(n):
-        rows.work[r, 1] = rows.impulse[r]
+        rows.work[1, r] = rows.impulse[r]
     found = row_residual(rows, n)
     for iteration in range(limit):
         if found <= tolerance:
@@ -73,7 +74,7 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
             found = row_residual(rows, n)
             if found > tolerance and iteration < limit - 1:
                 for r in range(n):
-                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[r, 3])
+                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[3, r])
                 renew_velocity(rows, bodies, n)
     return limit, found
 
@@ -82,43 +83,43 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
 def _gradient_pass(rows, n, bodies, share):
     """Step all rows at once, go on by `share` of the step, renew velocities; return the slope along the last step.
 
-    Columns of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
+    Of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
     """
     data, work, image = rows.data, rows.work, rows.image
     for i in range(bodies + 1):
-        image[i, 0] = rows.free[i, 0]
-        image[i, 1] = rows.free[i, 1]
+        image[0, i, 0] = rows.free[i, 0]
+        image[0, i, 1] = rows.free[i, 1]
     uphill = 0.0
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
         x = rows.impulse[r]
-        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[r, 2])
-        step = new - work[r, 1]
-        uphill += (x - new) * step / work[r, 2]
-        work[r, 3] = work[r, 1]
-        work[r, 1] = new
+        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[2, r])
+        step = new - work[1, r]
+        uphill += (x - new) * step / work[2, r]
+        work[3, r] = work[1, r]
+        work[1, r] = new
         new += share * step
         rows.impulse[r] = new
-        push_row(image, i, j, data, r, new)
+        push_row(image[0], i, j, data, r, new)
     for i in range(bodies):
-        rows.velocity[i, 0] = image[i, 0]
-        rows.velocity[i, 1] = image[i, 1]
+        rows.velocity[i, 0] = image[0, i, 0]
+        rows.velocity[i, 1] = image[0, i, 1]
     return uphill
 
 
 @inner
 def _set_rates(rows, n, bodies):
-    """Set column 2 of the work array to the step of each row."""
+    """Set work 2 to the step of each row."""
     for i in range(bodies + 1):
-        rows.image[i, 0] = 0.0
+        rows.image[0, i, 0] = 0.0
     for r in range(n):
-        rows.image[rows.body[r], 0] += 1.0
-        rows.image[rows.other[r], 0] += 1.0
+        rows.image[0, rows.body[r], 0] += 1.0
+        rows.image[0, rows.other[r], 0] += 1.0
     for r in range(n):
         data = rows.data[r]
-        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[rows.body[r], 0]
-        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[rows.other[r], 0]
-        rows.work[r, 2] = 1.0 / total
+        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[0, rows.body[r], 0]
+        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[0, rows.other[r], 0]
+        rows.work[2, r] = 1.0 / total
 
 
 @inner
@@ -134,8 +135,8 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     risen = -SOON
     found = row_residual(rows, n)
     accepted = energy(rows, n, bodies)
-    _keep(rows, n, bodies, 0)
-    _keep(rows, n, bodies, 1)
+    keep(rows, n, bodies, 0)
+    keep(rows, n, bodies, 1)
     iteration = n * 0
     while found > tolerance and iteration < limit:
         _go_on(rows, bodies, share)
@@ -145,7 +146,7 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
             now = energy(rows, n, bodies)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
-                _keep(rows, n, bodies, 1)
+                keep(rows, n, bodies, 1)
             else:
                 _take_back(rows, n, bodies)
                 if iteration - risen <= SOON:
@@ -164,30 +165,20 @@ def _go_on(rows, bodies, share):
     for i in range(bodies):
         for k in range(2):
             now = rows.velocity[i, k]
-            rows.velocity[i, k] = now + share * (now - rows.image[i, k])
-            rows.image[i, k] = now
-
-
-@inner
-def _keep(rows, n, bodies, place):
-    """Keep percussions and velocities: as the last ones (place 0), or as those of the last look (1)."""
-    for r in range(n):
-        rows.work[r, place] = rows.impulse[r]
-    for i in range(bodies):
-        for k in range(2):
-            rows.image[i, 2 * place + k] = rows.velocity[i, k]
+            rows.velocity[i, k] = now + share * (now - rows.image[0, i, k])
+            rows.image[0, i, k] = now
 
 
 @inner
 def _take_back(rows, n, bodies):
     """Return to percussions and velocities of the last look."""
     for r in range(n):
-        rows.impulse[r] = rows.work[r, 1]
-        rows.work[r, 0] = rows.work[r, 1]
+        rows.impulse[r] = rows.work[1, r]
+        rows.work[0, r] = rows.work[1, r]
     for i in range(bodies):
         for k in range(2):
-            rows.velocity[i, k] = rows.image[i, 2 + k]
-            rows.image[i, k] = rows.image[i, 2 + k]
+            rows.velocity[i, k] = rows.image[1, i, k]
+            rows.image[0, i, k] = rows.image[1, i, k]
 
 
 @inner
@@ -209,11 +200,11 @@ def _sweep_on(rows, n, share):
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
         old = rows.impulse[r]
-        start = old + share * (old - rows.work[r, 0])
+        start = old + share * (old - rows.work[0, r])
         new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start)
         change = new - start
         push_row(rows.velocity, i, j, data, r, change)
-        rows.work[r, 0] = old
+        rows.work[0, r] = old
         rows.impulse[r] = new
         uphill -= change * (new - old)
     return uphill

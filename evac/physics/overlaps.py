@@ -6,7 +6,7 @@ from evac.jit import inner
 from evac.physics import stepping
 from evac.physics.motion import move
 from evac.physics.neighbours import OK
-from evac.physics.solvers import INELASTIC, solve, solve_again
+from evac.physics.solvers import INELASTIC, solve_or_retry
 
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
 ITERATIONS = 600
@@ -41,7 +41,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         contacts.bias[c] = contacts.gap[c]
         contacts.impulse[c] = 0.0
     bodies.spare[:n] = 0.0
-    _, found = solve(
+    _, found, _ = solve_or_retry(
         method,
         n,
         bodies.inverse_mass,
@@ -52,20 +52,8 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         0.0,
         0.1 * tolerance,
         min(limit, ITERATIONS),
+        0.5 * deepest,
     )
-    if found > 0.5 * deepest:
-        _, found = solve_again(
-            method,
-            n,
-            bodies.inverse_mass,
-            bodies.spare,
-            bodies.solved,
-            contacts,
-            INELASTIC,
-            0.0,
-            0.1 * tolerance,
-            min(limit, ITERATIONS),
-        )
     if found <= 0.5 * deepest:
         # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
         farthest = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest

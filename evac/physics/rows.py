@@ -183,6 +183,16 @@ def renew_velocity(rows, bodies, n):
 
 
 @inner
+def keep(rows, n, bodies, place):
+    """Keep percussions in the work array and velocities in the image, both at `place`."""
+    for r in range(n):
+        rows.work[place, r] = rows.impulse[r]
+    for i in range(bodies):
+        for k in range(2):
+            rows.image[place, i, k] = rows.velocity[i, k]
+
+
+@inner
 def is_look(made, limit):
     """Whether to look at the residual after so many iterations."""
     return made % (LOOK_EARLY if made <= EARLY else LOOK_LATE) == 0 or made == limit

@@ -120,13 +120,27 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, ta
 
 
 @inner
-def solve_again(method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):
-    """Solve cold by the strongest other method with four times the iterations, after `method` did not converge."""
+def solve_or_retry(
+    method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit, enough
+):
+    """Solve; where that leaves more than `enough` [m/s], solve again, cold, by a stronger method.
+
+    That is the strongest other one, with four times the iterations. Parameters as for `solve`; returns (iterations,
+    residual, 1 if it was solved again).
+    """
+    iterations, found = solve(
+        method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit
+    )
+    if found <= enough:
+        return iterations, found, 0
     for c in range(contacts.count[0]):
         contacts.impulse[c] = 0.0
         contacts.friction[c] = 0.0
-    stronger = CONJUGATE_FACES if method != CONJUGATE_FACES else CONJUGATE_SWEEPS
-    return solve(stronger, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, 4 * limit)
+    method = CONJUGATE_FACES if method != CONJUGATE_FACES else CONJUGATE_SWEEPS
+    again, found = solve(
+        method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, 4 * limit
+    )
+    return iterations + again, found, 1
 
 
 @inner
@@ -170,28 +184,28 @@ def uzawa(rows, n, bodies, tolerance, limit):
 def constraint_norm(rows, n, bodies):
     """Return lambda_max(G^T G) by power iteration, to a per cent: |C|^2 of the paper's bound."""
     for r in range(n):
-        rows.work[r, 0] = 1.0 + 0.5 * math.sin(float(r))
+        rows.work[0, r] = 1.0 + 0.5 * math.sin(float(r))
     value = 0.0
     for _ in range(60):
         for i in range(bodies + 1):
-            rows.image[i, 0] = 0.0
-            rows.image[i, 1] = 0.0
+            rows.image[0, i, 0] = 0.0
+            rows.image[0, i, 1] = 0.0
         square = 0.0
         for r in range(n):
-            square += rows.work[r, 0] ** 2
+            square += rows.work[0, r] ** 2
         norm = math.sqrt(square)
         for r in range(n):
-            push_row(rows.image, rows.body[r], rows.other[r], rows.data, r, rows.work[r, 0] * rows.scale[r] / norm)
+            push_row(rows.image[0], rows.body[r], rows.other[r], rows.data, r, rows.work[0, r] * rows.scale[r] / norm)
         square = 0.0
         for i in range(bodies):
             for k in range(2):
-                rows.image[i, k] *= rows.root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
-                square += rows.image[i, k] ** 2
-                rows.image[i, k] *= rows.root[i]
+                rows.image[0, i, k] *= rows.root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
+                square += rows.image[0, i, k] ** 2
+                rows.image[0, i, k] *= rows.root[i]
         done = abs(square - value) <= 1e-3 * square
         value = square
         if done:
             break
         for r in range(n):
-            rows.work[r, 0] = rows.scale[r] * row_velocity(rows.image, rows.body[r], rows.other[r], rows.data, r)
+            rows.work[0, r] = rows.scale[r] * row_velocity(rows.image[0], rows.body[r], rows.other[r], rows.data, r)
     return value
