@@ -84,12 +84,6 @@ def solve_contact_qp(
     EvacError
         The solver is not installed, or has not found a solution.
     """
-    try:
-        import clarabel
-    except ImportError as error:
-        raise EvacError(
-            "the reference of contact problems needs clarabel; install it with: pip install evac[evidence]"
-        ) from error
     c, k = gradient.shape
     unit = float(np.mean(mass))
     root = np.sqrt(unit / mass)
@@ -109,23 +103,7 @@ def solve_contact_qp(
         bound = np.concatenate([start + bias, 0.5 * (start + approach)])
     best, found = free, np.inf
     for refinements, tolerance in ATTEMPTS:
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.max_iter = 400
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-        settings.iterative_refinement_max_iter = refinements
-        settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 0.1 * tolerance
-        size = quadratic.shape[0]
-        solver = clarabel.DefaultSolver(
-            sparse.csc_matrix(quadratic),
-            np.zeros(size),
-            sparse.csc_matrix(matrix),
-            bound,
-            [clarabel.NonnegativeConeT(len(bound))],
-            settings,
-        )
-        solution = solver.solve()
+        solution = _solved_by_clarabel(quadratic, matrix, bound, refinements, tolerance)
         velocity = free + root * np.array(solution.x)[:k]
         percussion = unit * np.array(solution.z)[:c]
         if dissipation > 0.0:
@@ -140,6 +118,28 @@ def solve_contact_qp(
             if found <= precision:
                 return np.asarray(best)
     raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {precision:.0e} m/s")
+
+
+def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refinements: int, tolerance: float) -> Any:
+    """Return Clarabel's solution of min 1/2 x.Q x subject to A x <= bound, with its multipliers z."""
+    try:
+        import clarabel
+    except ImportError as error:
+        raise EvacError(
+            "the reference of contact problems needs clarabel; install it with: pip install evac[evidence]"
+        ) from error
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_iter = 400
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.iterative_refinement_max_iter = refinements
+    settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = 0.1 * tolerance
+    size = quadratic.shape[0]
+    cones = [clarabel.NonnegativeConeT(len(bound))]
+    return clarabel.DefaultSolver(
+        sparse.csc_matrix(quadratic), np.zeros(size), sparse.csc_matrix(matrix), bound, cones, settings
+    ).solve()
 
 
 def _polished(

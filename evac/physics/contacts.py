@@ -166,14 +166,8 @@ def find_contacts(world, bodies, lists, contacts):
                 kept &= ~(1 << k)
                 if used == capacity:
                     return CONTACTS_FULL
-                contacts.body[used] = i
-                contacts.other[used] = -1
-                contacts.key[used] = int(near[k, 3]) - walls
-                contacts.normal[used, 0] = near[k, 1]
-                contacts.normal[used, 1] = near[k, 2]
-                contacts.gap[used] = near[k, 0] - r
-                contacts.omega[used] = bodies.inverse_mass[i]
-                memory = _carry_over(contacts, used, memory)
+                key, omega = int(near[k, 3]) - walls, bodies.inverse_mass[i]
+                memory = _append(contacts, used, memory, i, -1, key, near[k, 1], near[k, 2], near[k, 0] - r, omega)
                 used += 1
         r += bodies.reach[i]
         for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
@@ -191,17 +185,24 @@ def find_contacts(world, bodies, lists, contacts):
             if used == capacity:
                 return CONTACTS_FULL
             nx, ny, distance = unit_normal(nx, ny, square)
-            contacts.body[used] = i
-            contacts.other[used] = j
-            contacts.key[used] = j
-            contacts.normal[used, 0] = nx
-            contacts.normal[used, 1] = ny
-            contacts.gap[used] = distance - bodies.radius[i] - bodies.radius[j]
-            contacts.omega[used] = bodies.inverse_mass[i] + bodies.inverse_mass[j]
-            memory = _carry_over(contacts, used, memory)
+            gap, omega = distance - bodies.radius[i] - bodies.radius[j], bodies.inverse_mass[i] + bodies.inverse_mass[j]
+            memory = _append(contacts, used, memory, i, j, j, nx, ny, gap, omega)
             used += 1
     contacts.count[0] = used
     return 0
+
+
+@inner
+def _append(contacts, c, memory, i, other, key, nx, ny, gap, omega):
+    """Set contact c, with its percussion of the step before; return how far that memory has been read."""
+    contacts.body[c] = i
+    contacts.other[c] = other
+    contacts.key[c] = key
+    contacts.normal[c, 0] = nx
+    contacts.normal[c, 1] = ny
+    contacts.gap[c] = gap
+    contacts.omega[c] = omega
+    return _carry_over(contacts, c, memory)
 
 
 @inner
