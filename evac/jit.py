@@ -103,7 +103,7 @@ def pair_force(function: Callable[..., Any]) -> Any:
     numba CFunc
         Callable from Python; its ``address`` is what kernels call.
     """
-    compiled = _cached(numba.cfunc(PAIR_FORCE_SIGNATURE, cache=True), function)
+    compiled = _cached(numba.cfunc(PAIR_FORCE_SIGNATURE, cache=True, error_model="numpy"), function)
     _pair_forces[compiled.address] = compiled
     return compiled
 

@@ -211,7 +211,8 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     measure : {"shortest", "fastest", "comfortable"}
         Metres for the first, seconds for the others; inf where there is no way.
     """
-    weight = np.ones((len(rows), 3)) if measure == "shortest" else 1.0 / crowd.speed[rows]
+    with np.errstate(divide="ignore"):
+        weight = np.ones((len(rows), 3)) if measure == "shortest" else 1.0 / crowd.speed[rows]
     if measure == "comfortable":
         weight[:, 1:] *= fields.comfort
     level = crowd.level[rows]
@@ -220,7 +221,9 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     for column, route in enumerate(routes):
         lengths = fields.lengths_at(level, position, route)
         reached = np.isfinite(lengths[:, 0])
-        cost[reached, column] = (lengths[reached] * weight[reached]).sum(axis=1)
+        with np.errstate(invalid="ignore"):  # who cannot climb is not kept from a way that does not climb
+            own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)
+        cost[reached, column] = own.sum(axis=1)
     return cost
 
 

@@ -71,15 +71,13 @@ class Dem(ContactModel):
 def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
     """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
     for step in range(clock.first, clock.last):
-        stepping.save(bodies)
-        fired = stepping.begin_step(events, tally)
+        fired = stepping.open_step(bodies, events, tally)
         parts = np.int64(1)
         while True:
             status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
             if status == OK:
                 break
-            stepping.undo(bodies, lists, contacts, events, tally, fired)
-            parts = stepping.more_parts(status, parts, tally)
+            parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
             if parts == 0:
                 return step, status
     return clock.last, OK

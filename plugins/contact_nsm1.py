@@ -75,15 +75,13 @@ def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
         for i in range(bodies.count[0]):
             bodies.inverse_mass[i] = 1.0
     for step in range(clock.first, clock.last):
-        stepping.save(bodies)
-        fired = stepping.begin_step(events, tally)
+        fired = stepping.open_step(bodies, events, tally)
         parts = np.int64(1)
         while True:
             status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
             if status == OK:
                 break
-            stepping.undo(bodies, lists, contacts, events, tally, fired)
-            parts = stepping.more_parts(status, parts, tally)
+            parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
             if parts == 0:
                 return step, status
     return clock.last, OK
@@ -172,7 +170,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):
         keep_impulses(contacts)
         status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:
-            status = stepping.seek(world, bodies, lists, contacts, tally)
+            status = stepping.seek(world, bodies, lists, contacts)
         if status != OK:
             return status
     return OK

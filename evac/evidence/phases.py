@@ -20,7 +20,7 @@ def repeat_search(world, bodies, lists, contacts, tally, repeats):
     """Find the contacts within the reaches of the last step so many times; return the last status."""
     status = 0
     for _ in range(repeats):
-        status = stepping.seek(world, bodies, lists, contacts, tally)
+        status = stepping.seek(world, bodies, lists, contacts)
     return status
 
 

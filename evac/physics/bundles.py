@@ -27,7 +27,9 @@ class Crowd(NamedTuple):
     extra_direction : (n, 2), set to 0 before each tick's behaviours, which add to it; the unit
         direction of the field plus this, normalised, is the desired direction
     exit_time : (n,) [s], NaN until out;  exit_used : (n,) int32, -1 until out
-    distance : (n,) walked in plan [m];  contact_force : (n,) sum of contact forces at the last output step [N]
+    distance : (n,) walked in plan, up to the exit [m]
+    contact_force : (n,) sum of contact forces [N], in the last step of the tick before where a behaviour in use reads
+        it, else at the last output
     """
 
     position: FloatArray
@@ -289,4 +291,5 @@ class Forces(NamedTuple):
     """Pair forces as kernels call them, one row each."""
 
     address: LongArray  # (k,) of the machine code
+    cutoff: FloatArray  # (k,) gaps beyond which nobody feels them [m]
     parameters: FloatArray  # (k, p)

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 class StepContacts(NamedTuple):
-    """The contacts of one sub-step, as a contact model written in numpy sees them.
+    """The contacts of one sub-step, as a contact model written in numpy sees them: read-only but for `impulse`.
 
     Attributes
     ----------
@@ -183,20 +183,28 @@ class ContactModel(Configurable, ABC):
         bodies, contacts = engine.bodies, engine.contacts
         n, c = int(bodies.count[0]), int(contacts.count[0])
         contacts.impulse[:c] = 0.0
-        bodies.solved[:n] = self.step(
-            StepContacts(
-                contacts.body[:c],
-                contacts.other[:c],
-                contacts.normal[:c],
-                contacts.gap[:c],
-                bodies.velocity[:n],
-                bodies.free[:n],
-                bodies.mass[:n],
-                bodies.radius[:n],
-                contacts.impulse[:c],
-            ),
-            h,
+        seen = StepContacts(
+            contacts.body[:c],
+            contacts.other[:c],
+            contacts.normal[:c],
+            contacts.gap[:c],
+            bodies.velocity[:n],
+            bodies.free[:n],
+            bodies.mass[:n],
+            bodies.radius[:n],
+            contacts.impulse[:c],
         )
+        for name, array in seen._asdict().items():
+            array.flags.writeable = name == "impulse"
+        found = self.step(seen, h)
+        if np.shape(found) != (n, 2):
+            raise PluginError(
+                f"contact model {self.name!r}: step returned velocities of shape {np.shape(found)}, not {(n, 2)}"
+            )
+        if not np.isfinite(found).all():
+            row = int(np.argwhere(~np.isfinite(found))[0, 0])
+            raise PluginError(f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}")
+        bodies.solved[:n] = found
 
 
 class SolvedContactModel(ContactModel):

@@ -87,6 +87,8 @@ def add_forces(world, bodies, lists, forces, clock):
             nx, ny, distance = unit_normal(nx, ny, square)
             gap = distance - bodies.radius[i] - bodies.radius[j]
             for f in range(forces.address.shape[0]):
+                if gap >= forces.cutoff[f]:
+                    continue
                 call, given = forces.address[f], forces.parameters[f]
                 fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
                 bodies.push[i, 0] += fx

@@ -1,11 +1,11 @@
 """The engine: owns the work arrays of the step loop and makes one tick of steps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.errors import SimulationError
+from evac.errors import SimulationError, plugin_code
 from evac.physics import neighbours, stepping
 from evac.physics.bundles import MEASURES, TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
@@ -21,14 +21,18 @@ SKIN = 0.3
 _ADVICE = {
     WALL_CROSSED: (
         "would pass through a wall even with the step cut into {parts} parts: the contact is too soft for the load, or"
-        " the run started with overlaps; raise contact.dem.stiffness, or use contact.model = 'nsm1'"
+        " the run started with overlaps; make contacts stiffer (of 'dem': contact.dem.stiffness), or use"
+        " contact.model = 'nsm1'"
     ),
     TOO_FAST: "moves too fast for the step even cut into {parts} parts; check speeds, forces, masses and overlaps",
     TOO_STIFF: (
         "has contacts too stiff for the step even cut into {parts} parts; lower contact.dem.stiffness or use a smaller"
         " simulation.step"
     ),
-    NOT_FINITE: "has a velocity that is no number; use a smaller simulation.step or softer contact parameters",
+    NOT_FINITE: (
+        "has a velocity that is no number; use a smaller simulation.step or softer contact parameters, and look at the"
+        " forces and contact models of plugins"
+    ),
 }
 
 
@@ -59,7 +63,7 @@ class Engine:
         self.events = make_events(4 * people + 16)
         self.tally = np.zeros((2, len(TALLY)))
         self.forces = pack_forces(forces)
-        self.cutoff = max((force.cutoff() for force in forces), default=0.0)
+        self.cutoff = float(self.forces.cutoff.max(initial=0.0))
         self.full = full
 
     def advance(
@@ -78,7 +82,8 @@ class Engine:
         if inside:
             while first < last:
                 clock = Clock(first, last, step, explicit, report, self.cutoff, self.full)
-                first, status = model.run(self, clock)
+                with plugin_code(f"t = {first * step:.3f} s: contact model {model.name!r}"):
+                    first, status = model.run(self, clock)
                 if status != neighbours.OK:
                     self.handle(int(status), first * step)
         self.tally[0, 0] += steps
@@ -90,6 +95,20 @@ class Engine:
         if stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts):
             model.run(self, Clock(0, 0, step, explicit, False, self.cutoff, self.full))
         stepping.scatter(crowd, self.bodies)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return copies of what the next tick depends on beyond the crowd."""
+        return {
+            "tally": self.tally.copy(),
+            "span": self.lists.span.copy(),
+            "contact_capacity": np.array([len(self.contacts.body)]),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Take up what `state` returned. Where contacts run out of room a step starts cold, so the room counts too."""
+        self.tally[:] = state["tally"]
+        self.lists.span[:] = state["span"]
+        self.contacts = make_contacts(len(self.bodies.row), int(state["contact_capacity"][0]))
 
     def report(self) -> dict[str, float | int]:
         """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
@@ -110,13 +129,8 @@ class Engine:
                     f"t = {time:.3f} s: more than {self.contacts.near.shape[0]} walls within one body's reach;"
                     " use a smaller simulation.step or a mesh with fewer, longer walls"
                 )
-            fresh = make_contacts(self.bodies.row.shape[0], 2 * self.contacts.body.shape[0])
-            held = int(self.contacts.count[1])
-            fresh.count[1] = held
-            fresh.old_body[:held] = self.contacts.old_body[:held]
-            fresh.old_key[:held] = self.contacts.old_key[:held]
-            fresh.old_impulse[:held] = self.contacts.old_impulse[:held]
-            self.contacts = fresh
+            # The memory for warm starts is empty: the step that ran out of room has been undone.
+            self.contacts = make_contacts(len(self.bodies.row), 2 * len(self.contacts.body))
         elif status == EVENTS_FULL:
             self.events = Events(self.events.count, *(_grown(array) for array in self.events[1:]))
         else:
@@ -144,7 +158,11 @@ def pack_forces(forces: list[Force]) -> Forces:
     parameters = np.zeros((len(rows), max((len(row) for row in rows), default=1)))
     for k, row in enumerate(rows):
         parameters[k, : len(row)] = row
-    return Forces(np.array([force.pair.address for force in forces], dtype=np.int64), parameters)
+    return Forces(
+        address=np.array([force.pair.address for force in forces], dtype=np.int64),
+        cutoff=np.array([force.cutoff() for force in forces], dtype=np.float64),
+        parameters=parameters,
+    )
 
 
 def make_bodies(n: int) -> Bodies:

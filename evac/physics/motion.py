@@ -98,8 +98,11 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):
 
 
 @inner
-def move(world, bodies, lists, events, time, h, old_share, full):
-    """Move everybody by ``bodies.solved``, of which `old_share` is the old velocity's; return 0 or a status."""
+def move(world, bodies, lists, events, time, h, old_share, walked, full):
+    """Move everybody by h ``bodies.solved``; return 0 or a status.
+
+    The share `old_share` is the old velocity's; the share `walked` of the path, up to an exit, counts as walked.
+    """
     for i in range(bodies.count[0]):
         if bodies.level[i] < 0:
             continue
@@ -123,11 +126,13 @@ def move(world, bodies, lists, events, time, h, old_share, full):
         bodies.position[i, 1] = by
         bodies.velocity[i, 0] = ux
         bodies.velocity[i, 1] = uy
-        bodies.distance[i] += path
         if full or bodies.near_link[i] or path > lists.span[1]:
             status = _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h)
             if status != 0:
                 return status
+            if bodies.level[i] < 0:
+                path *= (events.time[events.count[0] - 1] - time) / h
+        bodies.distance[i] += walked * path
     return 0
 
 

@@ -34,7 +34,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         longest = max(longest, bodies.reach[i])
     status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     if status == OK:
-        status = stepping.seek(world, bodies, lists, contacts, tally)
+        status = stepping.seek(world, bodies, lists, contacts)
     if status != OK:
         return status
     for c in range(contacts.count[0]):
@@ -65,7 +65,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         contacts.count[2] = 1  # not again before the next tick
         tally[0, 21] += 1.0
     if status == OK:
-        status = stepping.seek(world, bodies, lists, contacts, tally)
+        status = stepping.seek(world, bodies, lists, contacts)
     return status
 
 
@@ -80,19 +80,25 @@ def _deepest(contacts):
 
 @inner
 def _displace(world, bodies, lists, events, clock, time, farthest):
-    """Move everybody by the displacement in ``bodies.solved``, at most `farthest` [m]; velocities stay."""
+    """Move everybody by the displacement in ``bodies.solved``; velocities stay, and no time goes by.
+
+    At most `farthest` [m], and half a radius: what is left is done in the next steps, for it cannot be had by cutting
+    this one.
+    """
     n = bodies.count[0]
     for i in range(n):
         bodies.spare[i, 0] = bodies.velocity[i, 0]
         bodies.spare[i, 1] = bodies.velocity[i, 1]
         length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
-        if length > farthest:
-            bodies.solved[i, 0] *= farthest / length
-            bodies.solved[i, 1] *= farthest / length
-    status = move(world, bodies, lists, events, time, 1.0, 0.0, clock.full)
+        most = min(farthest, 0.5 * bodies.radius[i])
+        if length > most:
+            bodies.solved[i, 0] *= most / length
+            bodies.solved[i, 1] *= most / length
+    fired = events.count[0]
+    status = move(world, bodies, lists, events, time, 1.0, 0.0, 0.0, clock.full)
+    for k in range(fired, events.count[0]):
+        events.time[k] = time
     for i in range(n):
         bodies.velocity[i, 0] = bodies.spare[i, 0]
         bodies.velocity[i, 1] = bodies.spare[i, 1]
-        if bodies.level[i] >= 0:
-            bodies.distance[i] -= math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
     return status

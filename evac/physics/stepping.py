@@ -1,7 +1,7 @@
 """The parts of a sub-step that every contact model shares, in the order in which they are called.
 
 gather                 once a tick: sort the people inside by travel time, copy them in
-save                   at the start of each step
+open_step              at the start of each step, and cut where it has to be made in parts
 free_motion            lists, desired directions, forces at a distance, velocity if nobody touched
 meet                   contacts in reach
 (the contact law)      fills bodies.solved and contacts.impulse
@@ -18,7 +18,7 @@ from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
 from evac.physics.motion import TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
 from evac.physics.neighbours import OK, build_lists, lists_are_stale
 
-__all__ = ["TOO_FAST", "TOO_STIFF", "save"]
+__all__ = ["TOO_FAST", "TOO_STIFF"]
 
 #: A step is cut into at most this many parts before the run is stopped.
 GREATEST_PARTS = 256
@@ -70,7 +70,7 @@ def gather(world, crowd, bodies, lists, contacts):
         bodies.route[i] = crowd.route[p]
         bodies.speed_factor[i] = crowd.speed_factor[p]
         bodies.distance[i] = crowd.distance[p]
-        bodies.contact_force[i] = 0.0
+        bodies.contact_force[i] = crowd.contact_force[p]
     bodies.count[0] = inside
     bodies.taken_up_in[0] = 0.0
     contacts.count[1] = 0
@@ -132,11 +132,11 @@ def meet(world, bodies, lists, contacts, tally, h, share, floor, fastest):
     status = refresh(world, bodies, lists, tally, 0.0, 2.0 * max(share * h * fastest, floor) + h * fastest)
     if status != OK:
         return status
-    return seek(world, bodies, lists, contacts, tally)
+    return seek(world, bodies, lists, contacts)
 
 
 @inner
-def seek(world, bodies, lists, contacts, tally):
+def seek(world, bodies, lists, contacts):
     """Find the contacts within the reaches as they are set; return a status."""
     status = find_contacts(world, bodies, lists, contacts)
     if status != OK:
@@ -190,7 +190,7 @@ def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_sh
     add_work(bodies, contacts, tally[0, 13:16])
     keep_impulses(contacts)
     tally[0, 1] += 1.0
-    return move(world, bodies, lists, events, time, h, old_share, clock.full)
+    return move(world, bodies, lists, events, time, h, old_share, 1.0, clock.full)
 
 
 @inner
@@ -200,27 +200,23 @@ def report_force(bodies, contacts, clock, step, part, parts, weight):
         report_contact_force(bodies, contacts, weight)
 
 
-@inner
-def begin_step(events, tally):
-    """Remember the sums and the number of events at the start of a step."""
+@kernel
+def open_step(bodies, events, tally):
+    """Remember bodies and sums at the start of a step; return the number of events so far."""
+    save(bodies)
     for k in range(tally.shape[1]):
         tally[1, k] = tally[0, k]
     return events.count[0]
 
 
-@inner
-def undo(bodies, lists, contacts, events, tally, fired):
-    """Go back to the start of the step after a part of it failed."""
+@kernel
+def cut(bodies, lists, contacts, events, tally, fired, status, parts):
+    """Go back to the start of the step; return the number of parts to try next, 0 if more do not help."""
     restore(bodies, lists)
     events.count[0] = fired
     contacts.count[1] = 0
     for k in range(tally.shape[1]):
         tally[0, k] = tally[1, k]
-
-
-@inner
-def more_parts(status, parts, tally):
-    """Return the number of parts to try next, 0 if cutting the step further does not help."""
     if status == WALL_CROSSED:
         entry = 16
     elif status == TOO_FAST:
@@ -234,14 +230,7 @@ def more_parts(status, parts, tally):
     return 2 * parts if parts < GREATEST_PARTS else 0
 
 
-# The same parts, bundled for contact models that are written in numpy and call them from Python.
-
-
-@kernel
-def open_step(bodies, events, tally):
-    """Remember the state at the start of a step; return the number of events so far."""
-    save(bodies)
-    return begin_step(events, tally)
+# Parts bundled for contact models that are written in numpy and call them from Python.
 
 
 @kernel
@@ -265,10 +254,3 @@ def conclude(world, bodies, lists, contacts, events, clock, tally, time, h, old_
         report_contact_force(bodies, contacts, 1.0 / h)
     tally_contacts(contacts, tally)
     return finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share)
-
-
-@kernel
-def cut(bodies, lists, contacts, events, tally, fired, status, parts):
-    """Go back to the start of the step; return the number of parts to try next, 0 to give up."""
-    undo(bodies, lists, contacts, events, tally, fired)
-    return more_parts(status, parts, tally)
