@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from evac.physics.bundles import Crowd
 
 
+_LEGAL = {
+    "speed_factor": "finite and not negative",
+    "extra_direction": "finite",
+    "start_time": "a number, inf for never",
+}
+
+#: What behaviours may write.
+WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
+
+
 class Behaviour(Configurable):
     """Acts on whole arrays at every tick; owns its private state.
 
@@ -91,6 +101,19 @@ class BehaviourScene:
         self.tick = tick
 
 
+def check_writes(behaviour: Behaviour) -> None:
+    """Refuse a behaviour that declares to write what it may not.
+
+    Raises
+    ------
+    PluginError
+        Naming the behaviour and the array.
+    """
+    for array in behaviour.writes:
+        if array not in WRITABLE:
+            raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
+
+
 def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
     """Refuse what a behaviour wrote where the step loop could not tell it from a failure of its own.
 
@@ -99,13 +122,16 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float
     PluginError
         A number is not finite, or there is no such route; names behaviour, time and person.
     """
-    for name in set(behaviour.writes) & {"speed_factor", "extra_direction"}:
+    for name in set(behaviour.writes) & {"speed_factor", "extra_direction", "start_time"}:
         written = getattr(crowd, name)
-        if not np.isfinite(written).all():
-            person = int(np.argwhere(~np.isfinite(written))[0, 0])
+        is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # who never starts has inf
+        if name == "speed_factor":
+            is_lost |= written < 0.0
+        if is_lost.any():
+            person = int(np.argwhere(is_lost)[0, 0])
             raise PluginError(
                 f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote {written[person]} to {name} of person {person}; "
-                "it must be finite"
+                f"it must be {_LEGAL[name]}"
             )
     if "route" in behaviour.writes:
         lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))

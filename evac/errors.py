@@ -1,7 +1,7 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 
@@ -42,6 +42,17 @@ def plugin_code(what: str) -> Iterator[None]:
             f"{what}: {type(error).__name__}: {error} ({place.filename}, line {place.lineno}); "
             "repair the plugin or leave it out"
         ) from error
+
+
+@contextmanager
+def noting(warnings: Iterable[str]) -> Iterator[None]:
+    """Add warnings to an error that may come of what they warn of, as notes."""
+    try:
+        yield
+    except EvacError as error:
+        for warning in warnings:
+            error.add_note(f"warning: {warning}")
+        raise
 
 
 @contextmanager

@@ -10,13 +10,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pluggy
 
 from evac import hookspecs
-from evac.errors import PluginError
-from evac.parameters import Configurable, did_you_mean
+from evac.errors import PluginError, plugin_code
+from evac.parameters import did_you_mean
+
+if TYPE_CHECKING:
+    from evac.building.model import Building
 
 #: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
 BUILTIN_PLUGINS = (
@@ -39,6 +42,18 @@ KINDS = {
     "recorder": "evac_recorders",
     "case": "evac_building_cases",
 }
+
+
+#: Module and name of the class that each kind derives from; loaded when something of the kind is registered.
+BASES = {
+    "contact_model": ("evac.physics.contact_model", "ContactModel"),
+    "force": ("evac.physics.force", "Force"),
+    "behaviour": ("evac.behaviour", "Behaviour"),
+    "recorder": ("evac.output.recorder", "Recorder"),
+}
+
+#: Names that would hide a key of their section.
+RESERVED = {("contact_model", "model")}
 
 
 @dataclass(frozen=True)
@@ -162,6 +177,27 @@ class Registry:
         if provenance not in self.provenance:
             self._register(_loaded(f"plugin file {path}", lambda: _module_of(path, text)), provenance)
 
+    def read_building(self, path: Path, **options: Any) -> "Building":
+        """Return the building in a file, read by the first plugin that takes it, or as `evac.read_building` does.
+
+        Raises
+        ------
+        PluginError
+            A plugin fails, or returns something else than a building.
+        BuildingError
+            The file cannot be used.
+        """
+        from evac.building.model import Building
+        from evac.building.reading import read_building
+
+        with plugin_code(f"{path}: evac_read_building"):
+            building = self.hook.evac_read_building(path=path, options=options)
+        if building is None:
+            return read_building(path, **options)
+        if not isinstance(building, Building):
+            raise PluginError(f"{path}: a plugin's evac_read_building returned {type(building).__name__}, no Building")
+        return building
+
     def providers(self, used: Iterable[tuple[str, str]]) -> list[str]:
         """Return name and version of the plugins that provide what is used, by (kind, name), or hook into every run."""
         owners = {self._owners[key] for key in used}
@@ -231,11 +267,8 @@ class Registry:
                 raise PluginError(f"plugin {plugin}: folder {item} of a case has no case.toml")
             name = item.name
         else:
-            if not isinstance(item, type) or not issubclass(item, Configurable):
-                raise PluginError(f"plugin {plugin}: {item!r} is no {word} class; derive it from the base class")
-            name = getattr(item, "name", "")
-            if not isinstance(name, str) or not name.isidentifier():
-                raise PluginError(f"plugin {plugin}: {item.__name__}.name must be a plain word, not {name!r}")
+            _check_class(kind, item, plugin)
+            name = item.name
         if (kind, name) in self._owners:
             raise PluginError(
                 f"{word} {name!r} is registered twice, by {self._owners[kind, name]} and by {plugin}; "
@@ -243,6 +276,21 @@ class Registry:
             )
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
+
+
+def _check_class(kind: str, item: Any, plugin: str) -> None:
+    """Refuse what is no class of its kind, is not finished, or has no name that a case could use."""
+    module, base = BASES[kind]
+    if not isinstance(item, type) or not issubclass(item, getattr(importlib.import_module(module), base)):
+        raise PluginError(f"plugin {plugin}: {KINDS[kind]} returned {item!r}; it must derive from evac.{base}")
+    missing = sorted(getattr(item, "__abstractmethods__", ()))
+    if missing:
+        raise PluginError(f"plugin {plugin}: {item.__name__} has no {missing[0]}(), which every {base} needs")
+    name = getattr(item, "name", "")
+    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
+        raise PluginError(f"plugin {plugin}: {item.__name__}.name must be one word in lower case, not {name!r}")
+    if (kind, name) in RESERVED:
+        raise PluginError(f"plugin {plugin}: {item.__name__}.name {name!r} is a key of its section; take another")
 
 
 def _loaded(what: str, load: Any) -> Any:

@@ -1,19 +1,23 @@
 """From a case to a result folder: run, then write everything that is written."""
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.errors import ResultError
+from evac.errors import EvacError, ResultError
 from evac.output import FILM_NAME, PICTURE_NAME
 from evac.output.results import Results
-from evac.output.trajectory import FILE_NAME, read_trajectory
+from evac.output.trajectory import FILE_NAME, MAGIC, read_trajectory
 from evac.simulation import Progress, Simulation
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
+
+#: How a run ended that could not go on, in the tables that it leaves.
+FAILED = "failed"
 
 #: What a run writes to its folder; nothing else there is ever touched.
 SUMMARY_NAME = "summary.json"
@@ -63,14 +67,48 @@ def run(
     --------
     >>> results = run(load("classroom"), "classroom-result")  # doctest: +SKIP
     """
-    place = None if folder is None else Path(folder)
-    if place is not None:
-        check_folder(place)
-    simulation = Simulation(case, place, full)
-    if place is not None:
-        clear_folder(place)
-    results = simulation.run(progress)
-    return results if place is None else write_outputs(results, place)
+    if folder is None:
+        return Simulation(case, None, full).run(progress)
+    place = Path(folder)
+    check_folder(place)
+    return run_into(Simulation(case, place, full), place, progress)
+
+
+def run_into(
+    simulation: Simulation,
+    folder: Path,
+    progress: Callable[[Progress], None] | None = None,
+    writing: Callable[[], None] | None = None,
+) -> Results:
+    """Run a simulation and write its folder; a run that fails leaves the tables of what it has done.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Made for this folder.
+    folder : Path
+        As for `run`.
+    progress : callable, optional
+        Called with a `Progress` at every tick.
+    writing : callable, optional
+        Called when the run is over, before its outputs are written.
+
+    Raises
+    ------
+    EvacError
+        As for `run`.
+    """
+    clear_folder(folder)
+    try:
+        results = simulation.run(progress)
+    except EvacError:
+        if simulation.step:
+            simulation.ended = simulation.ended or FAILED
+            simulation.results().write(folder)
+        raise
+    if writing is not None:
+        writing()
+    return write_outputs(results, folder)
 
 
 def check_folder(folder: Path) -> None:
@@ -85,12 +123,26 @@ def check_folder(folder: Path) -> None:
         return
     if not folder.is_dir():
         raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
-    is_result = (folder / SUMMARY_NAME).is_file() or (folder / FILE_NAME).is_file()
-    if not is_result and any(folder.iterdir()):
+    if not _is_result(folder) and any(folder.iterdir()):
         raise ResultError(
-            f"{folder}: holds files and is no result folder of evac (neither {SUMMARY_NAME} nor {FILE_NAME} is there); "
-            "choose a new or empty folder for the results (--out)"
+            f"{folder}: holds files and is no result folder of evac (neither its {SUMMARY_NAME} nor its {FILE_NAME} is "
+            "there); choose a new or empty folder for the results (--out)"
         )
+
+
+def _is_result(folder: Path) -> bool:
+    """Say whether a folder holds a trajectory or a summary that evac has written."""
+    try:
+        with (folder / FILE_NAME).open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                return True
+    except OSError:
+        pass
+    try:
+        summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(summary, dict) and "evac" in summary.get("versions", {})
 
 
 def clear_folder(folder: Path) -> None:
@@ -127,6 +179,7 @@ def write_outputs(results: Results, folder: Path) -> Results:
     ResultError
         A file cannot be written.
     """
+    results.write(folder)  # first: pictures may fail
     start = time.perf_counter()
     if results.case.output.picture:
         from evac.output.pictures import draw_egress

@@ -4,22 +4,21 @@ import time as wall_clock
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.behaviour import Behaviour, BehaviourScene, check_written
-from evac.building.model import Building
-from evac.building.reading import read_building
+from evac.behaviour import Behaviour, BehaviourScene, check_writes, check_written
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.errors import PluginError, SimulationError, naming, plugin_code
+from evac.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.output.recorder import Recorder
 from evac.output.results import Results
-from evac.people.distributions import generator_for
-from evac.people.groups import check_people, reference_speeds
+from evac.people.distributions import generator_for, generator_state, restore_generator
+from evac.people.groups import check_people, default_clearance, reference_speeds
 from evac.people.population import build_population
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
@@ -41,6 +40,11 @@ PROGRESS_EVERY = 1.0
 EVERYBODY_OUT = "everybody out"
 DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
+INTERRUPTED = "interrupted"
+
+
+class Stopped(KeyboardInterrupt):
+    """To be raised by a progress display that wants the run to end at this tick, with its results."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +98,11 @@ class Simulation:
         self.forces = needed_forces(all_forces, full)
         all_behaviours = case.make_behaviours(self.registry)
         with self._phase("building"):
-            self.building = read_case_building(case)
+            self.building = self.registry.read_building(case.mesh, **case.building.options())
             check_people(case, self.building)
         with naming(case.source), self._phase("directions"):
             self.fields = self._build_fields(all_behaviours)
-        with self._phase("people"):
+        with noting(self.building.warnings), self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
             with naming(case.source):
@@ -108,9 +112,9 @@ class Simulation:
         world = make_world(self.building, self.fields)
         names = [level.name for level in self.building.levels]
         self.engine = Engine(world, len(self.population.crowd.level), self.forces, full, names)
-        self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
-        self.recorders: list[Recorder] = [recorder() for recorder in self.registry.recorders.values()]
+        self.recorders: list[Recorder] = case.make_recorders(self.registry)
         self._is_recording = False
+        self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
         self._seen_time = np.full(len(crowd.level), np.inf)
@@ -118,6 +122,8 @@ class Simulation:
         for behaviour, scene in self.behaviours:
             with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 behaviour.prepare(scene)
+            check_written(behaviour, crowd, len(self.fields.routes), 0.0)
+        self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
         with plugin_code("evac_prepare"):
             self.registry.hook.evac_prepare(simulation=self)
 
@@ -141,6 +147,8 @@ class Simulation:
         ------
         SimulationError
             A step cannot be made; names time, person and place.
+        PluginError
+            A plugin has failed; `results` knows what has been run.
         """
         results = None
         error: BaseException | None = None
@@ -152,14 +160,14 @@ class Simulation:
                     people = len(self.population.crowd.level)
                     progress(Progress(self.time, settings.duration, people, people - self.population.inside))
             results = self.results()
+        except Stopped:
+            self.ended = INTERRUPTED
+            results = self.results()
         except BaseException as caught:
             error = caught
             raise
         finally:
-            if self._is_recording:
-                for recorder in self.recorders:
-                    recorder.finish(self, results)
-            self.registry.hook.evac_finish(simulation=self, results=results, error=error)
+            self._finish(results, error)
         return results
 
     def advance_tick(self) -> None:
@@ -171,13 +179,15 @@ class Simulation:
                 self.engine.load(self.contact, self.population.crowd, settings.step, explicit)
             self._is_recording = True
             for recorder in self.recorders:
-                recorder.start(self)
-                recorder.record(self)
+                with plugin_code(f"recorder {recorder.name!r}: start"):
+                    recorder.start(self)
+            self._record()
         per_tick = round(settings.tick / settings.step)
         last = round(settings.duration / settings.step)
         steps = min(per_tick, last - self.step)
         per_record = round(self.case.output.every / settings.tick) * per_tick
         is_output = (self.step + steps) % per_record == 0
+        is_last = self.step + steps == last
         with self._phase("behaviours"):
             self._act()
         with self._phase("physics"):
@@ -188,29 +198,30 @@ class Simulation:
                 steps,
                 settings.step,
                 settings.driving == "explicit",
-                is_output,
+                is_output or is_last or self._force_is_read,
             )
         self.step += steps
         with self._phase("recording"):
             if events.count[0]:
                 self.population.settle(events)
             if is_output:
-                for recorder in self.recorders:
-                    recorder.record(self)
+                self._record()
         self._look_for_end(per_tick, last)
 
     def results(self) -> Results:
         """Return the results of what has been run so far."""
         report: dict[str, Any] = self.engine.report()
-        overlaps = report.pop("overlaps")
-        report["mean_overlap"] = report.pop("overlap_sum") / overlaps if overlaps else 0.0
+        overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
+        report["mean_overlap"] = total / overlaps if overlaps else 0.0
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         report["model"] = self.contact.name
         report["parameters"] = self.contact.values()
         results = Results(
             case=self.case,
             building=self.building,
-            crowd=self.population.crowd,
+            crowd=self.population.crowd._replace(
+                **{name: array.copy() for name, array in self.population.crowd._asdict().items()}
+            ),
             groups=self.population.groups,
             routes=self.fields.routes,
             start_position=self._start[0],
@@ -232,13 +243,12 @@ class Simulation:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of everything that a run needs to go on from this tick to the same bits."""
         state = {f"population.{key}": value for key, value in self.population.state().items()}
+        state |= {f"engine.{key}": value for key, value in self.engine.state().items()}
         for behaviour, scene in self.behaviours:
             for key, value in behaviour.state().items():
                 state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
-            state[f"generator.{behaviour.name}"] = _generator_state(scene.generator)
+            state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         state["simulation.step"] = np.array([self.step])
-        state["simulation.tally"] = self.engine.tally.copy()
-        state["simulation.span"] = self.engine.lists.span.copy()
         state["simulation.progress"] = np.stack([self._seen_time, self._moved_at])
         return state
 
@@ -247,12 +257,36 @@ class Simulation:
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
             behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
-            _restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
+            restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
         self.step = int(state["simulation.step"][0])
-        self.engine.tally[:] = state["simulation.tally"]
-        self.engine.lists.span[:] = state["simulation.span"]
+        self.engine.restore(_part(state, "engine."))
         self._seen_time[:], self._moved_at[:] = state["simulation.progress"]
         self.ended = ""
+
+    def _record(self) -> None:
+        for recorder in self.recorders:
+            with plugin_code(f"t = {self.time:.3f} s: recorder {recorder.name!r}"):
+                recorder.record(self)
+
+    def _finish(self, results: Results | None, error: BaseException | None) -> None:
+        """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
+        calls: list[tuple[str, Callable[[], object]]] = []
+        if self._is_recording:
+            for recorder in self.recorders:
+                calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
+        given = {"simulation": self, "results": results, "error": error}
+        for hook in self.registry.hook.evac_finish.get_hookimpls():
+            ending = partial(hook.function, *[given[name] for name in hook.argnames])
+            calls.append((f"{hook.plugin_name}: evac_finish", ending))
+        failures = []
+        for what, call in calls:
+            try:
+                with plugin_code(what):
+                    call()
+            except EvacError as failure:
+                failures.append(failure)
+        if failures and error is None:
+            raise failures[0]
 
     def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
         """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
@@ -273,10 +307,11 @@ class Simulation:
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral."""
         acting = [behaviour for behaviour, _ in self.behaviours if self.full or behaviour.acts_at_ticks()]
+        renewed = {name for behaviour in acting if behaviour.acts_at_ticks() for name in behaviour.writes}
         crowd = self.population.crowd
-        if any("speed_factor" in behaviour.writes for behaviour in acting):
+        if "speed_factor" in renewed:
             crowd.speed_factor[:] = 1.0
-        if any("extra_direction" in behaviour.writes for behaviour in acting):
+        if "extra_direction" in renewed:
             crowd.extra_direction[:] = 0.0
         for behaviour, scene in self.behaviours:
             if behaviour in acting:
@@ -309,15 +344,11 @@ class Simulation:
 
     def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
         settings = self.case.directions
-        clearance = settings.clearance
-        if clearance is None:
-            clearance = max(people.radius.support()[1] for people in self.case.people)
-            clearance = min(clearance, 2.0 * max(people.radius.mean() for people in self.case.people))
         return build_fields(
             self.building,
             needed_routes(self.case, behaviours, self.full),
             spacing=settings.spacing,
-            clearance=clearance,
+            clearance=default_clearance(self.case) if settings.clearance is None else settings.clearance,
             speeds=reference_speeds(self.case),
             comfort=settings.comfort,
             order=settings.order,
@@ -325,6 +356,7 @@ class Simulation:
 
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
         """Return what one behaviour sees: arrays it may not write are read-only views."""
+        check_writes(behaviour)
         crowd = self.population.crowd
         views = {}
         for name, array in crowd._asdict().items():
@@ -361,35 +393,5 @@ class Simulation:
             self.phases[name] = self.phases.get(name, 0.0) + wall_clock.perf_counter() - start
 
 
-def read_case_building(case: "Case") -> Building:
-    """Read the building of a case: by the first plugin that takes the file, or from a mesh."""
-    options = case.building.options()
-    building = case.registry.hook.evac_read_building(path=case.mesh, options=options)
-    if building is None:
-        return read_building(case.mesh, **options)
-    if not isinstance(building, Building):
-        raise SimulationError(f"{case.mesh}: a plugin's evac_read_building returned {type(building).__name__}")
-    return building
-
-
 def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
     return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
-
-
-def _generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
-    """Return the state of a PCG64 generator as numbers."""
-    state: Any = generator.bit_generator.state
-    words = []
-    for value in (state["state"]["state"], state["state"]["inc"]):
-        words.extend([value >> 64, value & (2**64 - 1)])
-    return np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
-
-
-def _restore_generator(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
-    numbers = [int(word) for word in words]
-    generator.bit_generator.state = {
-        "bit_generator": "PCG64",
-        "state": {"state": numbers[0] << 64 | numbers[1], "inc": numbers[2] << 64 | numbers[3]},
-        "has_uint32": numbers[4],
-        "uinteger": numbers[5],
-    }

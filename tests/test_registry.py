@@ -9,9 +9,10 @@ from evac.registry import BUILTIN_PLUGINS, KINDS, Registry
 
 SPRING = """
     from evac.hookspecs import hookimpl
-    from evac.parameters import Configurable, Parameter
+    from evac.parameters import Parameter
+    from evac.physics.contact_model import ContactModel
 
-    class Spring(Configurable):
+    class Spring(ContactModel):
         '''A spring.'''
         name = "spring"
         stiffness = Parameter(1.0, "stiffness", unit="N/m", above=0)
@@ -114,10 +115,19 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 'social'\n",
          ["evac_forces() must return a list, not 'social'"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return [int]\n",
-         ["is no force class; derive it from the base class"]),
-        ("from evac.hookspecs import hookimpl\nfrom evac.parameters import Configurable\n"
-         "class A(Configurable):\n    name = 'a b'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
-         ["A.name must be a plain word, not 'a b'"]),
+         ["evac_forces returned <class 'int'>", "it must derive from evac.Force"]),
+        ("from evac import Behaviour, hookimpl\n"
+         "class A(Behaviour):\n    name = 'a b'\n@hookimpl\ndef evac_behaviours():\n    return [A]\n",
+         ["A.name must be one word in lower case, not 'a b'"]),
+        ("from evac import Behaviour, hookimpl\n"
+         "class A(Behaviour):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
+         ["evac_forces returned", "it must derive from evac.Force"]),
+        ("from evac import Force, hookimpl\n"
+         "class A(Force):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
+         ["A has no cutoff(), which every Force needs"]),
+        ("from evac import ContactModel, hookimpl\n"
+         "class A(ContactModel):\n    name = 'model'\n@hookimpl\ndef evac_contact_models():\n    return [A]\n",
+         ["A.name 'model' is a key of its section"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
          ["folder /nowhere of a case has no case.toml"]),
     ],

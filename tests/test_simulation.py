@@ -3,11 +3,13 @@
 import os
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from evac.errors import PluginError, SimulationError
 from evac.scenario.loading import load_case
 from evac.simulation import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS, Simulation
 
@@ -126,7 +128,9 @@ def test_resuming_square_room_to_its_end(model):
 
 SCRIPT = """
 import sys
+import textwrap
 import numpy as np
+from evac.errors import PluginError, SimulationError
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 changes = {"contact.model": sys.argv[1], "people.people.number": 12, "forces.social.strength": 2000.0,
@@ -217,3 +221,158 @@ def test_import_is_light():
     script = "import sys, evac; print(sorted({'numba', 'pyvista', 'matplotlib', 'networkx'} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=Path.home())
     assert found.stdout.strip() == "[]"
+
+
+def in_the_room(tmp_path, text, positions=None, **changes):
+    """The square room with one plugin, and people where they are told."""
+    plugin = tmp_path / "odd.py"
+    plugin.write_text(textwrap.dedent(text), encoding="utf-8")
+    if positions is not None:
+        changes["people"] = [{"name": "people", "positions": positions, "level": "room", "radius": 0.2, "speed": 1.3}]
+    return load_case("square_room", changes, plugin_files=[plugin])
+
+
+SQUEEZED = """
+    from evac import Behaviour, hookimpl
+
+    class Squeezed(Behaviour):
+        '''Who feels more than 300 N takes half the speed.'''
+        name = "squeezed"
+        reads = ("contact_force", "speed_factor")
+        writes = ("speed_factor",)
+
+        def act(self, crowd, time):
+            crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5
+
+    @hookimpl
+    def evac_behaviours():
+        return [Squeezed]
+"""
+
+
+@pytest.mark.parametrize("model", ["dem", "nsm2"])
+def test_a_behaviour_that_reads_contact_forces_does_not_depend_on_the_output(model, tmp_path):
+    changes = {"behaviours.squeezed": {}, "simulation.seed": 2, **model_of(model)}
+    ends = [Simulation(in_the_room(tmp_path, SQUEEZED, **changes, **{"output.every": every})) for every in (0.1, 2.0)]
+    ends = [simulation.run() for simulation in ends]
+    free = Simulation(load_case("square_room", {"simulation.seed": 2, **model_of(model)})).run()
+    assert ends[0].last_out == ends[1].last_out > free.last_out
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_last_frame_has_contact_forces(model):
+    changes = {"simulation.duration": 2.3, "output.every": 0.5, **model_of(model)}
+    crowd = Simulation(load_case("square_room", changes)).run().crowd
+    assert crowd.contact_force[crowd.level >= 0].max() > 0.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_start_half_a_micrometre_beyond_the_exit_is_a_start_at_it(model, tmp_path):
+    case = in_the_room(tmp_path, SQUEEZED, [[5.0000005, 2.5], [3.0, 2.5]], **model_of(model))
+    results = Simulation(case).run()
+    assert results.ended == EVERYBODY_OUT
+    assert results.crowd.exit_time[0] < 0.1
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_distance_ends_at_the_exit(model, tmp_path):
+    changes = {"simulation.step": 0.05, "simulation.tick": 0.15, "output.every": 0.15, **model_of(model)}
+    if model == "dem":
+        changes |= {"simulation.step": 0.005, "simulation.tick": 0.1, "output.every": 0.1}
+    crowd = Simulation(in_the_room(tmp_path, SQUEEZED, [[2.0, 2.5]], **changes)).run().crowd
+    assert crowd.distance[0] == pytest.approx(3.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("scene.crowd.route[:] = 99999", "behaviour 'squeezed' wrote route 99999 for person 0; there are 1"),
+        ("scene.crowd.start_time[2] = float('nan')", "wrote nan to start_time of person 2; it must be a number"),
+        ("scene.crowd.speed_factor[1] = -1.0", "wrote -1.0 to speed_factor of person 1; it must be finite and not"),
+    ],
+)
+def test_what_prepare_writes_is_checked(tmp_path, line, words):
+    text = SQUEEZED.replace("def act(self, crowd, time)", "def prepare(self, scene)")
+    text = text.replace("crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5", line)
+    text = text.replace('("speed_factor",)', '("speed_factor", "start_time", "route")')
+    with pytest.raises(PluginError, match=words):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
+def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
+    text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
+    with pytest.raises(PluginError, match="squeezed: declares to write 'position'; behaviours write start_time"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
+FORCES = """
+    from evac import Force, hookimpl
+    from evac.jit import pair_force
+
+    @pair_force
+    def tail(gap, nx, ny, ex, ey, p):
+        f = 100.0 * 2.718281828 ** (-max(gap, 0.0) / 0.5)
+        return f * nx, f * ny
+
+    @pair_force
+    def idle(gap, nx, ny, ex, ey, p):
+        return (1e-12 * nx, 1e-12 * ny) if gap < 3.0 else (0.0, 0.0)
+
+    @pair_force
+    def divides(gap, nx, ny, ex, ey, p):
+        return 1.0 / (gap - gap), 0.0
+
+    class Tail(Force):
+        '''Does not end at its cut-off.'''
+        name = "tail"
+        pair = tail
+        def cutoff(self):
+            return 0.1
+
+    class Idle(Force):
+        '''Next to nothing, far.'''
+        name = "idle"
+        pair = idle
+        def cutoff(self):
+            return 3.0
+
+    class Divides(Force):
+        '''Divides by zero.'''
+        name = "divides"
+        pair = divides
+        def cutoff(self):
+            return 3.0
+
+    @hookimpl
+    def evac_forces():
+        return [Tail, Idle, Divides]
+"""
+
+
+def test_each_force_ends_at_its_own_cutoff(tmp_path):
+    changes = {"forces.tail": {}, "forces.idle": {}, "simulation.duration": 1.0}
+    both = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
+    del changes["forces.idle"]
+    alone = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
+    np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-9)
+
+
+def test_a_force_that_divides_by_zero_is_told_of(tmp_path):
+    case = in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **{"forces.divides": {}})
+    with pytest.raises(SimulationError, match=r"person 0 .* moves too fast .*; check speeds, forces"):
+        Simulation(case).run()
+
+
+def test_results_do_not_change_with_the_run():
+    simulation = run_ticks(Simulation(load_case("square_room")), 20)
+    results = simulation.results()
+    out = results.evacuated
+    simulation.run()
+    assert results.evacuated == out < 20
+    assert "overlap_sum" not in results.report
+
+
+def test_a_plan_knows_what_a_behaviour_does_at_ticks():
+    case = load_case("square_room", {"behaviours.route_choice": {"change_at": 1.0, "change_to": "shortest"}})
+    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: route_choice"]
+    assert row[2] == "at every tick"

@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         status: int = arguments.execute(arguments)
     except EvacError as error:
-        print(f"evac: {error}", file=sys.stderr)
+        print("\n".join([f"evac: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         print("evac: interrupted", file=sys.stderr)

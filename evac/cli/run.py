@@ -13,16 +13,14 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Self
 
-from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.cases import case_of, declare_case, default_folder, warnings_of
 from evac.cli.progress import Display
 
 if TYPE_CHECKING:
-    from evac.output.results import Results
-    from evac.simulation import Progress, Simulation
+    from evac.simulation import Progress
 
-#: How a run ended that Ctrl-C stopped, and the exit status.
-STOPPED = "interrupted"
-STOPPED_STATUS = 130
+#: Exit status of a run that Ctrl-C stopped.
+INTERRUPTED_STATUS = 130
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -49,54 +47,39 @@ def execute(arguments: argparse.Namespace) -> int:
         case = case_of(arguments)
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
         case = case.change(chosen) if chosen else case
-        from evac.building.narrow import narrow_places
         from evac.cli.report import show_results
         from evac.cli.screen import show_facts, show_warnings
-        from evac.running import check_folder, clear_folder, write_outputs
-        from evac.simulation import Simulation
+        from evac.running import check_folder, run_into
+        from evac.simulation import INTERRUPTED, Simulation
 
         folder = arguments.out or default_folder(case)
         check_folder(folder)
         display.phase("reading the building, computing directions")
         simulation = Simulation(case, folder, arguments.full)
-        widest = 2.0 * float(simulation.population.crowd.radius.max())
-        warnings = (*simulation.building.warnings, *narrow_places(simulation.building, widest))
-        clear_folder(folder)
+        warnings = warnings_of(simulation)
         display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
-        results = _run(simulation, display)
-        display.phase("writing the results")
-        results = write_outputs(results, folder)
+        with _Interrupt(display) as progress:
+            results = run_into(simulation, folder, progress, lambda: display.phase("writing the results"))
     show_warnings(warnings)
     show_facts({f"{key} (from --tolerance)": value for key, value in chosen.items()})
     show_results(results, folder)
-    return STOPPED_STATUS if results.ended == STOPPED else results.exit_status
-
-
-def _run(simulation: "Simulation", display: Callable[["Progress"], None]) -> "Results":
-    """Run to the end, or to the tick at which Ctrl-C is seen."""
-    with _Interrupt() as interrupt:
-
-        def progress(state: "Progress") -> None:
-            display(state)
-            if interrupt.is_wanted:
-                raise _Stopped
-
-        try:
-            return simulation.run(progress)
-        except _Stopped:
-            simulation.ended = STOPPED
-            return simulation.results()
-
-
-class _Stopped(KeyboardInterrupt):
-    """Raised between two ticks, where everything that has been computed fits together."""
+    return INTERRUPTED_STATUS if results.ended == INTERRUPTED else results.exit_status
 
 
 class _Interrupt:
     """Takes the first Ctrl-C as a wish to stop at the end of the tick; the second stops at once, without results."""
 
-    def __init__(self) -> None:
+    def __init__(self, display: Callable[["Progress"], None]) -> None:
+        self.display = display
         self.is_wanted = False
+
+    def __call__(self, state: "Progress") -> None:
+        """Show the state of the run, or stop it."""
+        from evac.simulation import Stopped
+
+        self.display(state)
+        if self.is_wanted:
+            raise Stopped
 
     def __enter__(self) -> Self:
         self._before = signal.signal(signal.SIGINT, self._note)

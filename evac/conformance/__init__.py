@@ -14,11 +14,11 @@ run over everything that evac itself registers.
 
 from typing import Any
 
-from evac.behaviour import Behaviour
+from evac.behaviour import Behaviour, check_writes
 from evac.conformance.cases import check_declared_arrays, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.forces import check_pair_force
-from evac.errors import PluginError
+from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
 from evac.physics.bundles import Crowd
@@ -29,9 +29,6 @@ from evac.scenario.loading import load_case
 from evac.scenario.schema import Case
 
 __all__ = ["check_plugin"]
-
-#: What behaviours may write.
-WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
 
 #: Case that a plugin is tried in where its author gives none.
 SHIPPED_CASE = "square_room"
@@ -56,18 +53,19 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     PluginError
         The first promise found broken.
     """
-    check_metadata(cls)
-    if issubclass(cls, ContactModel):
-        for check in CONTACT_MODEL_CHECKS:
-            check(cls(**values))
-    elif issubclass(cls, Force):
-        check_pair_force(cls(**values))
-    case = _case_with(cls, values) if case is None else case
-    if issubclass(cls, Behaviour):
-        check_declared_arrays(case, cls.name, ticks)
-    elif issubclass(cls, Recorder):
-        check_looks_only(cls(**values), case, ticks)
-    check_same_bits(case, ticks)
+    with plugin_code(cls.__name__):
+        check_metadata(cls)
+        if issubclass(cls, ContactModel):
+            for check in CONTACT_MODEL_CHECKS:
+                check(cls(**values))
+        elif issubclass(cls, Force):
+            check_pair_force(cls(**values))
+        case = _case_with(cls, values) if case is None else case
+        if issubclass(cls, Behaviour):
+            check_declared_arrays(case, cls.name, ticks)
+        elif issubclass(cls, Recorder):
+            check_looks_only(cls(**values), case, ticks)
+        check_same_bits(case, ticks)
 
 
 def check_metadata(cls: type[Configurable]) -> None:
@@ -78,13 +76,15 @@ def check_metadata(cls: type[Configurable]) -> None:
     if not (cls.__doc__ or "").strip():
         raise PluginError(f"{name}: {cls.__name__} has no docstring; its first line is what `evac plugins` shows")
     for key, parameter in cls.declared().items():
+        if any(callable(vars(base).get(key)) for base in cls.__mro__):
+            raise PluginError(f"{name}.{key}: a parameter with the name of a method would hide it; take another")
         if not parameter.doc.strip():
             raise PluginError(f"{name}.{key}: no doc; say in one sentence what it is")
         if _is_bounded(parameter) and not isinstance(parameter.default, (int, float)) and not parameter.distribution:
             raise PluginError(f"{name}.{key}: bounds on {parameter.default!r}, which is no number")
         parameter.check(f"{name}.{key}", parameter.default)
     made = cls()
-    if set(made.values()) != set(cls.declared()):
+    if any(isinstance(value, Parameter) for value in made.values().values()):
         raise PluginError(f"{name}: its parameters are lost in __init__; call super().__init__(**values) first")
     if isinstance(made, Behaviour):
         _check_declarations(made)
@@ -98,9 +98,7 @@ def _check_declarations(behaviour: Behaviour) -> None:
     for array in (*behaviour.reads, *behaviour.writes):
         if array not in Crowd._fields:
             raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.bundles.Crowd")
-    for array in behaviour.writes:
-        if array not in WRITABLE:
-            raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
+    check_writes(behaviour)
 
 
 def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:

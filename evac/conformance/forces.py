@@ -13,7 +13,7 @@ def check_pair_force(force: Force) -> None:
     packed = force.packed()
     if packed.dtype != np.float64 or packed.ndim != 1 or not np.isfinite(packed).all():
         raise PluginError(f"{force.name}: packed() must return finite numbers in one float64 row, not {packed!r}")
-    if not hasattr(force.pair, "address"):
+    if not hasattr(getattr(force, "pair", None), "address"):
         raise PluginError(f"{force.name}: pair must be compiled by evac.jit.pair_force")
     cutoff = force.cutoff()
     if not (math.isfinite(cutoff) and cutoff >= 0.0):

@@ -234,6 +234,26 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(digest, "little")]))
 
 
+def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
+    """Return the state of a generator made by `generator_for` as numbers."""
+    state: Any = generator.bit_generator.state
+    words = []
+    for value in (state["state"]["state"], state["state"]["inc"]):
+        words.extend([value >> 64, value & (2**64 - 1)])
+    return np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
+
+
+def restore_generator(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
+    """Put a generator into the state that `generator_state` returned."""
+    numbers = [int(word) for word in words]
+    generator.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": numbers[0] << 64 | numbers[1], "inc": numbers[2] << 64 | numbers[3]},
+        "has_uint32": numbers[4],
+        "uinteger": numbers[5],
+    }
+
+
 def _read(value: object) -> Distribution:
     if isinstance(value, Distribution):
         return value

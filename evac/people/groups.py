@@ -23,6 +23,12 @@ def routes_of(case: "Case") -> tuple[Route, ...]:
     return tuple(dict.fromkeys(route_of(people) for people in case.people))
 
 
+def default_clearance(case: "Case") -> float:
+    """Return how far from walls directions lead [m]: by the greatest radius, but no more than twice the mean one."""
+    greatest = max(people.radius.support()[1] for people in case.people)
+    return min(greatest, 2.0 * max(people.radius.mean() for people in case.people))
+
+
 def reference_speeds(case: "Case") -> tuple[float, float, float]:
     """Return the speeds on the flat, up and down stairs that travel times are computed with, over that on the flat.
 

@@ -147,7 +147,7 @@ def _plugin_files(content: dict[str, Any], folder: Path) -> tuple[tuple[Path, ..
 
 
 def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
-    """Check the tables of contact models, forces and behaviours against what their classes declare."""
+    """Check the tables of contact models, forces, behaviours and recorders against what their classes declare."""
     problems: list[Problem] = []
     contact = content.get("contact")
     if isinstance(contact, dict):
@@ -160,6 +160,7 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
     for section, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
+        ("recorders", registry.recorders, "recorder"),
     ):
         if isinstance(content.get(section), dict):
             problems += _table_problems((section,), content[section], classes, word)

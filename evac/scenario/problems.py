@@ -73,7 +73,8 @@ def _problem(details: ErrorDetails) -> Problem:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return Problem(key, f"must be a table, got {got}")
     if kind == "tuple_type":
-        return Problem(key, f"must be a list, got {got}")
+        heads = "; write its head in double brackets: [[...]]" if isinstance(details["input"], dict) else ""
+        return Problem(key, f"must be a list, got {got}{heads}")
     text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
     text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):

@@ -28,6 +28,7 @@ from evac.scenario.keys import (
 
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
+    from evac.output.recorder import Recorder
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
     from evac.registry import Registry
@@ -140,16 +141,22 @@ class People(Section):
     )
     speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
-        "desired speed up stairs, along the slope; or { factor = ... } of the own flat speed",
+        "desired speed up stairs, along the slope; or { factor = ... } of the own flat speed; where not given, "
+        "at most the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     speed_down: StairSpeed = key(
-        "desired speed down stairs, along the slope; or { factor = ... } of the own flat speed",
+        "desired speed down stairs, along the slope; or { factor = ... } of the own flat speed; where not given, "
+        "at most the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
-    exits: tuple[str, ...] = key("names of the exits they may take; empty: any", "", ())
+    exits: tuple[str, ...] = key(
+        "names of the exits they head for; empty: any; who is pushed out through another one is out, and counted",
+        "",
+        (),
+    )
     strategy: Literal["shortest", "fastest", "comfortable"] = key("what they minimise on the way out", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
@@ -280,6 +287,9 @@ class Case(Section):
     behaviours: dict[str, Parameters] = key(
         "`[behaviours.NAME]`: parameters of a behaviour; there: in use; false: not in use", "", {}
     )
+    recorders: dict[str, Parameters] = key(
+        "`[recorders.NAME]`: parameters of a recorder; all that are registered are in use; false: not in use", "", {}
+    )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
     output: Output = key("what is written", "", Output())
     plugins: Plugins = key("plugin files", "", Plugins())
@@ -342,13 +352,19 @@ class Case(Section):
             registry.get("behaviour", name)(**table) for name, table in self.behaviours.items() if table is not False
         ]
 
+    def make_recorders(self, registry: "Registry") -> "list[Recorder]":
+        """Return the recorders in use: all that are registered but those switched off."""
+        given = {name: self.recorders.get(name, {}) for name in registry.recorders}
+        return [registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
+
     def to_dict(self) -> dict[str, Any]:
         """Return every key with its value, defaults of the plugins in use included, as plain data."""
         table = self.model_dump(mode="json", exclude_none=True)
         classes = self.registry
         model = self.contact.model
         table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
-        for kind, section in (("force", table["forces"]), ("behaviour", table["behaviours"])):
+        for kind in ("force", "behaviour", "recorder"):
+            section = table[f"{kind}s"]
             for name, values in section.items():
                 if values is not False:
                     section[name] = _filled(classes.get(kind, name), values)

@@ -122,13 +122,6 @@ class Loses(Bounce):
     def __init__(self, **values):
         pass
 
-    @classmethod
-    def declared(cls):
-        return {"other": Parameter(1.0, "other")}
-
-    def values(self):
-        return {}
-
 
 class Nameless(Bounce):
     """Has two words for a name."""
@@ -144,7 +137,7 @@ class Nameless(Bounce):
         (OneSided, "common momentum"),
         (Ghosts, "walk through each other"),
         (Slanted, "turned by 90 degrees moves differently"),
-        (Divides, "velocity that is no number"),
+        (Divides, "step returned the velocity"),
         (Silent, "reports a contact force"),
         (Restless, "two runs differ"),
         (Forgetful, "a run resumed differs"),

@@ -14,15 +14,15 @@ from evac.scenario import case_from
 
 PLUGIN = """
     from evac.hookspecs import hookimpl
-    from evac.parameters import Configurable
+    from evac import Behaviour, ContactModel
 
-    class Soft(Configurable):
+    class Soft(ContactModel):
         name = "soft"
 
-    class Hard(Configurable):
+    class Hard(ContactModel):
         name = "hard"
 
-    class Follow(Configurable):
+    class Follow(Behaviour):
         name = "follow"
         group_keys = ("leader",)
 

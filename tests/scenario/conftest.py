@@ -6,27 +6,30 @@ from evac.registry import Registry
 
 PLUGIN = """
     from evac.hookspecs import hookimpl
-    from evac.parameters import Configurable, Parameter
+    from evac import Behaviour, ContactModel, Force, Parameter
 
-    class Soft(Configurable):
+    class Soft(ContactModel):
         name = "soft"
         stiffness = Parameter(1000.0, "stiffness", unit="N/m", above=0)
 
-    class Hard(Configurable):
+    class Hard(ContactModel):
         name = "hard"
         solver = Parameter("cg", "solver", choices=("cg", "gauss_seidel"))
 
-    class Push(Configurable):
+    class Push(Force):
         name = "push"
         strength = Parameter(2000.0, "strength", unit="N", minimum=0)
 
-    class Wait(Configurable):
+        def cutoff(self):
+            return 1.0
+
+    class Wait(Behaviour):
         name = "wait"
         group_keys = ("time", "leader")
         time = Parameter({"uniform": [0.0, 10.0]}, "time", unit="s", minimum=0, distribution=True)
         shared = Parameter(False, "shared")
 
-    class Follow(Configurable):
+    class Follow(Behaviour):
         name = "follow"
         group_keys = ("leader",)
 

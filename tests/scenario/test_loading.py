@@ -211,10 +211,9 @@ def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
 
 def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
     text = """
-        from evac.hookspecs import hookimpl
-        from evac.parameters import Configurable
+        from evac import ContactModel, hookimpl
 
-        class Odd(Configurable):
+        class Odd(ContactModel):
             name = "odd"
 
         @hookimpl

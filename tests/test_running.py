@@ -1,0 +1,126 @@
+"""From a case to a folder: what others put there stays, and a run that fails leaves what it has."""
+
+import json
+import textwrap
+
+import pytest
+
+import evac
+from evac.errors import PluginError, ResultError
+from evac.running import run
+from evac.simulation import INTERRUPTED, Simulation, Stopped
+
+
+def with_plugin(tmp_path, text, changes=()):
+    path = tmp_path / "odd.py"
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    return evac.load("square_room", dict(changes), plugin_files=[path])
+
+
+def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path):
+    for name, text in (("summary.json", '{"mine": 1}'), ("picture.png", "mine"), ("trajectory.evac", "mine")):
+        (tmp_path / name).write_text(text)
+    with pytest.raises(ResultError, match="holds files and is no result folder of evac"):
+        run(evac.load("square_room"), tmp_path)
+    assert (tmp_path / "picture.png").read_text() == "mine"
+
+
+RECORDER = """
+    from evac import Recorder, hookimpl
+
+    class Odd(Recorder):
+        '''Fails.'''
+        name = "odd"
+
+        def {method}:
+            raise ValueError("oops")
+        {more}
+
+    @hookimpl
+    def evac_recorders():
+        return [Odd]
+"""
+
+
+@pytest.mark.parametrize(
+    ("method", "more", "words"),
+    [
+        ("record(self, simulation)", "", r"t = 0\.000 s: recorder 'odd': ValueError: oops"),
+        ("start(self, simulation)", "def record(self, simulation): pass", r"recorder 'odd': start: ValueError: oops"),
+        (
+            "finish(self, simulation, results)",
+            "def record(self, simulation): pass",
+            r"recorder 'odd': finish: ValueError: oops",
+        ),
+    ],
+    ids=["record", "start", "finish"],
+)
+def test_a_recorder_that_fails_is_named(tmp_path, method, more, words):
+    case = with_plugin(tmp_path, RECORDER.format(method=method, more=more), {"simulation.duration": 0.5})
+    with pytest.raises(PluginError, match=words):
+        run(case, tmp_path / "r")
+    if "finish" in method:
+        summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+        assert summary["ended"] == "duration over"
+        assert (tmp_path / "r" / "people.csv").is_file()
+
+
+def test_a_run_that_fails_leaves_its_tables(tmp_path):
+    case = with_plugin(
+        tmp_path,
+        """
+        from evac import Behaviour, hookimpl
+
+        class Odd(Behaviour):
+            '''Fails late.'''
+            name = "odd"
+
+            def act(self, crowd, time):
+                if time > 1.0:
+                    raise ValueError("oops")
+
+        @hookimpl
+        def evac_behaviours():
+            return [Odd]
+        """,
+        {"behaviours.odd": {}},
+    )
+    with pytest.raises(PluginError, match="oops"):
+        run(case, tmp_path / "r")
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["ended"] == "failed"
+    assert summary["simulated_time"] == pytest.approx(1.1)
+
+
+def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
+    text = """
+        from evac import hookimpl
+
+        @hookimpl
+        def evac_finish(results, error):
+            raise KeyError(results.ended if error is None else type(error).__name__)
+    """
+    case = with_plugin(tmp_path, text, {"simulation.duration": 0.5})
+    with pytest.raises(PluginError, match=r"odd\.py: evac_finish: KeyError: 'duration over'"):
+        Simulation(case).run()
+
+
+def test_a_display_can_stop_the_run():
+    def stop(progress):
+        if progress.time >= 1.0:
+            raise Stopped
+
+    results = Simulation(evac.load("square_room")).run(stop)
+    assert results.ended == INTERRUPTED
+    assert results.time == pytest.approx(1.0)
+
+
+def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
+    case = evac.load("square_room", {"output.animation": True, "simulation.duration": 0.5})
+    folder = tmp_path / "r"
+    folder.mkdir()
+    (folder / "frames").write_text("in the way of the folder of that name")
+    (folder / "trajectory.evac").write_bytes(b"EVACTRJ1")
+    with pytest.raises(ResultError, match="frames"):
+        run(case, folder)
+    assert json.loads((folder / "summary.json").read_text())["people"] == 20
