@@ -39,6 +39,11 @@ class Drawing:
         """Triangulate and write a Gmsh 2.2 ASCII file with the tags as physical groups.
 
         Every call on the same drawing writes the same bytes.
+
+        Raises
+        ------
+        ValueError
+            An edge is not on a surface; names the edge and the point.
         """
         import meshio
 
@@ -50,7 +55,11 @@ class Drawing:
             for triangle in _triangles(plan, height, corners):
                 cells.append([points.setdefault(point, len(points)) for point in triangle])
         for tag, start, end in self._edges:
-            chain = [points[_rounded(point)] for point in _split(start, end, corners)]
+            chain = []
+            for point in map(_rounded, _split(start, end, corners)):
+                if point not in points:
+                    raise ValueError(f"edge {tag!r}: its point {point} is on no surface at that height; draw one there")
+                chain.append(points[point])
             groups.setdefault((tag, 1), []).extend([a, b] for a, b in pairwise(chain))
         numbers = [np.full(len(cells), i + 1, dtype=np.int32) for i, cells in enumerate(groups.values())]
         mesh = meshio.Mesh(

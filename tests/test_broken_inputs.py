@@ -25,7 +25,7 @@ REFUSED = {
     "mesh_nan": r"nan\.obj: vertex 3 is not finite: \[6\.0, nan, 0\.0\]; repair",
     "mesh_overlapping": r"spiral\.obj: level 'floor z=0\.00' lies over itself in plan at \(\d\.\d+, \d\.\d+\); divide",
     "mesh_unreadable": r"unreadable\.obj: cannot be read: line 3.*; write the mesh again",
-    "mesh_vertical": r"vertical\.obj: no cell is walkable .* set building\.scale or turn the mesh",
+    "mesh_vertical": r"vertical\.obj: no cell is walkable .* set building\.scale, or turn the mesh",
     "negative": r"people\.visitors\.mass: must be greater than 0, got -80",
     "no_exit": r"room\.obj: the building has no exit: .* \[\[building\.exits\]\]",
     "no_way_out": r"people\.visitors: 5 of 5 people cannot reach any exit, the first at \(\d+\.\d+, \d\.\d+\) on level "

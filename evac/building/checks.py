@@ -17,17 +17,20 @@ FloatArray = NDArray[np.float64]
 LEAST_DEPTH = 1.0
 #: Segments face each other if their insides point against each other by more than 120 degrees.
 FACING = -0.5
+#: Floors over each other by less than this are the same ground [m]; so much of it is no rounding [m2].
+LEAST_HEADROOM = 1.0
+LEAST_SHARED = 0.01
 #: Rounding allowed to lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
 
 def check_overlap(building: Building) -> None:
-    """Refuse a level that lies over itself in plan.
+    """Refuse a level that lies over itself in plan, or over another one at the same height.
 
     Raises
     ------
     BuildingError
-        Naming the level and a place where it is double.
+        Naming the levels and a place where the ground is double.
     """
     for level in building.levels:
         cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
@@ -40,6 +43,23 @@ def check_overlap(building: Building) -> None:
             f"{building.source}: level {level.name!r} lies over itself in plan at ({x:.2f}, {y:.2f}); "
             "divide it by a landing or a floor tag, or remove the double cells"
         )
+    _check_same_ground(building)
+
+
+def _check_same_ground(building: Building) -> None:
+    """Refuse two level floors over each other without room between: who is on one would not see who is on the other."""
+    flat = [level for level in building.levels if level.kind != "flight"]
+    for a, b in itertools.combinations(flat, 2):
+        if abs(a.z_max - b.z_max) >= LEAST_HEADROOM or not a.polygon.intersects(b.polygon):
+            continue
+        both = a.polygon.intersection(b.polygon)
+        if both.area > LEAST_SHARED:
+            x, y = both.representative_point().coords[0]
+            raise BuildingError(
+                f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.2f} m2 of ground at ({x:.2f}, "
+                f"{y:.2f}), at heights {a.z_max:.2f} and {b.z_max:.2f}: people on one would walk through those on the "
+                "other; cut one out of the other (an area, too, is a part of its floor, not drawn over it)"
+            )
 
 
 def check_depth(building: Building) -> None:
@@ -62,8 +82,14 @@ def check_depth(building: Building) -> None:
                     raise BuildingError(
                         f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
                         f"{one.name!r} and {other.name!r} at ({x:.2f}, {y:.2f}); make it {LEAST_DEPTH:g} m deep "
-                        "or join it to a neighbour"
+                        f"or join it to a neighbour; {measures(building)}"
                     )
+
+
+def measures(building: Building) -> str:
+    """Say how large the building is, for those whose mesh is not in metres."""
+    width, depth, height = np.ptp(building.vertices, axis=0).tolist()
+    return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
 
 
 def check_stairs(building: Building) -> None:

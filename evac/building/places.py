@@ -52,13 +52,15 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         rest, piece = _cut(building.walls[row], ends)
         kept += rest
         opened += piece
-    if _uncovered(ends, opened) > EXIT_REACH:
+    free, longest = _uncovered(ends, opened)
+    if longest > EXIT_REACH:
         own = building.wall_level == level.index
         near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
         (x1, y1), (x2, y2) = ends
         raise BuildingError(
             f"{building.source}: {what}, ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) on level {level.name!r}, does not "
-            f"lie on a free edge (within {EXIT_REACH} m all along); {near}"
+            f"lie on a free edge (within {EXIT_REACH} m all along); "
+            + (f"{free:.2f} m of it do not: shorten it, or look for another exit or a portal there" if opened else near)
         )
     segments = np.array(opened)
     width = float(segment_lengths(segments).sum())
@@ -202,16 +204,17 @@ def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[Flo
     return rest, [piece.ravel()]
 
 
-def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> float:
-    """Longest part of the segment `ends` that no piece lies along [m]."""
+def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float]:
+    """Parts of the segment `ends` that no piece lies along: all together, and the longest [m]."""
     length = float(np.hypot(*(ends[1] - ends[0])))
     along = (ends[1] - ends[0]) / length
     spans = sorted(sorted(((piece.reshape(2, 2) - ends[0]) @ along).tolist()) for piece in pieces)
-    covered, gap = 0.0, 0.0
+    covered, free, longest = 0.0, 0.0, 0.0
     for low, high in [*spans, [length, length]]:
-        gap = max(gap, low - covered)
+        gap = max(low - covered, 0.0)
+        free, longest = free + gap, max(longest, gap)
         covered = max(covered, high)
-    return gap
+    return free, longest
 
 
 def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:

@@ -1,6 +1,7 @@
 """Mesh file to `Building`: the one way in."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,14 +88,25 @@ def read_building(
     check_overlap(building)
     check_depth(building)
     for item in exits:
-        building = add_exit(building, item)
+        with _given("exits", item):
+            building = add_exit(building, item)
     if need_exit:
         check_exits(building)
     check_stairs(building)
     for item in areas:
-        building = add_area(building, item)
+        with _given("areas", item):
+            building = add_area(building, item)
     building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
     return replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
+
+
+@contextmanager
+def _given(key: str, item: Mapping[str, Any]) -> Iterator[None]:
+    """Name the key under which a place is given, beside the mesh that it does not fit."""
+    try:
+        yield
+    except BuildingError as error:
+        raise BuildingError(f"{error} (given as building.{key}.{item['name']})") from error
 
 
 def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[Area, ...]:

@@ -95,7 +95,8 @@ def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_an
     if not keep.any():
         raise BuildingError(
             f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees); "
-            "the surface must be drawn in metres with z upwards: set building.scale or turn the mesh"
+            "the surface must be drawn in metres with z upwards, in cells larger than building.weld "
+            f"({weld:g} m): set building.scale, or turn the mesh"
         )
 
     triangles, owner, exit_edges = _split_hanging(vertices, triangles[keep], exit_edges, weld)

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.cli.cases import case_of, declare_case
+from evac.cli.cases import case_of, declare_case, warnings_of
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
@@ -31,28 +31,24 @@ def execute(arguments: argparse.Namespace) -> int:
         check_exits(building)
         return 0
     case = case_of(arguments)
-    from evac.building.narrow import narrow_places
     from evac.simulation import Simulation
 
     simulation = Simulation(case)
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     show_building(simulation.building)
     show_people(simulation)
-    widest = 2.0 * float(simulation.population.crowd.radius.max())
-    show_warnings((*simulation.building.warnings, *narrow_places(simulation.building, widest)))
+    show_warnings(warnings_of(simulation))
     return 0
 
 
 def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":
     """Read a mesh alone: by the first plugin that takes the file, or by evac."""
-    from evac.building.reading import read_building
     from evac.errors import ScenarioError
     from evac.registry import Registry
 
     if arguments.overrides or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed change a case, and this is a mesh alone; leave them out")
-    read = Registry(arguments.plugins).hook.evac_read_building(path=path, options={})
-    return read if read is not None else read_building(path, need_exit=False)
+    return Registry(arguments.plugins).read_building(path, need_exit=False)
 
 
 def show_building(building: "Building") -> None:
@@ -107,7 +103,8 @@ def show_people(simulation: "Simulation") -> None:
         for group in population.groups
     ]
     columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
-    show_table(f"People: {len(crowd.level)}, all of whom can reach an exit", columns, rows)
+    title = f"People: {len(crowd.level)}, each with a way to an exit, if it is wide enough (warnings tell)"
+    show_table(title, columns, rows)
 
 
 def _span(low: float, high: float) -> str:

@@ -65,6 +65,10 @@ def _show_contact(contact: dict[str, Any]) -> None:
         ("created in contacts", f"{energy['contact_creation']:.4g} J"),
         ("balance: carried out or still in motion", f"{balance:.4g} J"),
     ]
+    cut = contact["too_fast_steps"] + contact["too_stiff_steps"] + contact["wall_crossings_prevented"]
+    if cut:
+        value = f"{cut} times; greatest speed {contact['greatest_speed']:.3g} m/s"
+        rows.insert(5, ("steps cut into smaller ones", value))
     show_table("Contact", ("quantity", "value"), rows)
 
 
@@ -78,8 +82,19 @@ def _show_left(summary: dict[str, Any], results: Results) -> None:
             f"evac: {left} of {summary['people']} people are still inside ({summary['ended']}): {where}",
             file=sys.stderr,
         )
+    pushed = summary["left_by_other_exits"]
+    if pushed:
+        print(
+            f"evac: {pushed} people left by an exit that their group does not name: others pushed them across its line",
+            file=sys.stderr,
+        )
     stuck = summary["stuck"]
     if stuck:
+        print(
+            "evac: bodies in contact can block a narrow way for good, because nobody turns or gives way; compare seeds,"
+            " or a wider way",
+            file=sys.stderr,
+        )
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
         more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
         show_table(f"Can no longer move{more}", ("person", "level", "x [m]", "y [m]"), rows)

@@ -8,6 +8,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from evac.building.checks import measures
 from evac.building.model import Building, Exit
 from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields, FloatArray
@@ -150,13 +151,13 @@ def _check(
         least = spacing * math.sqrt(nodes / MOST_NODES)
         raise ScenarioError(
             f"directions.spacing: {spacing} m needs {nodes:.2g} nodes, more than {MOST_NODES:.0e}; "
-            f"make it at least {least:.2g} m"
+            f"make it at least {least:.2g} m; {measures(building)}"
         )
     for exit_ in building.exits:
         if exit_.width < 2.0 * spacing:
             raise ScenarioError(
-                f"directions.spacing: exit {exit_.name!r} is {exit_.width:.2f} m wide, less than two cells of "
-                f"{spacing} m; make the spacing smaller"
+                f"directions.spacing: exit {exit_.name!r} is {exit_.width:.3g} m wide, less than two cells of "
+                f"{spacing} m; make the exit wider or the spacing smaller"
             )
 
 

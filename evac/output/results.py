@@ -129,6 +129,14 @@ class Results:
         return float(np.nanmax(self.crowd.exit_time)) if self.evacuated else None
 
     @property
+    def left_by_other_exits(self) -> IntArray:
+        """Rows of the people who left by an exit that their route does not name: others pushed them across its line."""
+        named = [{exit_.index for exit_ in self.building.exits if exit_.name in route.exits} for route in self.routes]
+        used, route = self.crowd.exit_used, self.crowd.route
+        other = [used[p] >= 0 and named[route[p]] and used[p] not in named[route[p]] for p in range(self.people)]
+        return np.flatnonzero(other).astype(np.int32)
+
+    @property
     def exit_status(self) -> int:
         """0 if everybody is out, 3 if people are left."""
         return 0 if self.evacuated == self.people else 3
@@ -194,6 +202,7 @@ class Results:
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self._exit_table(),
+            "left_by_other_exits": len(self.left_by_other_exits),
             "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
             "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},
             "contact": self.report,

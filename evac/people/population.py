@@ -180,13 +180,16 @@ def _draw_quantities(crowd: Crowd, people: "People", rows: IntArray, seed: int) 
     for use, quantity in ((1, "speed_up"), (2, "speed_down")):
         given = getattr(people, quantity)
         own = isinstance(given, Distribution)
-        crowd.speed[rows, use] = drawn(quantity, given) if own else flat * drawn(quantity, given.factor)
+        speed = drawn(quantity, given) if own else flat * drawn(quantity, given.factor)
+        # By default nobody is faster on stairs: who walks slowly on the flat has been given a speed for it.
+        crowd.speed[rows, use] = speed if quantity in people.model_fields_set else np.minimum(speed, flat)
 
 
 def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "People", rows: IntArray) -> None:
     """Put a group where the case says, or refuse the first place that cannot be."""
     position = np.array(people.positions, dtype=np.float64)
     level = _levels_of(case, building, people, position)
+    _put_inside(building, level, position)
     crowd.position[rows] = position
     crowd.level[rows] = level
     if people.velocity is not None:
@@ -203,6 +206,17 @@ def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "Peo
                 f"{building.levels[index].name!r} is {distance[stuck[0]]:.3f} m from a wall, less than the body "
                 f"radius {crowd.radius[rows[row]]:.3f} m; move it, or make the radius smaller"
             )
+
+
+def _put_inside(building: Building, level: IntArray, position: FloatArray) -> None:
+    """Move positions that rounding has put outside of their level inside: from beyond a portal none is ever crossed."""
+    for index in np.unique(level):
+        polygon = building.levels[index].polygon
+        here = np.flatnonzero(level == index)
+        outside = here[~shapely.covers(polygon.buffer(-ROUNDING), shapely.points(position[here]))]
+        if outside.size:
+            lines = shapely.shortest_line(polygon.buffer(-2.0 * ROUNDING), shapely.points(position[outside]))
+            position[outside] = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
 
 
 def _levels_of(case: "Case", building: Building, people: "People", position: FloatArray) -> IntArray:

@@ -99,3 +99,14 @@ def test_the_file_is_named(mesh, tmp_path):
     path = mesh.rectangle(0, 0, 6, 3).write_obj(tmp_path / "some_room.obj")
     with pytest.raises(BuildingError, match=r"some_room\.obj: "):
         read_building(path)
+
+
+@pytest.mark.parametrize(("z", "is_refused"), [(0.0, True), (0.5, True), (3.0, False)])
+def test_floors_on_the_same_ground_are_refused(mesh, read, z, is_refused):
+    mesh.rectangle(0, 0, 10, 10).rectangle(6, 2, 20, 8, z, z)
+    exits = [EXIT, {"name": "other", "segment": [[20, 4], [20, 5]], "z": z, "level": None}]
+    if not is_refused:
+        assert len(read(mesh, exits=exits).levels) == 2
+        return
+    with pytest.raises(BuildingError, match=r"levels 'floor .*' and 'floor .*' share 24.00 m2 of ground at \("):
+        read(mesh, exits=exits)

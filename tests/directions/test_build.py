@@ -176,7 +176,7 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     [
         ({"spacing": 0.0}, "directions.spacing"),
         ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m needs 3e\+09 nodes.*at least 0\.0012 m"),
-        ({"spacing": 1.0}, "exit 'A' is 1.00 m wide"),
+        ({"spacing": 1.0}, "exit 'A' is 1 m wide, less than two cells of 1.0 m; make the exit wider"),
         ({"clearance": -1.0}, "directions.clearance"),
         ({"order": 3}, "directions.order"),
         ({"comfort": 0.0}, "directions.comfort"),

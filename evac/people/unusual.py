@@ -1,0 +1,55 @@
+"""What is unusual about the people of a case: legal, but more often a slip than meant."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from evac.people.population import Group
+from evac.physics.bundles import Crowd
+
+#: Quantities with their units, and the range in which they are usual for people.
+USUAL = (
+    ("speed", "m/s", 0.0, 3.0),
+    ("radius", "m", 0.1, 0.5),
+    ("mass", "kg", 10.0, 200.0),
+    ("tau", "s", 0.01, 2.0),
+)
+
+#: Overlaps at the start below this are rounding [m].
+ROUNDING = 1e-6
+
+
+def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
+    """Return a line for each quantity of a group out of its usual range, and one for bodies that start overlapping."""
+    notes = []
+    for group in groups:
+        for name, unit, low, high in USUAL:
+            values = getattr(crowd, name)[group.rows]
+            if values.min() < low or values.max() > high:
+                notes.append(
+                    f"people.{group.name}.{name} is {values.min():.3g} to {values.max():.3g} {unit}, which is "
+                    f"unusual for people ({low:g} to {high:g} {unit}): is the unit right?"
+                )
+    pairs, deepest = overlapping(crowd)
+    if pairs:
+        notes.append(
+            f"{pairs} pairs of people start overlapping, by up to {deepest:.2f} m: they are pushed apart as the "
+            "contact model can, or walk out overlapping"
+        )
+    return tuple(notes)
+
+
+def overlapping(crowd: Crowd) -> tuple[int, float]:
+    """Return how many pairs of bodies on one level overlap, and the greatest overlap [m]."""
+    pairs, deepest = 0, 0.0
+    for level in np.unique(crowd.level[crowd.level >= 0]):
+        rows = np.flatnonzero(crowd.level == level)
+        position, radius = crowd.position[rows], crowd.radius[rows]
+        near: NDArray[np.int64] = KDTree(position).query_pairs(2.0 * float(radius.max()), output_type="ndarray")
+        one, other = near[:, 0], near[:, 1]
+        overlap = radius[one] + radius[other] - np.hypot(*(position[one] - position[other]).T)
+        pairs += int((overlap > ROUNDING).sum())
+        deepest = max(deepest, float(overlap.max(initial=0.0)))
+    return pairs, deepest

@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from evac.people.population import Group
+from evac.people.unusual import overlapping, unusual
+from evac.physics.bundles import make_crowd
+
+
+def group(crowd):
+    return [Group("walkers", np.arange(len(crowd.level), dtype=np.int32), {}, None)]
+
+
+def test_usual_people_are_not_told_of():
+    crowd = make_crowd([[0.0, 0.0], [0.5, 0.0]], radius=0.25, speed=1.3, mass=80.0, tau=0.5)
+    assert unusual(crowd, group(crowd)) == ()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "words"),
+    [
+        ("speed", 130.0, "people.walkers.speed is 130 to 130 m/s"),
+        ("radius", 0.02, "people.walkers.radius is 0.02 to 0.02 m,"),
+        ("mass", 70000.0, "people.walkers.mass is 7e+04 to 7e+04 kg"),
+        ("tau", 50.0, "people.walkers.tau is 50 to 50 s"),
+    ],
+)
+def test_a_slip_of_the_unit_is_told(quantity, value, words):
+    crowd = make_crowd([[0.0, 0.0], [5.0, 0.0]], **{quantity: value})
+    (note,) = unusual(crowd, group(crowd))
+    assert note.startswith(words)
+    assert note.endswith("is the unit right?")
+
+
+def test_overlaps_at_the_start_are_counted_by_level():
+    crowd = make_crowd([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.0]], radius=0.2)
+    crowd.level[3] = 1  # above the first
+    assert overlapping(crowd) == (2, pytest.approx(0.1))
+    assert "2 pairs of people start overlapping, by up to 0.10 m" in unusual(crowd, group(crowd))[0]
