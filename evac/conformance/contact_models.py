@@ -110,6 +110,23 @@ def check_report(model: ContactModel) -> None:
         )
 
 
+def check_energy(model: ContactModel) -> None:
+    """The percussions of two people who run head-on into each other account for their kinetic energy."""
+    if model.overdamped:
+        return
+    crowd = make_crowd([[-0.3, 0.0], [0.3, 0.0]], velocity=[[1.5, 0.0], [-1.0, 0.0]], mass=[60.0, 100.0], tau=1e12)
+    start = crowd.velocity.copy()
+    crowd, engine = walked(model, crowd, 40)
+    report = engine.report()
+    gained = 0.5 * float(crowd.mass @ (crowd.velocity**2 - start**2).sum(axis=1))
+    told = report["driving_work"] - report["contact_dissipation"] + report["contact_creation"]
+    if not abs(told - gained) <= 1e-6 * (abs(gained) + 1.0):
+        raise PluginError(
+            f"{model.name}: two people who run into each other gain {gained:.4g} J, but their percussions account for "
+            f"{told:.4g} J; contacts.impulse must hold what changed the velocities"
+        )
+
+
 CONTACT_MODEL_CHECKS: tuple[Callable[[ContactModel], None], ...] = (
     check_free_walk,
     check_momentum,
@@ -117,4 +134,5 @@ CONTACT_MODEL_CHECKS: tuple[Callable[[ContactModel], None], ...] = (
     check_coincident_centres,
     check_walls,
     check_report,
+    check_energy,
 )

@@ -132,5 +132,4 @@ def _fields(direction: FloatArray) -> Fields:
         field_offset=np.zeros(1, np.int64),
         direction=np.tile(direction, (4, 1)),
         travel_time=100.0 - nodes @ direction,
-        graph=None,
     )

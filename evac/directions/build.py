@@ -111,7 +111,6 @@ def build_fields(
         field_offset=np.array(offsets, dtype=np.int64),
         direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
         travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
-        graph=graph,
         lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
         comfort=float(comfort),
     )

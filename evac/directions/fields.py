@@ -35,8 +35,6 @@ class Fields:
     travel_time : (nodes,) float64
         Plain travel time to the destination [s] at the reference speeds; inf where there is no way,
         negative behind the exits.
-    graph : networkx.MultiGraph
-        Levels, portals and exits that are open; see ``evac.directions.graph``.
     lengths : (nodes, 3) float64
         Flat, up and down lengths of the way to the destination, along the slope [m].
     comfort : float
@@ -51,7 +49,6 @@ class Fields:
     field_offset: OffsetArray
     direction: FloatArray
     travel_time: FloatArray
-    graph: Any
     lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     comfort: float = 1.0
 

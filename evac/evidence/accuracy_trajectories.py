@@ -91,7 +91,9 @@ def run(evidence: Evidence) -> None:
     evidence.table(
         "trajectory_orders",
         order_rows(rows),
-        "Measured orders of convergence (slope over the five smallest steps) beside the theoretical ones, and the error"
+        "Measured orders of convergence (slope over the five smallest steps) beside the theoretical ones, which hold"
+        " while no contact begins or ends (when in a step a contact falls is chance, and the slope of five such errors"
+        " scatters), and the error"
         " at h = 0.01 s. A dash: no error of the step.",
     )
     worst = max(rows, key=lambda row: row["error / (v h)"] * (row["h [s]"] < 0.0101))

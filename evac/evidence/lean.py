@@ -146,10 +146,12 @@ def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -
     costs = [
         f"{row['loop [%]']:+.0f} % and {row['set-up [ms]']:+.0f} ms ({row['scene']}, {row['model']})" for row in always
     ]
+    told = f"What every scene can leave out costs, in the loop and in the set-up: {'; '.join(costs)}."
+    if evidence.quick:
+        told = "A quick run is too short to tell what it costs."
     evidence.text(
         f"""Forcing in what a scene does not need leaves the trajectories the same to the last bit in {same} of
-        {len(rows)} comparisons. What every scene can leave out costs, in the loop and in the set-up:
-        {"; ".join(costs)}."""
+        {len(rows)} comparisons. {told}"""
     )
     evidence.heading("Parts forced in")
     evidence.text(

@@ -162,5 +162,4 @@ def _fields(directions: list[list[float]]) -> Fields:
         field_offset=4 * np.arange(routes, dtype=np.int64),
         direction=np.repeat(ahead, 4, axis=0),
         travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
-        graph=None,
     )

@@ -126,7 +126,7 @@ def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refineme
         import clarabel
     except ImportError as error:
         raise EvacError(
-            "the reference of contact problems needs clarabel; install it with: pip install evac[evidence]"
+            "the reference of contact problems needs clarabel; install it with: pip install clarabel"
         ) from error
     settings = clarabel.DefaultSettings()
     settings.verbose = False

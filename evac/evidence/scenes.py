@@ -112,7 +112,6 @@ def _fields(
         field_offset=np.zeros(1, np.int64),
         direction=np.ascontiguousarray(direction),
         travel_time=time,
-        graph=None,
     )
 
 

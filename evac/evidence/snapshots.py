@@ -107,7 +107,6 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
         field_offset=np.zeros(1, np.int64),
         direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
         travel_time=distance.ravel(),
-        graph=None,
     )
 
 

@@ -1,10 +1,15 @@
 """Stability: what every contact model makes of stiff and extreme cases, cell by cell, beside the theory."""
 
+import csv
+import time
+from collections import Counter
+
 from evac.evidence.report import Evidence
 from evac.evidence.stability_crowds import dissipation, standing, static_overlap
 from evac.evidence.stability_dem import network_limits, stiffness_map
 from evac.evidence.stability_extremes import extreme_scenes
 from evac.evidence.stability_steps import mass_map, overlap_order, radius_map, speed_map, tau_map
+from evac.evidence.stability_trial import VERDICTS, WRONG
 
 SECTIONS = {
     "DEM: stiffness and step": (stiffness_map, network_limits, static_overlap),
@@ -20,6 +25,7 @@ SECTIONS = {
 
 def run(evidence: Evidence) -> None:
     """Compute all maps and scenes and write the page."""
+    start = time.time()
     evidence.text(
         """Every cell of every map is one of: right (the error is below the stated bound); handled (right, but the run
         had to cut steps, solve again or correct positions, and counted it); degraded (beyond the bound by the stated
@@ -31,4 +37,16 @@ def run(evidence: Evidence) -> None:
         evidence.heading(heading)
         for part in parts:
             part(evidence)
+    evidence.finding(_in_one_sentence(evidence, start), "dem_stiffness", "DEM over stiffness and step")
     evidence.write_page("Stability on stiff and extreme cases")
+
+
+def _in_one_sentence(evidence: Evidence, start: float) -> str:
+    """Return the sums of all verdicts in the tables written since `start`, a time of the clock [s]."""
+    counts: Counter[str] = Counter()
+    for path in evidence.folder.glob("*.csv"):
+        if path.stat().st_mtime >= start - 1.0:
+            with path.open(newline="") as file:
+                counts.update(row["verdict"] for row in csv.DictReader(file) if "verdict" in row)
+    told = ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS if kind != WRONG)
+    return f"Of {counts.total()} cells and scenes {counts[WRONG]} are wrong; {told}."

@@ -123,6 +123,36 @@ class Loses(Bounce):
         pass
 
 
+class CountsTwice(Bounce):
+    """Reports twice the impulse that it applies."""
+
+    def step(self, contacts, h):
+        velocity = super().step(contacts, h)
+        contacts.impulse[:] *= 2.0
+        return velocity
+
+
+class InPlace(Bounce):
+    """Writes to the free velocities."""
+
+    def step(self, contacts, h):
+        contacts.free[:] = super().step(contacts, h)
+        return contacts.free
+
+
+class WrongShape(Bounce):
+    """Returns one velocity for all."""
+
+    def step(self, contacts, h):
+        return contacts.free[:1]
+
+
+class Hides(Bounce):
+    """Has a parameter with the name of a method."""
+
+    step = Parameter(1.0, "step")
+
+
 class Nameless(Bounce):
     """Has two words for a name."""
 
@@ -133,6 +163,10 @@ class Nameless(Bounce):
     ("cls", "words"),
     [
         (Drags, "touches nobody walks at"),
+        (CountsTwice, "their percussions account for"),
+        (InPlace, "ValueError: assignment destination is read-only"),
+        (WrongShape, r"step returned velocities of shape \(1, 2\), not \(2, 2\)"),
+        (Hides, "a parameter with the name of a method would hide it"),
         (LooksAround, "5 m away changes a free walk"),
         (OneSided, "common momentum"),
         (Ghosts, "walk through each other"),

@@ -8,9 +8,18 @@ import numpy as np
 import pytest
 
 import evac
+from evac.output.results import EGRESS_COLUMNS, PEOPLE_COLUMNS
 from evac.scenario.reference import reference
+from evac.simulation import Simulation
 
-DOCUMENTS = ("README.md", "docs/architecture.md", "docs/buildings.md", "docs/plugins.md", "docs/trajectory.md")
+DOCUMENTS = (
+    "README.md",
+    "docs/architecture.md",
+    "docs/buildings.md",
+    "docs/plugins.md",
+    "docs/results.md",
+    "docs/trajectory.md",
+)
 
 
 def fenced(text, kind):
@@ -92,3 +101,10 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     assert len(results.building.portals) == 2
     flight = results.building.levels[1]
     assert flight.slope == pytest.approx(np.arctan(0.5))
+
+
+def test_the_document_of_results_names_every_key_and_column(text):
+    case = evac.load("square_room", {"simulation.duration": 0.5})
+    summary = Simulation(case).run().summary()
+    named = set(re.findall(r"`(\w+)`", text("docs/results.md")))
+    assert {*summary, *summary["contact"], *PEOPLE_COLUMNS, *EGRESS_COLUMNS} <= named

@@ -66,7 +66,6 @@ def uniform_fields(levels=1, direction=(1.0, 0.0), extent=20.0):
         field_offset=np.zeros(1, np.int64),
         direction=np.tile(np.array(direction, dtype=float), (4, 1)),
         travel_time=time,
-        graph=None,
     )
 
 
@@ -100,7 +99,6 @@ def fields_towards(point, levels=1, extent=12.0, spacing=0.5):
         field_offset=np.zeros(1, np.int64),
         direction=-away / np.maximum(distance, 1e-9)[:, None],
         travel_time=distance,
-        graph=None,
     )
 
 

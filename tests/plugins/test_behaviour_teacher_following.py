@@ -27,7 +27,6 @@ def corridor_fields():
         field_offset=np.array([0, len(x)], dtype=np.int64),
         direction=np.zeros((2 * len(x), 2)),
         travel_time=np.concatenate([LENGTH - x, x]),
-        graph=None,
     )
 
 
