@@ -25,10 +25,10 @@ class Parameter:
     ----------
     default : object
         Its value where the case says nothing. Its type is the type asked for; an int is taken for a float.
-    unit : str
-        SI unit, empty for a pure number or a word.
     doc : str
         One sentence, shown by ``evac plugins`` and in the reference.
+    unit : str
+        SI unit, empty for a pure number or a word.
     minimum, maximum : float
         Closed bounds of a number; ``above`` is an open lower bound.
     choices : tuple of str

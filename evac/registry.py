@@ -168,7 +168,13 @@ class Registry:
         return table[name]
 
     def add_file(self, path: str | Path) -> None:
-        """Register the plugin in a Python file; a file registered before is left alone."""
+        """Register the plugin in a Python file; a file registered before is left alone.
+
+        Raises
+        ------
+        PluginError
+            The file cannot be loaded, breaks the contract, or claims a name that is taken.
+        """
         path = Path(path).resolve()
         if not path.is_file():
             raise PluginError(f"plugin file {path}: no such file; check the path")

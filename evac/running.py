@@ -57,6 +57,10 @@ def run(
     progress : callable, optional
         Called with a `Progress` at every tick.
 
+    Returns
+    -------
+    Results
+
     Raises
     ------
     EvacError

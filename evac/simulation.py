@@ -20,6 +20,7 @@ from evac.output.results import Results
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people, default_clearance, reference_speeds
 from evac.people.population import build_population
+from evac.physics.bundles import copy_of
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
@@ -171,7 +172,13 @@ class Simulation:
         return results
 
     def advance_tick(self) -> None:
-        """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last."""
+        """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last.
+
+        Raises
+        ------
+        SimulationError, PluginError
+            As `run`.
+        """
         settings = self.case.simulation
         if not self._is_recording:
             with self._phase("kernels"):
@@ -187,7 +194,6 @@ class Simulation:
         steps = min(per_tick, last - self.step)
         per_record = round(self.case.output.every / settings.tick) * per_tick
         is_output = (self.step + steps) % per_record == 0
-        is_last = self.step + steps == last
         with self._phase("behaviours"):
             self._act()
         with self._phase("physics"):
@@ -198,7 +204,7 @@ class Simulation:
                 steps,
                 settings.step,
                 settings.driving == "explicit",
-                is_output or is_last or self._force_is_read,
+                is_output or self.step + steps == last or self._force_is_read,
             )
         self.step += steps
         with self._phase("recording"):
@@ -219,9 +225,7 @@ class Simulation:
         results = Results(
             case=self.case,
             building=self.building,
-            crowd=self.population.crowd._replace(
-                **{name: array.copy() for name, array in self.population.crowd._asdict().items()}
-            ),
+            crowd=copy_of(self.population.crowd),
             groups=self.population.groups,
             routes=self.fields.routes,
             start_position=self._start[0],
@@ -271,9 +275,8 @@ class Simulation:
     def _finish(self, results: Results | None, error: BaseException | None) -> None:
         """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
         calls: list[tuple[str, Callable[[], object]]] = []
-        if self._is_recording:
-            for recorder in self.recorders:
-                calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
+        for recorder in self.recorders if self._is_recording else ():
+            calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
         given = {"simulation": self, "results": results, "error": error}
         for hook in self.registry.hook.evac_finish.get_hookimpls():
             ending = partial(hook.function, *[given[name] for name in hook.argnames])

@@ -43,6 +43,8 @@ def read_building(
 
     Parameters
     ----------
+    path : str or Path
+        The mesh file.
     weld : float [m]
         Vertices no farther apart are the same.
     flat_angle, walkable_angle : float [degrees]
@@ -55,6 +57,10 @@ def read_building(
         To add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
     need_exit : bool
         Whether to refuse a building that nobody can leave; without exits it can only be looked at.
+
+    Returns
+    -------
+    Building
 
     Raises
     ------

@@ -15,7 +15,7 @@ OffsetArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Fields:
-    """Directions for everybody, packed for the kernels; frozen until something closes.
+    """Directions for everybody, packed for the kernels; never changed.
 
     Attributes
     ----------

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.report import Evidence
-from evac.physics.bundles import Crowd
 
 
 def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], words: str) -> None:
@@ -17,12 +16,6 @@ def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], w
         writer.writeheader()
         writer.writerows(rows)
     evidence.text(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
-
-
-def copy_of(crowd: Crowd) -> Crowd:
-    """Return a crowd with arrays of its own."""
-    arrays: dict[str, Any] = {name: array.copy() for name, array in crowd._asdict().items()}
-    return Crowd(**arrays)
 
 
 def order_of(steps: Sequence[float], errors: Sequence[float]) -> float:

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from evac.errors import SimulationError
-from evac.evidence.accuracy_data import copy_of
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.snapshots import door_crowd
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import Crowd, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import set_open

@@ -5,14 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.accuracy_data import copy_of
 from evac.evidence.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.snapshots import STEP, DoorCrowd, door_crowd
 from evac.jit import kernel
-from evac.physics.bundles import Bodies, Contacts, FloatArray
+from evac.physics.bundles import Bodies, Contacts, FloatArray, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
-from evac.physics.solvers import INELASTIC, SOLVERS, residual, solve
+from evac.physics.solvers import INELASTIC, SOLVERS, solve
 from evac.physics.world import set_open
 from evac.registry import Registry
 
@@ -138,12 +137,6 @@ def run_solver(method, inverse_mass, free, velocity, contacts, compliance, toler
     """Call a solver on a problem without tangential law; return (iterations, residual)."""
     n = inverse_mass.shape[0]
     return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
-
-
-@kernel
-def find_residual(velocity, contacts, compliance):
-    """Return the shared residual of velocities and percussions [m/s]."""
-    return residual(velocity, contacts, compliance, 0.0)
 
 
 def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:

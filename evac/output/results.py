@@ -69,9 +69,10 @@ class Results:
     start_position : (n, 2) float64 [m]
     start_level : (n,) int32
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
-        Person, link and time of every crossing, in the order of the log; see `evac.output.occupancy.moves_of`.
+        Person, portal and time of every crossing of a portal, in the order of the log; see
+        `evac.output.occupancy.moves_of`.
     ended : str
-        ``"everybody out"``, ``"duration over"`` or ``"no progress"``.
+        ``"everybody out"``, ``"duration over"``, ``"no progress"``, ``"interrupted"`` or ``"failed"``.
     time : float
         Simulated time [s].
     steps : int
@@ -80,8 +81,7 @@ class Results:
     stuck : sequence of int
         People who made no progress when the run ended.
     report : mapping
-        Numbers of the contact model: greatest_overlap [m], mean_overlap [m], residual, iterations,
-        unconverged_steps, sub_steps, energy.
+        Numbers of the contact model, by the names that docs/results.md lists.
     phases : mapping of str to float
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)

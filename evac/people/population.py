@@ -40,14 +40,11 @@ class Group:
         Their rows in `Crowd`.
     settings : mapping
         What the group sets for behaviours: behaviour name -> keys. In `Population.groups_for` the keys of one.
-    area : str or None
-        Area they started in.
     """
 
     name: str
     rows: IntArray
     settings: Mapping[str, Any]
-    area: str | None = None
 
 
 class Population:
@@ -140,7 +137,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     crowd = make_crowd(np.zeros((sum(counts), 2)), level=-1)
     ends = np.cumsum(counts)
     groups = tuple(
-        Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours, people.area)
+        Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours)
         for people, end in zip(case.people, ends, strict=True)
     )
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):

@@ -1,6 +1,6 @@
 """The arrays that kernels work on, bundled by owner. float64, int32, uint8; contiguous; checked at the border."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,6 +130,12 @@ class World(NamedTuple):
     travel_time: FloatArray  # (nodes,) [s]
 
 
+def copy_of(crowd: Crowd) -> Crowd:
+    """Return a crowd with arrays of its own."""
+    arrays: dict[str, Any] = {name: array.copy() for name, array in crowd._asdict().items()}
+    return Crowd(**arrays)
+
+
 class Bodies(NamedTuple):
     """The people still inside, sorted by travel time (row breaking ties) at the start of a tick.
 
@@ -245,7 +251,7 @@ class Clock(NamedTuple):
     step: float  # h [s]
     explicit: bool  # drive by explicit Euler (the paper's) instead of the exponential update
     report_force: bool  # contact forces are wanted at the last step
-    cutoff: float  # gap beyond which they are left out [m]
+    cutoff: float  # gap beyond which no force at a distance is felt [m]
     full: bool  # do even what the scene does not need
 
 

@@ -1,7 +1,7 @@
 """Neighbour lists: who and which walls a body can touch until the lists are built again.
 
 The lists cover what lies within a reach of a body plus a skin; they are built again when somebody has moved by
-half the skin, has changed level or has left. What a kernel takes from them is decided by the
+half the skin or has changed level. What a kernel takes from them is decided by the
 distances of the moment, so results do not depend on when they were built.
 """
 

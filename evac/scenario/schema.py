@@ -88,7 +88,7 @@ class Building(Section):
     obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
 
     def options(self) -> dict[str, Any]:
-        """Return the keyword arguments of ``evac.building.read_building``."""
+        """Return the keyword arguments of `evac.read_building`."""
         return self.model_dump(exclude={"mesh"}, exclude_none=True)
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ from evac.physics.bundles import make_crowd
 
 
 def group(crowd):
-    return [Group("walkers", np.arange(len(crowd.level), dtype=np.int32), {}, None)]
+    return [Group("walkers", np.arange(len(crowd.level), dtype=np.int32), {})]
 
 
 def test_usual_people_are_not_told_of():
