@@ -113,8 +113,21 @@ def check_stairs(building: Building) -> None:
             raise BuildingError(
                 f"{building.source}: stair {name!r} at ({x:.2f}, {y:.2f}), z = {min(lv.z_min for lv in own):.2f} to "
                 f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "
-                "(within building.weld)"
+                f"(within building.weld){_nearest_end(building, own)}"
             )
+
+
+def _nearest_end(building: Building, own: list[Level]) -> str:
+    """Say which level misses an end of the stair by least, if one does within a metre."""
+    neighbours = {index for portal in building.portals for index in portal.levels}
+    misses = [
+        (one.polygon.distance(other.polygon), other.name)
+        for one in own
+        for other in building.levels
+        if other.index not in neighbours and min(abs(other.z_min - z) for z in (one.z_min, one.z_max)) < LEAST_HEADROOM
+    ]
+    miss, nearest = min(misses, default=(np.inf, ""))
+    return f"; {nearest!r} is {miss:.3f} m away in plan" if miss < LEAST_DEPTH else ""
 
 
 def check_exits(building: Building) -> None:

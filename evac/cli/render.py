@@ -29,10 +29,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Draw each file asked for."""
+    from evac.cli.screen import show_warnings
     from evac.output.render import FILMS, render_animation, render_picture
+    from evac.output.scene import LEGEND_GROUPS
     from evac.output.trajectory import read_trajectory
 
     trajectory = read_trajectory(arguments.result)
+    groups = len(trajectory.groups)
+    if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
+        show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])
     look = {"stretch": arguments.stretch, "colour_by": arguments.colour_by}
     for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)

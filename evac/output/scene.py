@@ -147,7 +147,8 @@ class Scene:
         corners = np.concatenate([corners, corners + np.array([0.0, 0.0, PERSON_HEIGHT])])
         across, along = corners @ right, corners @ up
         width, height = self.size
-        left, right_side = MARGIN["left"], MARGIN["right"] + (LEGEND_WIDTH if self._has_legend else 0.0)
+        left = MARGIN["left"]
+        right_side = MARGIN["right"] + LEGEND_WIDTH if self._has_legend else left
         free_width, free_height = 1.0 - left - right_side, 1.0 - MARGIN["top"] - MARGIN["bottom"]
         full_height = max(np.ptp(along) / free_height, np.ptp(across) / free_width * height / width)
         full_width = full_height * width / height

@@ -18,6 +18,17 @@ def test_counts_and_exit_status(results):
     assert replace(results, crowd=nobody).last_out is None
 
 
+def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results):
+    assert results.summary()["left_by_other_exits"] == 0
+    door = results.building.exits[0]
+    building = replace(results.building, exits=(door, replace(door, index=1, name="window")))
+    routes = (Route(("window",)), *results.routes[1:])
+    pushed = replace(results, building=building, routes=routes)
+    by_first = np.flatnonzero((results.crowd.exit_used == 0) & (results.crowd.route == 0))
+    assert by_first.size
+    assert pushed.left_by_other_exits.tolist() == by_first.tolist()
+
+
 def test_egress_counts_exit_times_in_order(results):
     time, number = results.egress()
     assert (time.tolist(), number.tolist()) == ([0.0, 4.0, 9.0], [0, 1, 2])

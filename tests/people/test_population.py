@@ -50,6 +50,22 @@ def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_
     assert population.inside == 25
 
 
+def test_by_default_nobody_is_faster_on_stairs(make_case, house, fields):
+    case = make_case(group("slow", speed=0.6), group("told", number=5, area="room 3", speed=0.6, speed_down=0.9))
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    assert (crowd.speed[:20, 1:] <= 0.6).all()
+    assert (crowd.speed[:20, 1:] >= 0.5).all()
+    assert (crowd.speed[20:, 2] == 0.9).all()
+
+
+def test_a_position_that_rounding_put_over_a_portal_is_moved_inside(make_case, house, fields):
+    case = make_case(standing(positions=[[4.0000005, 2.0], [3.5, 2.0]]))
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    assert crowd.position[0, 0] == pytest.approx(4.0, abs=3e-6)
+    assert crowd.position[0, 0] < 4.0
+    assert crowd.position[1].tolist() == [3.5, 2.0]
+
+
 def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fields):
     first = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
     other = build_population(
