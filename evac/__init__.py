@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from evac.behaviour import BehaviourScene as BehaviourScene
     from evac.building.model import Building as Building
     from evac.building.reading import read_building as read_building
+    from evac.ensemble import Ensemble as Ensemble
+    from evac.ensemble import run_many as run_many
     from evac.errors import BuildingError as BuildingError
     from evac.errors import EvacError as EvacError
     from evac.errors import PluginError as PluginError
@@ -44,6 +46,7 @@ _HOMES = {
     "BuildingError": "evac.errors",
     "Case": "evac.scenario.schema",
     "ContactModel": "evac.physics.contact_model",
+    "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
     "Force": "evac.physics.force",
     "Parameter": "evac.parameters",
@@ -62,6 +65,7 @@ _HOMES = {
     "read_building": "evac.building.reading",
     "read_trajectory": "evac.output.trajectory",
     "run": "evac.running",
+    "run_many": "evac.ensemble",
 }
 
 __all__ = list(_HOMES)

@@ -22,6 +22,7 @@ FAILED = "failed"
 #: What a run writes to its folder; nothing else there is ever touched.
 SUMMARY_NAME = "summary.json"
 EGRESS_PICTURE_NAME = "egress.png"
+RUNS_NAME = "runs.csv"
 ANIMATION_NAME = "animation.pvd"
 WRITTEN = (
     SUMMARY_NAME,
@@ -29,6 +30,7 @@ WRITTEN = (
     "egress.csv",
     "people.csv",
     EGRESS_PICTURE_NAME,
+    RUNS_NAME,
     ANIMATION_NAME,
     "building.vtp",
     "frames/frame_*.vtp",

@@ -13,6 +13,7 @@ INTERRUPTED = 130
 #: Commands in the order of the help, and the module that declares and executes each.
 COMMANDS = {
     "run": "evac.cli.run",
+    "repeat": "evac.cli.repeat",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
     "explain": "evac.cli.explain",

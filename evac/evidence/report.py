@@ -14,16 +14,15 @@ import json
 import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import version
-from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from evac.ensemble import in_processes
 from evac.people.distributions import generator_for
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ class Evidence:
         return generator_for(self.seed, "evidence", self.kind, *names)
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """Return ``[function(item) for item in items]``, in processes unless the run is quick; see `in_processes`."""
+        """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
         return in_processes(function, items, 1 if self.quick else WORKERS)
 
     def heading(self, words: str) -> None:
@@ -236,24 +235,6 @@ def reference_time(repeats: int = 5) -> float:
         np.sort(numbers)
         spans.append(time.perf_counter() - start)
     return float(np.median(spans))
-
-
-def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> list[Result]:
-    """Return ``[function(item) for item in items]``, computed in processes; the order is that of the items.
-
-    Parameters
-    ----------
-    function : callable
-        At module level. What it returns depends on the item alone.
-    items : iterable
-        Picklable. Make each worth a second or more: one call per item.
-    workers : int
-        Processes; 1 computes in this one.
-    """
-    if workers == 1:
-        return [function(item) for item in items]
-    with ProcessPoolExecutor(min(workers, cpu_count() or 1), mp_context=get_context("spawn")) as pool:
-        return list(pool.map(function, items))
 
 
 def machine() -> str:

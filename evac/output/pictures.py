@@ -3,6 +3,7 @@
 import textwrap
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -21,9 +22,9 @@ def draw_egress(results: Results, path: Path) -> None:
     ResultError
         The file cannot be written.
     """
-    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    last = "nobody is out" if results.last_out is None else f"last one out after {results.last_out:.1f} s"
+    note = f"{results.evacuated} of {results.people} out, {last}"
+    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.people)
     end = results.time
     if 1 < len(results.groups) <= MOST_GROUPS:
         for k, group in enumerate(group for group in results.groups if len(group.rows) > 1):
@@ -32,15 +33,33 @@ def draw_egress(results: Results, path: Path) -> None:
             axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)
     time, number = results.egress()
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color="#1f2933", label="everybody")
-    axes.axhline(results.people, lw=0.8, ls=":", color="#7b8794")
-    axes.set(xlabel="time [s]", ylabel="people out", xlim=(0.0, max(end, 1e-9)), ylim=(0.0, 1.06 * results.people))
-    last = "nobody is out" if results.last_out is None else f"last one out after {results.last_out:.1f} s"
-    note = f"{results.evacuated} of {results.people} out, {last}"
-    axes.set_title(f"{textwrap.fill(results.case.title, 90)}\n{note}", fontsize=11, loc="left")
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    save(figure, path)
+
+
+def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
+    """Return a figure and axes for people out over time, up to `people`."""
+    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
+    axes.set(xlabel="time [s]", ylabel="people out", ylim=(0.0, 1.06 * people))
+    axes.set_title(title, fontsize=11, loc="left")
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
     try:
         figure.savefig(path)
     except OSError as error:

@@ -229,8 +229,8 @@ class Results:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
-            _write_csv(folder / "egress.csv", EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
-            _write_csv(folder / "people.csv", PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
+            write_csv(folder / "egress.csv", EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
+            write_csv(folder / "people.csv", PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
         except OSError as error:
             raise ResultError(f"{folder}: cannot write the results: {error}") from error
 
@@ -273,7 +273,8 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, (str, bool, int, float)) else repr(value)
 
 
-def _write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table with a head."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)

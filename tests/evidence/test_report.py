@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import time
 
 import numpy as np
@@ -12,7 +11,7 @@ from evac.cli import evidence as command
 from evac.cli import main
 from evac.errors import ScenarioError
 from evac.evidence.command import KINDS, run_evidence, write_index
-from evac.evidence.report import Evidence, claim, in_processes, markdown_table, new_figure, timed
+from evac.evidence.report import Evidence, claim, markdown_table, new_figure, timed
 
 
 def test_table_is_written_in_full_and_shown_rounded(tmp_path):
@@ -76,12 +75,6 @@ def test_generators_depend_on_kind_seed_and_name_alone(tmp_path):
     }
     assert len(set(draws.values())) == len(draws)
     assert Evidence("lean", tmp_path, quick=True, seed=1).generator("a").random() == draws["lean", 1, "a"]
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_processes_keep_the_order_of_the_items(workers):
-    # A function that a new process can import: `tests` is importable only where pytest runs.
-    assert in_processes(math.factorial, [3, 1, 2], workers) == [6, 1, 2]
 
 
 def test_index_lists_the_kinds_that_are_there(tmp_path):

@@ -1,0 +1,49 @@
+"""evac repeat: run a case with many seeds, and say how certain the result is.
+
+Runs go to several processes. To ./CASE-runs, or to --out, go runs.csv (one row for each seed), the mean and the
+percentiles of the egress curves (egress.csv, egress.png), and summary.json. `evac run CASE --seed N` shows one of them.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from evac.cli.cases import case_of, declare_case, default_folder
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_case(parser)
+    parser.add_argument("--runs", type=_positive, default=20, metavar="N", help="number of runs (20)")
+    parser.add_argument("--jobs", type=_positive, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    from evac.cli.screen import show_facts
+    from evac.ensemble import run_many
+    from evac.running import check_folder
+
+    case = case_of(arguments)
+    folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
+    check_folder(folder)
+    first = case.simulation.seed
+    print(f"running seeds {first} to {first + arguments.runs - 1}", file=sys.stderr, flush=True)
+    ensemble = run_many(case, arguments.runs, workers=arguments.jobs)
+    ensemble.write(folder)
+    complete, runs = len(ensemble.complete), len(ensemble.runs)
+    show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
+    show_facts({f"last out, {name}": f"{value:.2f} s" for name, value in ensemble.last_out().items()})
+    left = [str(run.seed) for run in ensemble.runs if run not in ensemble.complete]
+    if left:
+        print(f"evac: people are left with seeds {', '.join(left)}; evac run --seed N shows where", file=sys.stderr)
+    show_facts({"results in": folder})
+    return 0 if complete == runs else 3
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return number

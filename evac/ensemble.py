@@ -1,0 +1,201 @@
+"""Many runs of one case, each with a seed of its own: how certain a result is."""
+
+import json
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from os import cpu_count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from evac.errors import ResultError
+from evac.output.results import plain, versions, write_csv
+from evac.running import EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, clear_folder
+from evac.simulation import EVERYBODY_OUT, Simulation
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import Case
+
+FloatArray = NDArray[np.float64]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+EGRESS_NAME = "egress.csv"
+
+#: Of the interval of the mean.
+CONFIDENCE = 0.95
+#: Percentiles of the egress curves, beside their mean.
+PERCENTILES = (5, 50, 95)
+
+
+@dataclass(frozen=True)
+class Run:
+    """How one run ended."""
+
+    seed: int
+    ended: str
+    time: float  # simulated [s]
+    exit_time: FloatArray  # (people,) [s], NaN for who is still inside
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Runs of one case with different seeds.
+
+    Attributes
+    ----------
+    case : Case
+    runs : tuple of Run
+        In the order of their seeds.
+    """
+
+    case: "Case"
+    runs: tuple[Run, ...]
+
+    @property
+    def people(self) -> int:
+        """Number of people in each run."""
+        return len(self.runs[0].exit_time)
+
+    @property
+    def complete(self) -> tuple[Run, ...]:
+        """The runs in which everybody got out."""
+        return tuple(run for run in self.runs if run.ended == EVERYBODY_OUT)
+
+    def last_out(self) -> dict[str, float]:
+        """Return statistics of the time at which the last one left [s], over the complete runs; empty without any.
+
+        mean and its interval of `CONFIDENCE` (Student's t), standard deviation, least, the percentiles, greatest.
+        """
+        last = np.array([np.nanmax(run.exit_time) for run in self.complete])
+        if not last.size:
+            return {}
+        found = {"mean": float(last.mean()), "least": float(last.min()), "greatest": float(last.max())}
+        for percentile in PERCENTILES:
+            found[f"percentile {percentile}"] = float(np.percentile(last, percentile))
+        if last.size > 1:
+            deviation = float(last.std(ddof=1))
+            half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, last.size - 1)) * deviation / float(np.sqrt(last.size))
+            found["standard deviation"] = deviation
+            between = f"mean, {100.0 * CONFIDENCE:g} % interval"
+            found |= {f"{between} from": found["mean"] - half, f"{between} to": found["mean"] + half}
+        return found
+
+    def egress(self) -> dict[str, FloatArray]:
+        """Return columns ``time`` [s], every ``output.every`` seconds, and mean and percentiles of the number out."""
+        end = max(run.time for run in self.runs)
+        time = np.arange(0.0, end + self.case.output.every, self.case.output.every)
+        # NaN sorts last, behind every time.
+        out = np.array([np.searchsorted(np.sort(run.exit_time), time, "right") for run in self.runs])
+        columns = {"time": time, "mean": out.mean(axis=0)}
+        for percentile in PERCENTILES:
+            columns[f"percentile {percentile}"] = np.percentile(out, percentile, axis=0)
+        return columns
+
+    def write(self, folder: Path) -> None:
+        """Write summary.json, runs.csv, egress.csv and egress.png to a folder, as `evac.run` treats folders.
+
+        Raises
+        ------
+        ResultError
+            The folder is somebody else's, or cannot be written.
+        """
+        clear_folder(folder)
+        summary = {
+            "title": self.case.title,
+            "people": self.people,
+            "runs": len(self.runs),
+            "complete": len(self.complete),
+            "last_out": self.last_out(),
+            "case": self.case.to_dict(),
+            "versions": versions(),
+        }
+        egress = self.egress()
+        with _writing(folder):
+            (folder / SUMMARY_NAME).write_text(json.dumps(plain(summary), indent=2) + "\n", encoding="utf-8")
+            write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out"), map(_row, self.runs))
+            rows = zip(*(column.tolist() for column in egress.values()), strict=True)
+            write_csv(folder / EGRESS_NAME, egress, rows)
+            self._draw(folder / EGRESS_PICTURE_NAME, egress)
+
+    def _draw(self, path: Path, egress: dict[str, FloatArray]) -> None:
+        from evac.output.pictures import new_axes, save
+
+        low, middle, high = (f"percentile {percentile}" for percentile in PERCENTILES)
+        note = f"{len(self.runs)} runs, everybody out in {len(self.complete)}"
+        figure, axes = new_axes(f"{textwrap.fill(self.case.title, 90)}\n{note}", self.people)
+        label = f"percentiles {PERCENTILES[0]} to {PERCENTILES[-1]}"
+        axes.fill_between(egress["time"], egress[low], egress[high], color="#9fb3c8", label=label)
+        axes.plot(egress["time"], egress[middle], color="#486581", linewidth=1.2, linestyle="--", label="median")
+        axes.plot(egress["time"], egress["mean"], color="#1f2933", linewidth=2.0, label="mean")
+        axes.set_xlim(0.0, float(egress["time"][-1]))
+        axes.legend(frameon=False, loc="lower right")
+        save(figure, path)
+
+
+def run_many(case: "Case", runs: int, *, workers: int | None = None) -> Ensemble:
+    """Run a case with `runs` seeds, from ``simulation.seed`` on, several at a time.
+
+    Parameters
+    ----------
+    case : Case
+        From `evac.load`.
+    runs : int
+    workers : int, optional
+        Processes; as many as there are cores by default. Results do not depend on it.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    EvacError
+        As `evac.run`, from the first run that fails.
+    """
+    first = case.simulation.seed
+    cases = [case.change({"simulation.seed": first + k}) for k in range(runs)]
+    return Ensemble(case, tuple(in_processes(_one, cases, min(workers or cpu_count() or 1, runs))))
+
+
+def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> list[Result]:
+    """Return ``[function(item) for item in items]``, computed in processes; the order is that of the items.
+
+    Parameters
+    ----------
+    function : callable
+        At module level. What it returns depends on the item alone.
+    items : iterable
+        Picklable. Make each worth a second or more: one call per item.
+    workers : int
+        Processes; 1 computes in this one.
+    """
+    if workers == 1:
+        return [function(item) for item in items]
+    with ProcessPoolExecutor(min(workers, cpu_count() or 1), mp_context=get_context("spawn")) as pool:
+        return list(pool.map(function, items))
+
+
+def _one(case: "Case") -> Run:
+    results = Simulation(case).run()
+    return Run(results.seed, results.ended, results.time, results.crowd.exit_time)
+
+
+def _row(run: Run) -> tuple[Any, ...]:
+    out = int(np.isfinite(run.exit_time).sum())
+    return run.seed, run.ended, out, float(np.nanmax(run.exit_time)) if out else None
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ResultError(f"{folder}: cannot write the results: {error}") from error
