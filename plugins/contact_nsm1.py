@@ -10,6 +10,7 @@ from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
 from evac.parameters import Parameter
 from evac.physics import stepping
+from evac.physics import tallies as at
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.contacts import keep_impulses
@@ -121,7 +122,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status != OK:
             return status
         if law.overdamped:  # without inertia there is no kinetic energy to account for
-            tally[0, 13:16] = 0.0
+            tally[0, at.DRIVING_WORK : at.CONTACT_CREATION + 1] = 0.0
     return OK
 
 
@@ -147,9 +148,9 @@ def _project(world, bodies, lists, contacts, tally, law, h):
             tolerance,
         )
         if contacts.count[0] > 0:
-            tally[0, 7] += 1.0
-            tally[0, 8] += iterations
-            tally[0, 11] += again
+            tally[0, at.SOLVES] += 1.0
+            tally[0, at.ITERATIONS] += iterations
+            tally[0, at.RETRIED_SOLVES] += again
         if found > tolerance and not law.overdamped:
             _keep_apart(bodies, contacts, law, tolerance)
         outrun = False
@@ -162,11 +163,11 @@ def _project(world, bodies, lists, contacts, tally, law, h):
                     outrun = True
                 needed = max(needed, bodies.reach[i])
         if not outrun or search == MOST_SEARCHES - 1:
-            tally[0, 9] = max(tally[0, 9], found)
+            tally[0, at.GREATEST_RESIDUAL] = max(tally[0, at.GREATEST_RESIDUAL], found)
             if found > tolerance or outrun:
-                tally[0, 10] += 1.0
+                tally[0, at.UNCONVERGED_STEPS] += 1.0
             return OK
-        tally[0, 22] += 1.0
+        tally[0, at.REPEATED_SEARCHES] += 1.0
         keep_impulses(contacts)
         status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:

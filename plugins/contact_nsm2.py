@@ -10,6 +10,7 @@ from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
 from evac.parameters import Parameter
 from evac.physics import stepping
+from evac.physics import tallies as at
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.contacts import (
@@ -179,20 +180,20 @@ def _strike(bodies, contacts, tally, law):
     iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, law.normal, enough)
     if contacts.count[0] == 0:
         return
-    tally[0, 7] += 1.0
-    tally[0, 8] += iterations
-    tally[0, 11] += again
+    tally[0, at.SOLVES] += 1.0
+    tally[0, at.ITERATIONS] += iterations
+    tally[0, at.RETRIED_SOLVES] += again
     if found > law.velocity_tolerance and math.isinf(law.normal):
         for c in range(contacts.count[0]):
             contacts.impulse[c] = 0.0
             contacts.friction[c] = 0.0
         iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, FALLBACK, law.velocity_tolerance)
-        tally[0, 8] += iterations
-        tally[0, 11] += again
-        tally[0, 19] += 1.0
-    tally[0, 9] = max(tally[0, 9], found)
+        tally[0, at.ITERATIONS] += iterations
+        tally[0, at.RETRIED_SOLVES] += again
+        tally[0, at.ELASTIC_FALLBACKS] += 1.0
+    tally[0, at.GREATEST_RESIDUAL] = max(tally[0, at.GREATEST_RESIDUAL], found)
     if found > law.velocity_tolerance:
-        tally[0, 10] += 1.0
+        tally[0, at.UNCONVERGED_STEPS] += 1.0
 
 
 @inner

@@ -1,6 +1,7 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
 from evac.evidence import (
+    accuracy_asked,
     accuracy_egress,
     accuracy_fields,
     accuracy_overlap,
@@ -14,6 +15,7 @@ from evac.evidence.report import Evidence
 #: The parts in the order of the page.
 PARTS = (
     accuracy_solvers,
+    accuracy_asked,
     accuracy_peer,
     accuracy_trajectories,
     accuracy_overlap,

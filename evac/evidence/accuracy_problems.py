@@ -139,6 +139,11 @@ def run_solver(method, inverse_mass, free, velocity, contacts, compliance, toler
     return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
 
 
+def default_solver(registry: Registry) -> str:
+    """Return the solver that NSM1 and NSM2 are shipped with."""
+    return str(registry.get("contact_model", "nsm1").declared()["solver"].default)
+
+
 def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:
     """Return crowds at a door by kind: arriving, settled against the closed door, and 0.05 s after it opened."""
     rough = registry.get("contact_model", "nsm1")(**COARSE)

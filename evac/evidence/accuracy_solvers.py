@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy_data import add_data
-from evac.evidence.accuracy_problems import KINDS, LAWS, ContactProblem, contact_problem, snapshots, velocity_error
+from evac.evidence.accuracy_problems import (
+    KINDS,
+    LAWS,
+    ContactProblem,
+    contact_problem,
+    default_solver,
+    snapshots,
+    velocity_error,
+)
 from evac.evidence.reference import PRECISION
-from evac.evidence.report import Evidence, claim, new_figure, reference_time
+from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.physics.bundles import FloatArray
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
@@ -42,17 +50,6 @@ QUICK = (Stage(100, 0.02, ASKED[::2]),)
 #: The largest crowds are asked for every second power of ten only: minutes.
 FULL = (Stage(100, 0.1), Stage(1_000, 0.2), Stage(4_000, 0.6, ASKED[::2]), Stage(10_000, 1.0, ASKED[::2]))
 
-#: What was asked of the default solver, cold, on so many people: the least ratio of another solver's time to its own,
-#: and the longest it may take to the last of the goals on a settled crowd under NSM1 [ms].
-ASKED_PEOPLE = 4_000
-LEAST_RATIOS = (
-    ("settled", LAWS[0], 1e-6, "gauss_seidel", 30),
-    ("settled", LAWS[0], 1e-6, "uzawa", 60),
-    ("arriving", LAWS[0], 1e-4, "gauss_seidel", 10),
-    *(("settled", law, 1e-6, "gauss_seidel", 30) for law in LAWS[1:]),
-)
-LONGEST = 300
-
 #: A problem on which slow solvers are given longer, so that their ratio can be stated; cap [s].
 LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
 
@@ -60,6 +57,7 @@ LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
 def run(evidence: Evidence) -> None:
     """Compute part a and add it to the page."""
     registry = Registry()
+    default = default_solver(registry)
     evidence.heading("a. Contact solvers: error against run time")
     evidence.text(
         f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
@@ -85,19 +83,12 @@ def run(evidence: Evidence) -> None:
             f"{stage.people} people: error against the independent reference over the time of one solve, cold (full"
             " lines) and warm (dashed). Crosses: Clarabel. Lines end where the allowed time ends.",
         )
-    default = str(registry.get("contact_model", "nsm1").declared()["solver"].default)
     evidence.table(
         "solvers_default",
         default_rows(rows, default),
         f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of"
         " the others over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there.",
     )
-    if not evidence.quick:
-        evidence.table(
-            "solvers_asked",
-            asked_rows(rows, default),
-            "What was asked of the default solver from a cold start: times of others over its own.",
-        )
     largest = max(row["people"] for row in rows if row["crowd"] == "opened")
     evidence.finding(default_finding(rows, default), f"solvers_{largest}", f"Solvers on {largest} people")
     add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
@@ -139,10 +130,10 @@ def measure(
     problem: ContactProblem, truth: FloatArray, solver: str, is_warm: bool, cap: float, asked: Sequence[float] = ASKED
 ) -> list[dict[str, Any]]:
     """Solve to ever smaller residuals until one is not reached within `cap` seconds; one row each."""
-    limit = _affordable(problem, solver, cap)
+    limit = affordable(problem, solver, cap)
     rows = []
     for goal in asked:
-        duration, iterations, found = _median_solve(problem, solver, is_warm, goal / problem.law.scale, limit)
+        duration, iterations, found = median_solve(problem, solver, is_warm, goal / problem.law.scale, limit)
         rows.append(
             {
                 "asked": goal,
@@ -157,7 +148,7 @@ def measure(
     return rows
 
 
-def _affordable(problem: ContactProblem, solver: str, cap: float) -> int:
+def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
     """Return the number of iterations that take about `cap` seconds; also compiles."""
     few, spans = 20, {}
     for iterations in (few, few, 5 * few):  # the first compiles; what a solve costs before its iterations drops out
@@ -169,7 +160,7 @@ def _affordable(problem: ContactProblem, solver: str, cap: float) -> int:
     return max(few, int(cap / each))
 
 
-def _median_solve(
+def median_solve(
     problem: ContactProblem, solver: str, is_warm: bool, tolerance: float, limit: int
 ) -> tuple[float, int, float]:
     """Return median time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
@@ -264,24 +255,6 @@ def default_rows(rows: Sequence[dict[str, Any]], default: str) -> list[dict[str,
                 row[f"{solver} / {default}"] = _ratio(rows, solver, ours, where)
         table.append(row)
     return table
-
-
-def asked_rows(rows: Sequence[dict[str, Any]], default: str) -> list[dict[str, Any]]:
-    """Return what was asked of the default solver beside what it does.
-
-    A solver that did not get there counts for as long as it was given.
-    """
-    table = []
-    for crowd, law, goal, solver, ratio in LEAST_RATIOS:
-        where = {"people": ASKED_PEOPLE, "crowd": crowd, "law": law.label, "start": "cold"}
-        ours = time_to(rows, goal, solver=default, **where)
-        theirs = time_to(rows, goal, solver=solver, **where) or _spent(rows, solver, **where)
-        what = f"{ASKED_PEOPLE} people, {crowd}, {law.label}, to {goal:g} {law.unit}: {solver} / {default}"
-        table.append(claim(what, "at least", ratio, None if ours is None else theirs / ours))
-    where = {"people": ASKED_PEOPLE, "crowd": "settled", "law": LAWS[0].label, "start": "cold"}
-    last = time_to(rows, GOALS[-1], solver=default, **where)
-    what = f"{ASKED_PEOPLE} people, settled, {LAWS[0].label}, to {GOALS[-1]:g} m: {default} [ms]"
-    return [*table, claim(what, "at most", LONGEST, None if last is None else 1e3 * last)]
 
 
 def default_finding(rows: Sequence[dict[str, Any]], default: str) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from evac.errors import ResultError
 from evac.output.results import Results
@@ -46,6 +47,7 @@ def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     axes = figure.add_subplot()
     axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
     axes.set(xlabel="time [s]", ylabel="people out", ylim=(0.0, 1.06 * people))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_title(title, fontsize=11, loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

@@ -255,44 +255,6 @@ class Clock(NamedTuple):
     full: bool  # do even what the scene does not need
 
 
-#: What one run adds up; index of each number in the tally array.
-TALLY = (
-    "steps",
-    "sub_steps",
-    "list_builds",
-    "contacts",
-    "greatest_overlap",
-    "overlap_sum",
-    "overlaps",
-    "solves",
-    "iterations",
-    "greatest_residual",
-    "unconverged_steps",
-    "retried_solves",
-    "position_corrections",
-    "driving_work",
-    "contact_dissipation",
-    "contact_creation",
-    "wall_crossings_prevented",
-    "too_fast_steps",
-    "greatest_speed",
-    "elastic_fallbacks",
-    "too_stiff_steps",
-    "failed_position_corrections",
-    "repeated_searches",
-)
-#: Those of the tally that are no counts.
-MEASURES = {
-    "greatest_overlap",
-    "overlap_sum",
-    "greatest_residual",
-    "driving_work",
-    "contact_dissipation",
-    "contact_creation",
-    "greatest_speed",
-}
-
-
 class Forces(NamedTuple):
     """Pair forces as kernels call them, one row each."""
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from evac.errors import SimulationError, plugin_code
 from evac.physics import neighbours, stepping
-from evac.physics.bundles import MEASURES, TALLY, Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
+from evac.physics import tallies as at
+from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
@@ -61,7 +62,7 @@ class Engine:
         self.lists = make_lists(people, 8 * people + 64, 8 * people + 64)
         self.contacts = make_contacts(people, 4 * people + 64)
         self.events = make_events(4 * people + 16)
-        self.tally = np.zeros((2, len(TALLY)))
+        self.tally = np.zeros((2, len(at.NAMES)))
         self.forces = pack_forces(forces)
         self.cutoff = float(self.forces.cutoff.max(initial=0.0))
         self.full = full
@@ -86,7 +87,7 @@ class Engine:
                     first, status = model.run(self, clock)
                 if status != neighbours.OK:
                     self.handle(int(status), first * step)
-        self.tally[0, 0] += steps
+        self.tally[0, at.STEPS] += steps
         stepping.scatter(crowd, self.bodies)
         return self.events
 
@@ -113,8 +114,8 @@ class Engine:
     def report(self) -> dict[str, float | int]:
         """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
         return {
-            name: float(value) if name in MEASURES else int(value)
-            for name, value in zip(TALLY, self.tally[0], strict=True)
+            name: float(value) if name in at.MEASURES else int(value)
+            for name, value in zip(at.NAMES, self.tally[0], strict=True)
         }
 
     def handle(self, status: int, time: float) -> None:

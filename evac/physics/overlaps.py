@@ -4,6 +4,7 @@ import math
 
 from evac.jit import inner
 from evac.physics import stepping
+from evac.physics import tallies as at
 from evac.physics.motion import move
 from evac.physics.neighbours import OK
 from evac.physics.solvers import INELASTIC, solve_or_retry
@@ -58,12 +59,12 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
         farthest = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest
         status = _displace(world, bodies, lists, events, clock, time, farthest)
-        tally[0, 12] += 1.0
+        tally[0, at.POSITION_CORRECTIONS] += 1.0
         if status == OK:
             status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     else:
         contacts.count[2] = 1  # not again before the next tick
-        tally[0, 21] += 1.0
+        tally[0, at.FAILED_POSITION_CORRECTIONS] += 1.0
     if status == OK:
         status = stepping.seek(world, bodies, lists, contacts)
     return status

@@ -13,6 +13,7 @@ import numpy as np
 
 from evac.directions.sampling import sample_travel_time
 from evac.jit import inner, kernel
+from evac.physics import tallies as at
 from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
 from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
 from evac.physics.motion import TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
@@ -106,7 +107,7 @@ def refresh(world, bodies, lists, tally, needed, contact):
         lists.span[2] = 1.25 * contact
         lists.stale[0] = 1
     if lists_are_stale(bodies, lists):
-        tally[0, 2] += 1.0
+        tally[0, at.LIST_BUILDS] += 1.0
         return build_lists(world, bodies, lists)
     return OK
 
@@ -121,7 +122,7 @@ def free_motion(world, bodies, lists, forces, clock, tally, time, h, overdamped)
             return status, 0.0
         add_forces(world, bodies, lists, forces, clock)
     fastest = drive_overdamped(world, bodies, time) if overdamped else drive(world, bodies, time, h, clock.explicit)
-    tally[0, 18] = max(tally[0, 18], fastest)
+    tally[0, at.GREATEST_SPEED] = max(tally[0, at.GREATEST_SPEED], fastest)
     return OK, fastest
 
 
@@ -170,10 +171,10 @@ def tally_contacts(contacts, tally):
     """Count the contacts and their overlaps at the start of the step."""
     for c in range(contacts.count[0]):
         if contacts.gap[c] <= 0.0:
-            tally[0, 3] += 1.0
-            tally[0, 4] = max(tally[0, 4], -contacts.gap[c])
-            tally[0, 5] -= contacts.gap[c]
-            tally[0, 6] += 1.0
+            tally[0, at.CONTACTS] += 1.0
+            tally[0, at.GREATEST_OVERLAP] = max(tally[0, at.GREATEST_OVERLAP], -contacts.gap[c])
+            tally[0, at.OVERLAP_SUM] -= contacts.gap[c]
+            tally[0, at.OVERLAPS] += 1.0
 
 
 @inner
@@ -187,9 +188,9 @@ def take_free(bodies):
 @inner
 def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):
     """Sum the work, keep the percussions for a warm start, move; return a status."""
-    add_work(bodies, contacts, tally[0, 13:16])
+    add_work(bodies, contacts, tally[0, at.DRIVING_WORK : at.CONTACT_CREATION + 1])
     keep_impulses(contacts)
-    tally[0, 1] += 1.0
+    tally[0, at.SUB_STEPS] += 1.0
     return move(world, bodies, lists, events, time, h, old_share, 1.0, clock.full)
 
 
@@ -218,11 +219,11 @@ def cut(bodies, lists, contacts, events, tally, fired, status, parts):
     for k in range(tally.shape[1]):
         tally[0, k] = tally[1, k]
     if status == WALL_CROSSED:
-        entry = 16
+        entry = at.WALL_CROSSINGS_PREVENTED
     elif status == TOO_FAST:
-        entry = 17
+        entry = at.TOO_FAST_STEPS
     elif status == TOO_STIFF:
-        entry = 20
+        entry = at.TOO_STIFF_STEPS
     else:
         return 0
     tally[0, entry] += 1.0

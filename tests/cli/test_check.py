@@ -83,3 +83,43 @@ def test_seconds_to_an_exit_are_what_a_person_alone_takes(evac, tmp_path, capsys
     evac("run", "square_room", "--out", tmp_path / "r", "--set", *one)
     taken = json.loads((tmp_path / "r" / "summary.json").read_text())["last_out"]
     assert float(told) == pytest.approx(taken, abs=0.2)
+
+
+STEEP = """
+v 0 0 0
+v 5 0 0
+v 5 4 0
+v 0 4 0
+v 6 0 3
+v 6 4 3
+v 12 0 3
+v 12 4 3
+f 1 2 3 4
+f 2 5 6 3
+f 5 7 8 6
+"""
+
+STEEP_CASE = """
+[building]
+mesh = "steep.obj"
+[[building.exits]]
+name = "e"
+segment = [[0, 1], [0, 2]]
+z = 0.0
+[[people]]
+name = "a"
+positions = [[10, 2]]
+z = 3.0
+[contact]
+model = "nsm2"
+"""
+
+
+def test_an_error_brings_the_warnings_that_may_be_its_cause(evac, tmp_path, capsys):
+    (tmp_path / "steep.obj").write_text(STEEP)
+    (tmp_path / "case.toml").write_text(STEEP_CASE)
+    assert evac("check", tmp_path / "case.toml") == 2
+    error = capsys.readouterr().err
+    assert "cannot reach any exit" in error
+    assert "warning: " in error
+    assert "steeper than 50 degrees dropped" in error

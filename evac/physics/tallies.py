@@ -1,0 +1,68 @@
+"""The tally: what a run adds up, one number for each name.
+
+The array has two rows: the sums, and what they were at the start of the step, to go back to.
+"""
+
+NAMES = (
+    "steps",
+    "sub_steps",
+    "list_builds",
+    "contacts",
+    "greatest_overlap",
+    "overlap_sum",
+    "overlaps",
+    "solves",
+    "iterations",
+    "greatest_residual",
+    "unconverged_steps",
+    "retried_solves",
+    "position_corrections",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "wall_crossings_prevented",
+    "too_fast_steps",
+    "greatest_speed",
+    "elastic_fallbacks",
+    "too_stiff_steps",
+    "failed_position_corrections",
+    "repeated_searches",
+)
+
+#: Those that are no counts.
+MEASURES = {
+    "greatest_overlap",
+    "overlap_sum",
+    "greatest_residual",
+    "driving_work",
+    "contact_dissipation",
+    "contact_creation",
+    "greatest_speed",
+}
+
+#: Where each number stands in a row.
+(
+    STEPS,
+    SUB_STEPS,
+    LIST_BUILDS,
+    CONTACTS,
+    GREATEST_OVERLAP,
+    OVERLAP_SUM,
+    OVERLAPS,
+    SOLVES,
+    ITERATIONS,
+    GREATEST_RESIDUAL,
+    UNCONVERGED_STEPS,
+    RETRIED_SOLVES,
+    POSITION_CORRECTIONS,
+    DRIVING_WORK,
+    CONTACT_DISSIPATION,
+    CONTACT_CREATION,
+    WALL_CROSSINGS_PREVENTED,
+    TOO_FAST_STEPS,
+    GREATEST_SPEED,
+    ELASTIC_FALLBACKS,
+    TOO_STIFF_STEPS,
+    FAILED_POSITION_CORRECTIONS,
+    REPEATED_SEARCHES,
+) = range(len(NAMES))
