@@ -193,6 +193,7 @@ class Lists(NamedTuple):
 class Rows(NamedTuple):
     """The contact problem packed for the solvers, see `evac.physics.rows`."""
 
+    rigid: ByteArray  # (1,) 1: every row is rigid and pushes only
     body: IntArray
     other: IntArray  # a wall is body number n
     data: FloatArray  # (r, 8)

@@ -236,6 +236,7 @@ def make_rows(n: int, capacity: int) -> Rows:
     """Allocate the packed contact problem of n people; each contact may take two rows."""
     whole = {"body", "other", "branch", "face", "face_body", "face_other"}
     special: dict[str, Any] = {
+        "rigid": np.zeros(1, np.uint8),
         "data": np.zeros((capacity, 8)),
         "face_data": np.zeros((capacity, 8)),
         "work": np.zeros((4, capacity)),

@@ -197,11 +197,12 @@ def _sweep_on(rows, n, share):
     """Sweep up from x gone on by `share` of its last step; return the slope along the last step."""
     data = rows.data
     uphill = 0.0
+    rigid = rows.rigid[0] == 1
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
         old = rows.impulse[r]
         start = old + share * (old - rows.work[0, r])
-        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start)
+        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start, rigid)
         change = new - start
         push_row(rows.velocity, i, j, data, r, change)
         rows.work[0, r] = old

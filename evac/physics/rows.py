@@ -40,6 +40,7 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
     rows.free[bodies, 0] = 0.0
     rows.free[bodies, 1] = 0.0
     used = contacts.count[0] * 0
+    rows.rigid[0] = 1 if compliance < 0.0 and tangential <= 0.0 else 0
     for c in range(contacts.count[0]):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
@@ -115,9 +116,15 @@ def row_velocity(velocity, i, j, data, r):
 
 
 @inner
-def law(data, r, w, x):
-    """Return the x that makes row r obey its law with all others held, w being its scaled velocity now."""
+def law(data, r, w, x, rigid):
+    """Return the x that makes row r obey its law with all others held, w being its scaled velocity now.
+
+    `rigid` is that of the rows, read before a loop over them, so that the loop is compiled for either: a sweep over
+    rigid rows, those of NSM1 and of NSM2 with K_N = 0, is a fifth cheaper.
+    """
     rest = x - w
+    if rigid:
+        return max(rest - data[r, BIAS], 0.0)
     return max(max(rest - data[r, BIAS], data[r, SPRING] * (rest - data[r, BEFORE])), data[r, BOUND])
 
 
@@ -138,11 +145,11 @@ def row_energy(data, r, x):
 
 
 @inner
-def relax(rows, r):
+def relax(rows, r, rigid):
     """Make row r obey its law."""
     i, j = rows.body[r], rows.other[r]
     old = rows.impulse[r]
-    new = law(rows.data, r, row_velocity(rows.velocity, i, j, rows.data, r), old)
+    new = law(rows.data, r, row_velocity(rows.velocity, i, j, rows.data, r), old, rigid)
     push_row(rows.velocity, i, j, rows.data, r, new - old)
     rows.impulse[r] = new
 
@@ -150,24 +157,27 @@ def relax(rows, r):
 @inner
 def sweep_up(rows, n):
     """Relax the rows in their order: along the chains of force, away from the exit."""
+    rigid = rows.rigid[0] == 1
     for r in range(n):
-        relax(rows, r)
+        relax(rows, r, rigid)
 
 
 @inner
 def sweep_down(rows, n):
     """Relax the rows backwards."""
+    rigid = rows.rigid[0] == 1
     for r in range(n - 1, -1, -1):
-        relax(rows, r)
+        relax(rows, r, rigid)
 
 
 @inner
 def row_residual(rows, n):
     """Return max omega |P - P_local| over the rows [m/s]."""
     worst = 0.0
+    rigid = rows.rigid[0] == 1
     for r in range(n):
         old = rows.impulse[r]
-        new = law(rows.data, r, row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r), old)
+        new = law(rows.data, r, row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r), old, rigid)
         worst = max(worst, abs(new - old) * rows.scale[r])
     return worst
 

@@ -35,7 +35,7 @@ def find_slopes(contacts, inverse_mass, free, compliance, x, slopes, laws):
     n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, 0.0)
     for r in range(n):
         slopes[r] = (row_energy(contacts.rows.data, r, x + 1e-4) - row_energy(contacts.rows.data, r, x - 1e-4)) / 2e-4
-        laws[r] = law(contacts.rows.data, r, -slopes[r], x)
+        laws[r] = law(contacts.rows.data, r, -slopes[r], x, contacts.rows.rigid[0] == 1)
 
 
 class Problem:
