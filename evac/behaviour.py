@@ -42,17 +42,42 @@ class Behaviour(Configurable):
     group_keys: ClassVar[tuple[str, ...]] = ()
 
     def routes(self) -> tuple["Route", ...]:
-        """Return the routes it may give people beyond those their groups name; each costs a field."""
+        """Return the routes it may give people beyond those their groups name; each costs a field.
+
+        Returns
+        -------
+        tuple of Route
+            Rows of ``scene.fields.routes`` then hold them.
+        """
         return ()
 
     def prepare(self, scene: "BehaviourScene") -> None:
-        """Set up once, before the first step; may write the declared arrays."""
+        """Set up once, before the first step; may write the declared arrays.
+
+        Parameters
+        ----------
+        scene : BehaviourScene
+        """
 
     def act(self, crowd: "Crowd", time: float) -> None:
-        """Act at one tick, at `time` [s]."""
+        """Act at one tick: write the declared arrays in place, from where everybody is now.
+
+        Parameters
+        ----------
+        crowd : Crowd
+            Arrays of everybody, those out included (level -1); read-only except for ``writes``.
+        time : float
+            Of the tick [s].
+        """
 
     def is_needed(self, scene: "BehaviourScene") -> bool:
-        """Return False if it would change nothing in this scene, so that it can be left out."""
+        """Return False if it would change nothing in this scene, so that it can be left out.
+
+        Parameters
+        ----------
+        scene : BehaviourScene
+            As `prepare` gets it.
+        """
         return True
 
     def acts_at_ticks(self) -> bool:
@@ -60,7 +85,7 @@ class Behaviour(Configurable):
         return True
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the private arrays needed to go on from here."""
+        """Return the private arrays needed to go on from here, by names of the plugin's own; they are copied."""
         return {}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:

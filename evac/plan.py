@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.routes import STRATEGIES, Route
+from evac.errors import plugin_code
 from evac.people.groups import routes_of
 from evac.physics.force import Force
 
@@ -32,7 +33,8 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     """Return the routes that somebody can take, each once; `full` adds one of every strategy."""
     wanted = list(routes_of(case))
     for behaviour in behaviours:
-        wanted.extend(behaviour.routes())
+        with plugin_code(f"behaviour {behaviour.name!r}: routes"):
+            wanted.extend(behaviour.routes())
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)
     return tuple(dict.fromkeys(wanted))
@@ -40,7 +42,12 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
     """Return the forces that push anybody."""
-    return [force for force in forces if full or force.is_needed()]
+    needed = []
+    for force in forces:
+        with plugin_code(f"force {force.name!r}: is_needed"):
+            if full or force.is_needed():
+                needed.append(force)
+    return needed
 
 
 def explain(

@@ -106,7 +106,7 @@ class Simulation:
         with noting(self.building.warnings), self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
-            with naming(case.source):
+            with naming(case.source), plugin_code("behaviours: is_needed"):
                 self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
         with naming(case.source):
             self.contact.check_scene(self._border_scene())

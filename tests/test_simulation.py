@@ -357,6 +357,13 @@ def test_each_force_ends_at_its_own_cutoff(tmp_path):
     np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("method", ["is_needed", "cutoff", "packed"])
+def test_a_force_that_fails_is_named(tmp_path, method):
+    fails = f"        def {method}(self):\n            return 1 / 0\n\n    class Idle"
+    with pytest.raises(PluginError, match=r"force 'tail'.*ZeroDivisionError: division by zero \(.*odd\.py, line"):
+        Simulation(in_the_room(tmp_path, FORCES.replace("    class Idle", fails, 1), **{"forces.tail": {}}))
+
+
 def test_a_force_that_divides_by_zero_is_told_of(tmp_path):
     case = in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **{"forces.divides": {}})
     with pytest.raises(SimulationError, match=r"person 0 .* moves too fast .*; check speeds, forces"):

@@ -18,11 +18,30 @@ class Recorder(Configurable, ABC):
     """
 
     def start(self, simulation: "Simulation") -> None:
-        """Set up before the first step."""
+        """Set up before the first step.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            Ready to run; to be looked at only.
+        """
 
     @abstractmethod
     def record(self, simulation: "Simulation") -> None:
-        """Take what is wanted at ``simulation.time`` [s]."""
+        """Take what is wanted at ``simulation.time`` [s].
+
+        Parameters
+        ----------
+        simulation : Simulation
+            Its ``population.crowd`` has the arrays of everybody; copy what is kept, for they go on changing.
+        """
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
-        """Close what `start` opened; `results` is None where the run ended in an error."""
+        """Close what `start` opened.
+
+        Parameters
+        ----------
+        simulation : Simulation
+        results : Results or None
+            None where the run ended in an error.
+        """

@@ -109,7 +109,17 @@ class ContactModel(Configurable, ABC):
         return []
 
     def step(self, contacts: StepContacts, h: float) -> FloatArray:
-        """Return the velocities (n, 2) after a sub-step of `h` seconds and fill ``contacts.impulse``.
+        """Return the velocities after a sub-step and fill ``contacts.impulse``.
+
+        Parameters
+        ----------
+        contacts : StepContacts
+        h : float
+            Length of the sub-step [s].
+
+        Returns
+        -------
+        (n, 2) [m/s]
 
         Raises
         ------

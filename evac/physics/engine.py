@@ -155,13 +155,16 @@ def _grown(array: np.ndarray) -> np.ndarray:
 
 def pack_forces(forces: list[Force]) -> Forces:
     """Return addresses and parameters of pair forces; shorter parameter rows are filled with zeros."""
-    rows = [force.packed() for force in forces]
-    parameters = np.zeros((len(rows), max((len(row) for row in rows), default=1)))
-    for k, row in enumerate(rows):
+    packed = []
+    for force in forces:
+        with plugin_code(f"force {force.name!r}"):
+            packed.append((force.pair.address, force.cutoff(), force.packed()))
+    parameters = np.zeros((len(packed), max((len(row) for _, _, row in packed), default=1)))
+    for k, (_, _, row) in enumerate(packed):
         parameters[k, : len(row)] = row
     return Forces(
-        address=np.array([force.pair.address for force in forces], dtype=np.int64),
-        cutoff=np.array([force.cutoff() for force in forces], dtype=np.float64),
+        address=np.array([address for address, _, _ in packed], dtype=np.int64),
+        cutoff=np.array([cutoff for _, cutoff, _ in packed], dtype=np.float64),
         parameters=parameters,
     )
 

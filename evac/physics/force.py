@@ -20,7 +20,7 @@ class Force(Configurable, ABC):
     pair: ClassVar[Any]
 
     def packed(self) -> NDArray[np.float64]:
-        """Return the parameters as the pair function reads them."""
+        """Return the parameters as the pair function reads them, (p,) float64; by default all declared numbers."""
         return np.array(list(self.values().values()), dtype=np.float64)
 
     @abstractmethod
