@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,6 +100,10 @@ def run_into(
     writing : callable, optional
         Called when the run is over, before its outputs are written.
 
+    Returns
+    -------
+    Results
+
     Raises
     ------
     EvacError
@@ -110,7 +115,8 @@ def run_into(
     except EvacError:
         if simulation.step:
             simulation.ended = simulation.ended or FAILED
-            simulation.results().write(folder)
+            with suppress(ResultError):  # the first failure is the one to tell
+                simulation.results().write(folder)
         raise
     if writing is not None:
         writing()
