@@ -145,7 +145,7 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float
     Raises
     ------
     PluginError
-        A number is not finite, or there is no such route; names behaviour, time and person.
+        A number is not legal for its array, or there is no such route; names behaviour, time and person.
     """
     for name in set(behaviour.writes) & {"speed_factor", "extra_direction", "start_time"}:
         written = getattr(crowd, name)

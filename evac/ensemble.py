@@ -1,9 +1,11 @@
 """Many runs of one case, each with a seed of its own: how certain a result is."""
 
 import json
+import signal
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from evac.errors import ResultError
+from evac.errors import EvacError, ResultError, ScenarioError, SimulationError
 from evac.output.results import plain, versions, write_csv
 from evac.running import EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, clear_folder
 from evac.simulation import EVERYBODY_OUT, Simulation
@@ -31,6 +33,8 @@ EGRESS_NAME = "egress.csv"
 
 #: Of the interval of the mean.
 CONFIDENCE = 0.95
+#: Windows waits for no more processes than these.
+MOST_WORKERS = 61
 #: Percentiles of the egress curves, beside their mean.
 PERCENTILES = (5, 50, 95)
 
@@ -42,6 +46,7 @@ class Run:
     seed: int
     ended: str
     time: float  # simulated [s]
+    plugins: tuple[str, ...]  # name and version of each with a part in it
     exit_time: FloatArray  # (people,) [s], NaN for who is still inside
 
 
@@ -65,42 +70,63 @@ class Ensemble:
         return len(self.runs[0].exit_time)
 
     @property
+    def plugins(self) -> tuple[str, ...]:
+        """Name and version of each plugin with a part in the runs."""
+        return self.runs[0].plugins
+
+    @property
     def complete(self) -> tuple[Run, ...]:
         """The runs in which everybody got out."""
         return tuple(run for run in self.runs if run.ended == EVERYBODY_OUT)
 
     def last_out(self) -> dict[str, float]:
-        """Return statistics of the time at which the last one left [s], over the complete runs; empty without any.
+        """Return statistics of the time at which the last one left, over the complete runs.
 
-        mean and its interval of `CONFIDENCE` (Student's t), standard deviation, least, the percentiles, greatest.
+        Returns
+        -------
+        dict of str to float [s]
+            ``mean``, ``least``, ``greatest``, ``percentile_5``, ``percentile_50``, ``percentile_95``, and of two runs
+            or more ``standard_deviation``, ``mean_from`` and ``mean_to``: the interval of `CONFIDENCE` of the mean
+            (Student's t). Empty if no run is complete.
         """
         last = np.array([np.nanmax(run.exit_time) for run in self.complete])
         if not last.size:
             return {}
         found = {"mean": float(last.mean()), "least": float(last.min()), "greatest": float(last.max())}
         for percentile in PERCENTILES:
-            found[f"percentile {percentile}"] = float(np.percentile(last, percentile))
+            found[f"percentile_{percentile}"] = float(np.percentile(last, percentile))
         if last.size > 1:
             deviation = float(last.std(ddof=1))
             half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, last.size - 1)) * deviation / float(np.sqrt(last.size))
-            found["standard deviation"] = deviation
-            between = f"mean, {100.0 * CONFIDENCE:g} % interval"
-            found |= {f"{between} from": found["mean"] - half, f"{between} to": found["mean"] + half}
+            found["standard_deviation"] = deviation
+            found |= {"mean_from": found["mean"] - half, "mean_to": found["mean"] + half}
         return found
 
     def egress(self) -> dict[str, FloatArray]:
-        """Return columns ``time`` [s], every ``output.every`` seconds, and mean and percentiles of the number out."""
+        """Return mean and percentiles of the number out over all runs.
+
+        Returns
+        -------
+        dict of str to (k,) float64
+            ``time`` [s], every ``output.every`` seconds, ``mean``, and ``percentile_5``, ``percentile_50`` and
+            ``percentile_95``.
+        """
         end = max(run.time for run in self.runs)
         time = np.arange(0.0, end + self.case.output.every, self.case.output.every)
         # NaN sorts last, behind every time.
         out = np.array([np.searchsorted(np.sort(run.exit_time), time, "right") for run in self.runs])
         columns = {"time": time, "mean": out.mean(axis=0)}
         for percentile in PERCENTILES:
-            columns[f"percentile {percentile}"] = np.percentile(out, percentile, axis=0)
+            columns[f"percentile_{percentile}"] = np.percentile(out, percentile, axis=0)
         return columns
 
     def write(self, folder: Path) -> None:
-        """Write summary.json, runs.csv, egress.csv and egress.png to a folder, as `evac.run` treats folders.
+        """Write summary.json, runs.csv, egress.csv and egress.png.
+
+        Parameters
+        ----------
+        folder : Path
+            New, empty, or a result folder of evac, which is overwritten.
 
         Raises
         ------
@@ -115,6 +141,7 @@ class Ensemble:
             "complete": len(self.complete),
             "last_out": self.last_out(),
             "case": self.case.to_dict(),
+            "plugins": self.plugins,
             "versions": versions(),
         }
         egress = self.egress()
@@ -128,7 +155,7 @@ class Ensemble:
     def _draw(self, path: Path, egress: dict[str, FloatArray]) -> None:
         from evac.output.pictures import new_axes, save
 
-        low, middle, high = (f"percentile {percentile}" for percentile in PERCENTILES)
+        low, middle, high = (f"percentile_{percentile}" for percentile in PERCENTILES)
         note = f"{len(self.runs)} runs, everybody out in {len(self.complete)}"
         figure, axes = new_axes(f"{textwrap.fill(self.case.title, 90)}\n{note}", self.people)
         label = f"percentiles {PERCENTILES[0]} to {PERCENTILES[-1]}"
@@ -140,7 +167,9 @@ class Ensemble:
         save(figure, path)
 
 
-def run_many(case: "Case", runs: int, *, workers: int | None = None) -> Ensemble:
+def run_many(
+    case: "Case", runs: int, *, workers: int | None = None, progress: Callable[[int, int], None] | None = None
+) -> Ensemble:
     """Run a case with `runs` seeds, from ``simulation.seed`` on, several at a time.
 
     Parameters
@@ -148,8 +177,12 @@ def run_many(case: "Case", runs: int, *, workers: int | None = None) -> Ensemble
     case : Case
         From `evac.load`.
     runs : int
+        At least 1.
     workers : int, optional
-        Processes; as many as there are cores by default. Results do not depend on it.
+        Processes; as many as there are cores by default. Results do not depend on it. With more than one, a script has
+        its commands under ``if __name__ == "__main__":``, for each process reads it.
+    progress : callable, optional
+        Called with the number of runs done and of all of them, whenever one is.
 
     Returns
     -------
@@ -158,15 +191,22 @@ def run_many(case: "Case", runs: int, *, workers: int | None = None) -> Ensemble
     Raises
     ------
     EvacError
-        As `evac.run`, from the first run that fails.
+        As `evac.run`, from the first run that fails; a note tells its seed. Or `runs` or `workers` is below 1.
     """
+    if runs < 1 or (workers is not None and workers < 1):
+        raise ScenarioError(f"runs and workers must be at least 1, not {runs} and {workers}")
     first = case.simulation.seed
     cases = [case.change({"simulation.seed": first + k}) for k in range(runs)]
-    return Ensemble(case, tuple(in_processes(_one, cases, min(workers or cpu_count() or 1, runs))))
+    found = []
+    for run in in_processes(_one, cases, min(workers or cpu_count() or 1, runs)):
+        found.append(run)
+        if progress is not None:
+            progress(len(found), runs)
+    return Ensemble(case, tuple(found))
 
 
-def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> list[Result]:
-    """Return ``[function(item) for item in items]``, computed in processes; the order is that of the items.
+def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> Iterator[Result]:
+    """Yield ``function(item) for item in items``, computed in processes; the order is that of the items.
 
     Parameters
     ----------
@@ -176,16 +216,41 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
         Picklable. Make each worth a second or more: one call per item.
     workers : int
         Processes; 1 computes in this one.
+
+    Yields
+    ------
+    What the function returns.
+
+    Raises
+    ------
+    SimulationError
+        A process was killed, or could not start.
     """
     if workers == 1:
-        return [function(item) for item in items]
-    with ProcessPoolExecutor(min(workers, cpu_count() or 1), mp_context=get_context("spawn")) as pool:
-        return list(pool.map(function, items))
+        yield from map(function, items)
+        return
+    try:
+        with ProcessPoolExecutor(
+            min(workers, cpu_count() or 1, MOST_WORKERS),
+            mp_context=get_context("spawn"),
+            initializer=signal.signal,  # Ctrl-C ends a process at once, with all that waits for it
+            initargs=(signal.SIGINT, signal.SIG_DFL),
+        ) as pool:
+            yield from pool.map(function, items)
+    except BrokenProcessPool as error:
+        raise SimulationError(
+            "a process ended before its time: too little memory? use fewer of them. A script that starts processes has "
+            "its commands under: if __name__ == '__main__':"
+        ) from error
 
 
 def _one(case: "Case") -> Run:
-    results = Simulation(case).run()
-    return Run(results.seed, results.ended, results.time, results.crowd.exit_time)
+    try:
+        results = Simulation(case).run()
+    except EvacError as error:
+        error.add_note(f"in the run with simulation.seed = {case.simulation.seed}")
+        raise
+    return Run(results.seed, results.ended, results.time, tuple(results.plugins), results.crowd.exit_time)
 
 
 def _row(run: Run) -> tuple[Any, ...]:

@@ -183,8 +183,20 @@ class Registry:
         if provenance not in self.provenance:
             self._register(_loaded(f"plugin file {path}", lambda: _module_of(path, text)), provenance)
 
-    def read_building(self, path: Path, **options: Any) -> "Building":
+    def read_building(self, path: Path, *, need_exit: bool = True, **options: Any) -> "Building":
         """Return the building in a file, read by the first plugin that takes it, or as `evac.read_building` does.
+
+        Parameters
+        ----------
+        path : Path
+        need_exit : bool
+            Whether evac itself refuses a building that nobody can leave.
+        **options
+            What a case says under ``[building]``, for plugins and evac alike.
+
+        Returns
+        -------
+        Building
 
         Raises
         ------
@@ -199,7 +211,7 @@ class Registry:
         with plugin_code(f"{path}: evac_read_building"):
             building = self.hook.evac_read_building(path=path, options=options)
         if building is None:
-            return read_building(path, **options)
+            return read_building(path, need_exit=need_exit, **options)
         if not isinstance(building, Building):
             raise PluginError(f"{path}: a plugin's evac_read_building returned {type(building).__name__}, no Building")
         return building
@@ -255,8 +267,11 @@ class Registry:
         known = [name for name in vars(hookspecs) if name.startswith("evac_")]
         hooks = 0
         for name, item in vars(module).items():
-            marked = self._manager.parse_hookimpl_opts(module, name) is not None
+            found = self._manager.parse_hookimpl_opts(module, name)
+            marked = found is not None
             hooks += marked
+            if found is not None and (found.get("wrapper") or found.get("hookwrapper")):
+                raise PluginError(f"plugin {plugin}: {name} is a wrapper of hooks; evac calls none, take it off")
             if marked and name not in known:
                 raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
             if name in known and not marked and inspect.isfunction(item):

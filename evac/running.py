@@ -26,8 +26,6 @@ EGRESS_PICTURE_NAME = "egress.png"
 RUNS_NAME = "runs.csv"
 ANIMATION_NAME = "animation.pvd"
 WRITTEN = (
-    SUMMARY_NAME,
-    FILE_NAME,
     "egress.csv",
     "people.csv",
     EGRESS_PICTURE_NAME,
@@ -37,6 +35,8 @@ WRITTEN = (
     "frames/frame_*.vtp",
     PICTURE_NAME,
     FILM_NAME,
+    SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
+    FILE_NAME,
 )
 
 
@@ -154,7 +154,23 @@ def _is_result(folder: Path) -> bool:
         summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(summary, dict) and "evac" in summary.get("versions", {})
+    versions = summary.get("versions") if isinstance(summary, dict) else None
+    return isinstance(versions, dict) and "evac" in versions
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for results where there is none, or see that it may be used.
+
+    Raises
+    ------
+    ResultError
+        It is somebody else's, or cannot be made.
+    """
+    check_folder(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"{folder}: cannot write results there: {error.strerror}; choose another folder") from error
 
 
 def clear_folder(folder: Path) -> None:
@@ -165,9 +181,8 @@ def clear_folder(folder: Path) -> None:
     ResultError
         The folder cannot be made or written.
     """
-    check_folder(folder)
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for pattern in WRITTEN:
             for path in folder.glob(pattern):
                 path.unlink()

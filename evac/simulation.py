@@ -162,7 +162,7 @@ class Simulation:
                     progress(Progress(self.time, settings.duration, people, people - self.population.inside))
             results = self.results()
         except Stopped:
-            self.ended = INTERRUPTED
+            self.ended = self.ended or INTERRUPTED
             results = self.results()
         except BaseException as caught:
             error = caught

@@ -9,6 +9,7 @@ import pytest
 
 import evac
 from evac.ensemble import Ensemble, Run, in_processes, run_many
+from evac.errors import PluginError, ScenarioError
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +18,7 @@ def case():
 
 
 def made(case, *times, ended="everybody out"):
-    runs = tuple(Run(seed, ended, 10.0, np.array(time)) for seed, time in enumerate(times))
+    runs = tuple(Run(seed, ended, 10.0, (), np.array(time)) for seed, time in enumerate(times))
     return Ensemble(case, runs)
 
 
@@ -30,21 +31,53 @@ def test_runs_are_those_of_their_seeds(case):
     assert len({run.exit_time.tobytes() for run in ensemble.runs}) == 3
 
 
+def test_progress_is_told_run_by_run(case):
+    told = []
+    run_many(case, 2, workers=1, progress=lambda done, runs: told.append((done, runs)))
+    assert told == [(1, 2), (2, 2)]
+
+
+def test_no_runs_and_no_workers_are_refused(case):
+    with pytest.raises(ScenarioError, match="at least 1, not 0 and None"):
+        run_many(case, 0)
+    with pytest.raises(ScenarioError, match="at least 1, not 2 and -1"):
+        run_many(case, 2, workers=-1)
+
+
+def test_a_run_that_fails_tells_its_seed(tmp_path):
+    path = tmp_path / "odd.py"
+    path.write_text(
+        "from evac import Behaviour, hookimpl\n"
+        "class Odd(Behaviour):\n"
+        '    """Fails."""\n'
+        "    name = 'odd'\n"
+        "    def act(self, crowd, time):\n"
+        "        raise ValueError('oops')\n"
+        "@hookimpl\n"
+        "def evac_behaviours():\n"
+        "    return [Odd]\n"
+    )
+    case = evac.load("square_room", {"behaviours.odd": {}, "simulation.seed": 8}, plugin_files=[path])
+    with pytest.raises(PluginError, match="oops") as caught:
+        run_many(case, 1, workers=1)
+    assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
+
+
 def test_statistics_of_the_last_one_out(case):
     found = made(case, [1.0, 2.0], [4.0, 3.0], [6.0, 1.0]).last_out()
-    assert (found["mean"], found["least"], found["percentile 50"], found["greatest"]) == (4.0, 2.0, 4.0, 6.0)
-    assert found["standard deviation"] == 2.0
+    assert (found["mean"], found["least"], found["percentile_50"], found["greatest"]) == (4.0, 2.0, 4.0, 6.0)
+    assert found["standard_deviation"] == 2.0
     # Student's t for two degrees of freedom and 95 %: 4.303.
-    assert found["mean, 95 % interval to"] - found["mean"] == pytest.approx(4.303 * 2.0 / math.sqrt(3.0), rel=1e-3)
+    assert found["mean_to"] - found["mean"] == pytest.approx(4.303 * 2.0 / math.sqrt(3.0), rel=1e-3)
     assert made(case, [math.nan, 1.0], ended="no progress").last_out() == {}
-    assert "standard deviation" not in made(case, [1.0, 2.0]).last_out()
+    assert "standard_deviation" not in made(case, [1.0, 2.0]).last_out()
 
 
 def test_egress_counts_who_is_out_at_each_time(case):
     egress = made(case, [1.0, 2.0], [2.0, math.nan]).egress()
     assert egress["time"][:6].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
     assert egress["mean"][:6].tolist() == [0.0, 0.0, 0.5, 0.5, 1.5, 1.5]
-    assert egress["percentile 50"][-1] == 1.5
+    assert egress["percentile_50"][-1] == 1.5
 
 
 def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
@@ -58,11 +91,11 @@ def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
     assert summary["last_out"]["greatest"] == 4.0
     assert (tmp_path / "r" / "egress.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "r" / "egress.csv").open() as file:
-        assert next(csv.reader(file)) == ["time", "mean", "percentile 5", "percentile 50", "percentile 95"]
+        assert next(csv.reader(file)) == ["time", "mean", "percentile_5", "percentile_50", "percentile_95"]
     ensemble.write(tmp_path / "r")  # its own results may be overwritten
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_processes_keep_the_order_of_the_items(workers):
     # A function that a new process can import: `tests` is importable only where pytest runs.
-    assert in_processes(math.factorial, [3, 1, 2], workers) == [6, 1, 2]
+    assert list(in_processes(math.factorial, [3, 1, 2], workers)) == [6, 1, 2]

@@ -108,6 +108,8 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
         ("def evac_forces():\n    return []\n", ["evac_forces is not marked", "put @hookimpl"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces(scene):\n    return []\n",
          ["scene", "see evac.hookspecs"]),
+        ("from evac import hookimpl\n@hookimpl(wrapper=True)\ndef evac_finish():\n    yield\n",
+         ["evac_finish is a wrapper of hooks"]),
         ("gravity = 9.81\n", ["has no hook and would change nothing", "evac_contact_models"]),
         ("import no_such_module\n", ["cannot be loaded", "ModuleNotFoundError", "no_such_module"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_forces():\n    return 1 / 0\n",

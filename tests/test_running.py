@@ -17,8 +17,9 @@ def with_plugin(tmp_path, text, changes=()):
     return evac.load("square_room", dict(changes), plugin_files=[path])
 
 
-def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path):
-    for name, text in (("summary.json", '{"mine": 1}'), ("picture.png", "mine"), ("trajectory.evac", "mine")):
+@pytest.mark.parametrize("summary", ['{"mine": 1}', '{"versions": null}', '{"versions": "evac"}', "[1]", "no json"])
+def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
+    for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
         (tmp_path / name).write_text(text)
     with pytest.raises(ResultError, match="holds files and is no result folder of evac"):
         run(evac.load("square_room"), tmp_path)
@@ -124,3 +125,22 @@ def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
     with pytest.raises(ResultError, match="frames"):
         run(case, folder)
     assert json.loads((folder / "summary.json").read_text())["people"] == 20
+
+
+def test_a_folder_whose_clearing_failed_is_still_known(tmp_path):
+    case = evac.load("square_room", {"simulation.duration": 0.5})
+    run(case, tmp_path / "r")
+    (tmp_path / "r" / "egress.csv").unlink()
+    (tmp_path / "r" / "egress.csv").mkdir()  # cannot be removed as a file
+    with pytest.raises(ResultError, match="cannot write results there"):
+        run(case, tmp_path / "r")
+    (tmp_path / "r" / "egress.csv").rmdir()
+    run(case, tmp_path / "r")
+
+
+def test_a_stop_after_the_last_tick_leaves_how_it_ended():
+    def stop(progress):
+        if progress.out == progress.people:
+            raise Stopped
+
+    assert Simulation(evac.load("square_room")).run(stop).ended == "everybody out"

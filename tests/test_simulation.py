@@ -128,9 +128,7 @@ def test_resuming_square_room_to_its_end(model):
 
 SCRIPT = """
 import sys
-import textwrap
 import numpy as np
-from evac.errors import PluginError, SimulationError
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 changes = {"contact.model": sys.argv[1], "people.people.number": 12, "forces.social.strength": 2000.0,

@@ -8,6 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.building.edges import segment_lengths
+from evac.building.elevation import level_elevation
 from evac.building.model import Building, Level, Portal
 from evac.errors import BuildingError
 
@@ -50,14 +51,19 @@ def _check_same_ground(building: Building) -> None:
     """Refuse two level floors over each other without room between: who is on one would not see who is on the other."""
     flat = [level for level in building.levels if level.kind != "flight"]
     for a, b in itertools.combinations(flat, 2):
-        if abs(a.z_max - b.z_max) >= LEAST_HEADROOM or not a.polygon.intersects(b.polygon):
+        if a.z_max + LEAST_HEADROOM <= b.z_min or b.z_max + LEAST_HEADROOM <= a.z_min:
             continue
         both = a.polygon.intersection(b.polygon)
-        if both.area > LEAST_SHARED:
-            x, y = both.representative_point().coords[0]
+        if both.area <= LEAST_SHARED:
+            continue
+        places = np.vstack([both.representative_point().coords[0], shapely.get_coordinates(both)])
+        heights = [level_elevation(building.vertices, level, places) for level in (a, b)]
+        nearest = int(np.abs(heights[0] - heights[1]).argmin())
+        (x, y), (one, other) = places[nearest], (float(height[nearest]) for height in heights)
+        if abs(one - other) < LEAST_HEADROOM:
             raise BuildingError(
-                f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.2f} m2 of ground at ({x:.2f}, "
-                f"{y:.2f}), at heights {a.z_max:.2f} and {b.z_max:.2f}: people on one would walk through those on the "
+                f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.2f} m2 of ground; at ({x:.2f}, "
+                f"{y:.2f}) their heights are {one:.2f} and {other:.2f}: people on one would walk through those on the "
                 "other; cut one out of the other (an area, too, is a part of its floor, not drawn over it)"
             )
 
@@ -119,12 +125,13 @@ def check_stairs(building: Building) -> None:
 
 def _nearest_end(building: Building, own: list[Level]) -> str:
     """Say which level misses an end of the stair by least, if one does within a metre."""
-    neighbours = {index for portal in building.portals for index in portal.levels}
+    members = {one.index for one in own}
+    joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
     misses = [
         (one.polygon.distance(other.polygon), other.name)
         for one in own
         for other in building.levels
-        if other.index not in neighbours and min(abs(other.z_min - z) for z in (one.z_min, one.z_max)) < LEAST_HEADROOM
+        if other.index not in joined and min(abs(other.z_min - z) for z in (one.z_min, one.z_max)) < LEAST_HEADROOM
     ]
     miss, nearest = min(misses, default=(np.inf, ""))
     return f"; {nearest!r} is {miss:.3f} m away in plan" if miss < LEAST_DEPTH else ""

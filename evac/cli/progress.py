@@ -68,6 +68,15 @@ class Display:
         else:
             print(numbers, file=sys.stderr, flush=True)
 
+    def runs(self, done: int, runs: int) -> None:
+        """Show how many of several runs are done; a line for each where there is no terminal."""
+        if self._is_bar:
+            self._bar.update(
+                self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
+            )
+        else:
+            print(f"{done}/{runs} runs", file=sys.stderr, flush=True)
+
 
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
     """Return people out, simulated time, speed against real time and the time left, in words.

@@ -8,7 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.cases import case_of, declare_case, default_folder, warnings_of
+from evac.cli.progress import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -21,21 +22,24 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
-    from evac.cli.screen import show_facts
+    from evac.cli.screen import show_facts, show_warnings
     from evac.ensemble import run_many
-    from evac.running import check_folder
+    from evac.running import check_folder, make_folder
+    from evac.simulation import EVERYBODY_OUT, Simulation
 
     case = case_of(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
     check_folder(folder)
-    first = case.simulation.seed
-    print(f"running seeds {first} to {first + arguments.runs - 1}", file=sys.stderr, flush=True)
-    ensemble = run_many(case, arguments.runs, workers=arguments.jobs)
+    show_warnings(warnings_of(Simulation(case)))
+    make_folder(folder)
+    print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
+    with Display() as display:
+        ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
     ensemble.write(folder)
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
-    show_facts({f"last out, {name}": f"{value:.2f} s" for name, value in ensemble.last_out().items()})
-    left = [str(run.seed) for run in ensemble.runs if run not in ensemble.complete]
+    show_facts({f"last out, {name.replace('_', ' ')}": f"{value:.2f} s" for name, value in ensemble.last_out().items()})
+    left = [str(run.seed) for run in ensemble.runs if run.ended != EVERYBODY_OUT]
     if left:
         print(f"evac: people are left with seeds {', '.join(left)}; evac run --seed N shows where", file=sys.stderr)
     show_facts({"results in": folder})
@@ -43,7 +47,6 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
+    return int(text)

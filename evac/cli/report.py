@@ -85,7 +85,7 @@ def _show_left(summary: dict[str, Any], results: Results) -> None:
     pushed = summary["left_by_other_exits"]
     if pushed:
         print(
-            f"evac: {pushed} people left by an exit that their group does not name: others pushed them across its line",
+            f"evac: left by another exit than the own route leads to, as when pushed across its line: {pushed} people",
             file=sys.stderr,
         )
     stuck = summary["stuck"]

@@ -59,7 +59,12 @@ def execute(arguments: argparse.Namespace) -> int:
         warnings = warnings_of(simulation)
         display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
         with _Interrupt(display) as progress:
-            results = run_into(simulation, folder, progress, lambda: display.phase("writing the results"))
+
+            def writing() -> None:
+                progress.release()
+                display.phase("writing the results")
+
+            results = run_into(simulation, folder, progress, writing)
     show_warnings(warnings)
     show_facts({f"{key} (from --tolerance)": value for key, value in chosen.items()})
     show_results(results, folder)
@@ -88,9 +93,13 @@ class _Interrupt:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Let Ctrl-C mean again what it meant before."""
         signal.signal(signal.SIGINT, self._before)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.is_wanted = True
         os.write(sys.stderr.fileno(), b"\nevac: stopping at the end of this tick; Ctrl-C again to stop at once\n")
-        signal.signal(signal.SIGINT, self._before)
+        self.release()

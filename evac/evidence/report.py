@@ -83,7 +83,7 @@ class Evidence:
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
-        return in_processes(function, items, 1 if self.quick else WORKERS)
+        return list(in_processes(function, items, 1 if self.quick else WORKERS))
 
     def heading(self, words: str) -> None:
         """Open a section of the page."""
@@ -123,7 +123,7 @@ class Evidence:
         self._page.append(f"{words}: [{name}.csv]({name}.csv)")
 
     def _write_csv(self, name: str, rows: Sequence[Row]) -> None:
-        with (self.folder / f"{name}.csv").open("w", newline="") as file:
+        with (self.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)

@@ -46,7 +46,7 @@ def _in_one_sentence(evidence: Evidence, start: float) -> str:
     counts: Counter[str] = Counter()
     for path in evidence.folder.glob("*.csv"):
         if path.stat().st_mtime >= start - 1.0:
-            with path.open(newline="") as file:
+            with path.open(newline="", encoding="utf-8") as file:
                 counts.update(row["verdict"] for row in csv.DictReader(file) if "verdict" in row)
     told = ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS if kind != WRONG)
     return f"Of {counts.total()} cells and scenes {counts[WRONG]} are wrong; {told}."

@@ -97,7 +97,7 @@ def show_map(
 
 def write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
     """Write NAME.csv: one line for each cell, with its verdict, error and words."""
-    with (evidence.folder / f"{name}.csv").open("w", newline="") as file:
+    with (evidence.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["panel", *axes, "verdict", "error", "words"])
         for cell in cells:

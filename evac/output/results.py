@@ -130,7 +130,7 @@ class Results:
 
     @property
     def left_by_other_exits(self) -> IntArray:
-        """Rows of the people who left by an exit that their route does not name: others pushed them across its line."""
+        """Rows of the people who left by another exit than their route leads to, pushed across its line for example."""
         named = [{exit_.index for exit_ in self.building.exits if exit_.name in route.exits} for route in self.routes]
         used, route = self.crowd.exit_used, self.crowd.route
         other = [used[p] >= 0 and named[route[p]] and used[p] not in named[route[p]] for p in range(self.people)]

@@ -91,4 +91,8 @@ def check_people(case: "Case", building: Building) -> None:
 def _mean_on_stairs(people: "People", quantity: str) -> float:
     """Return a group's mean speed on stairs; a factor is independent of the flat speed it multiplies."""
     given = getattr(people, quantity)
-    return given.mean() if isinstance(given, Distribution) else given.factor.mean() * people.speed.mean()
+    if not isinstance(given, Distribution):
+        return float(given.factor.mean() * people.speed.mean())
+    if quantity in people.model_fields_set:
+        return given.mean()
+    return min(given.mean(), people.speed.mean())  # nobody is faster there than on the flat

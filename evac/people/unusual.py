@@ -35,7 +35,7 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     pairs, deepest = overlapping(crowd)
     if pairs:
         notes.append(
-            f"{pairs} pairs of people start overlapping, by up to {deepest:.2f} m: they are pushed apart as the "
+            f"pairs of people who start overlapping: {pairs}, by up to {deepest:.2f} m: they are pushed apart as the "
             "contact model can, or walk out overlapping"
         )
     return tuple(notes)

@@ -102,14 +102,21 @@ class Engine:
         return {
             "tally": self.tally.copy(),
             "span": self.lists.span.copy(),
-            "contact_capacity": np.array([len(self.contacts.body)]),
+            "room": np.array([len(array) for array in self._rooms()]),
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Take up what `state` returned. Where contacts run out of room a step starts cold, so the room counts too."""
+        """Take up what `state` returned. A step that ran out of room starts cold, so the room counts too."""
+        pairs, walls, contacts, events = map(int, state["room"])
+        n = len(self.bodies.row)
+        self.lists, self.contacts = make_lists(n, pairs, walls), make_contacts(n, contacts)
+        self.events = make_events(events)
         self.tally[:] = state["tally"]
         self.lists.span[:] = state["span"]
-        self.contacts = make_contacts(len(self.bodies.row), int(state["contact_capacity"][0]))
+
+    def _rooms(self) -> tuple[np.ndarray, ...]:
+        """Return the arrays that grow, one of each bundle."""
+        return self.lists.pair_body, self.lists.wall_item, self.contacts.body, self.events.row
 
     def report(self) -> dict[str, float | int]:
         """Return what the run has added up so far, by name: counts as int, the other numbers as float."""

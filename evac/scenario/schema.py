@@ -153,7 +153,7 @@ class People(Section):
         Distribution("uniform", (0.5, 1.0)),
     )
     exits: tuple[str, ...] = key(
-        "names of the exits they head for; empty: any; who is pushed out through another one is out, and counted",
+        "names of the exits they head for; empty: any; who leaves by another one, pushed, is out and counted",
         "",
         (),
     )

@@ -77,6 +77,13 @@ def test_stair_that_joins_nothing_is_refused(mesh, read, shift):
     assert str(caught.value).endswith("; 'floor z=2.00' is 0.100 m away in plan") == (shift == 0.1)
 
 
+def test_a_stair_that_joins_nothing_misses_others_not_itself(mesh, read):
+    mesh.rectangle(0, 0, 4, 2).rectangle(4.2, 0, 8, 2, 0, 2).rectangle(8.1, 0, 12, 2, 2).rectangle(12, 0, 16, 2, 2, 4)
+    mesh.rectangle(16, 0, 20, 2, 4)
+    with pytest.raises(BuildingError, match=r"joins nothing: .*; 'floor z=2.00' is 0.100 m away in plan$"):
+        read(mesh, exits=[EXIT])
+
+
 def test_ramp_to_an_exit_joins_something(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, -1)
     way = {"name": "ramp", "segment": [[8, 0], [8, 2]], "z": -1.0}
@@ -109,5 +116,13 @@ def test_floors_on_the_same_ground_are_refused(mesh, read, z, is_refused):
     if not is_refused:
         assert len(read(mesh, exits=exits).levels) == 2
         return
-    with pytest.raises(BuildingError, match=r"levels 'floor .*' and 'floor .*' share 24.00 m2 of ground at \("):
+    with pytest.raises(
+        BuildingError, match=rf"'floor .*' share 24.00 m2 of ground; at \(.* heights are 0.00 and {z:.2f}:"
+    ):
         read(mesh, exits=exits)
+
+
+def test_a_sloping_deck_may_lie_under_a_floor(mesh, read):
+    mesh.rectangle(0, 0, 60, 8, 0, 3).rectangle(0, 0, 20, 8, 3.2, 3.2)
+    exits = [EXIT, {"name": "other", "segment": [[0, 3], [0, 4]], "z": 3.2}]
+    assert len(read(mesh, exits=exits).levels) == 2

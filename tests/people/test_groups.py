@@ -27,6 +27,10 @@ def test_reference_speeds_are_the_people_s_means_over_the_flat(make_case):
     assert down == pytest.approx((3 + 1.0) / 8, rel=1e-12)
 
 
+def test_slow_people_are_by_default_no_faster_on_stairs(make_case):
+    assert reference_speeds(make_case(group(speed=0.5))) == (1.0, 1.0, 1.0)
+
+
 def test_what_the_case_sets_goes_before_the_mean(make_case):
     case = make_case(group(speed=0, speed_up=0), directions={"stairs_up": 0.4, "stairs_down": 0.7})
     assert reference_speeds(case) == (1.0, 0.4, 0.7)
