@@ -236,7 +236,13 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
             initializer=signal.signal,  # Ctrl-C ends a process at once, with all that waits for it
             initargs=(signal.SIGINT, signal.SIG_DFL),
         ) as pool:
-            yield from pool.map(function, items)
+            # Not pool.map: it cancels what waits when it is interrupted, over which the dying pool stumbles.
+            try:
+                for future in [pool.submit(function, item) for item in items]:
+                    yield future.result()
+            except Exception:
+                pool.shutdown(cancel_futures=True)  # what has not begun need not be waited for
+                raise
     except BrokenProcessPool as error:
         raise SimulationError(
             "a process ended before its time: too little memory? use fewer of them. A script that starts processes has "
