@@ -129,6 +129,10 @@ class BehaviourScene:
 def check_writes(behaviour: Behaviour) -> None:
     """Refuse a behaviour that declares to write what it may not.
 
+    Parameters
+    ----------
+    behaviour : Behaviour
+
     Raises
     ------
     PluginError
@@ -141,6 +145,14 @@ def check_writes(behaviour: Behaviour) -> None:
 
 def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
     """Refuse what a behaviour wrote where the step loop could not tell it from a failure of its own.
+
+    Parameters
+    ----------
+    behaviour : Behaviour
+    crowd : Crowd
+    routes : int
+        Number of routes that there are.
+    time : float [s]
 
     Raises
     ------

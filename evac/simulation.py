@@ -157,9 +157,8 @@ class Simulation:
             while not self.ended:
                 self.advance_tick()
                 if progress is not None:
-                    settings = self.case.simulation
-                    people = len(self.population.crowd.level)
-                    progress(Progress(self.time, settings.duration, people, people - self.population.inside))
+                    people, inside = len(self.population.crowd.level), self.population.inside
+                    progress(Progress(self.time, self.case.simulation.duration, people, people - inside))
             results = self.results()
         except Stopped:
             self.ended = self.ended or INTERRUPTED
@@ -279,8 +278,8 @@ class Simulation:
             calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
         given = {"simulation": self, "results": results, "error": error}
         for hook in self.registry.hook.evac_finish.get_hookimpls():
-            ending = partial(hook.function, *[given[name] for name in hook.argnames])
-            calls.append((f"{hook.plugin_name}: evac_finish", ending))
+            arguments = [given[name] for name in hook.argnames]
+            calls.append((f"{hook.plugin_name}: evac_finish", partial(hook.function, *arguments)))
         failures = []
         for what, call in calls:
             try:
@@ -288,8 +287,10 @@ class Simulation:
                     call()
             except EvacError as failure:
                 failures.append(failure)
-        if failures and error is None:
-            raise failures[0]
+        for one in failures:
+            if error is None:
+                raise one
+            error.add_note(f"then: {one}")
 
     def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
         """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
@@ -361,10 +362,9 @@ class Simulation:
         """Return what one behaviour sees: arrays it may not write are read-only views."""
         check_writes(behaviour)
         crowd = self.population.crowd
-        views = {}
-        for name, array in crowd._asdict().items():
-            views[name] = array.view()
-            views[name].flags.writeable = name in behaviour.writes
+        views = {name: array.view() for name, array in crowd._asdict().items()}
+        for name, view in views.items():
+            view.flags.writeable = name in behaviour.writes
         return BehaviourScene(
             crowd=type(crowd)(**views),
             building=self.building,

@@ -144,3 +144,34 @@ def test_a_stop_after_the_last_tick_leaves_how_it_ended():
             raise Stopped
 
     assert Simulation(evac.load("square_room")).run(stop).ended == "everybody out"
+
+
+def test_a_recorder_that_fails_after_the_run_has_failed_is_told_too(tmp_path):
+    text = """
+        from evac import Behaviour, Recorder, hookimpl
+
+        class Odd(Behaviour):
+            '''Fails.'''
+            name = "odd"
+            def act(self, crowd, time):
+                raise ValueError("first")
+
+        class Also(Recorder):
+            '''Fails at the end.'''
+            name = "also"
+            def record(self, simulation):
+                pass
+            def finish(self, simulation, results):
+                raise ValueError("second")
+
+        @hookimpl
+        def evac_behaviours():
+            return [Odd]
+
+        @hookimpl
+        def evac_recorders():
+            return [Also]
+    """
+    with pytest.raises(PluginError, match="first") as caught:
+        run(with_plugin(tmp_path, text, {"behaviours.odd": {}}), tmp_path / "r")
+    assert "then: recorder 'also': finish: ValueError: second" in caught.value.__notes__[0]

@@ -22,7 +22,18 @@ ROUNDING = 1e-6
 
 
 def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
-    """Return a line for each quantity of a group out of its usual range, and one for bodies that start overlapping."""
+    """Return a line for each quantity of a group out of its usual range, and one for bodies that start overlapping.
+
+    Parameters
+    ----------
+    crowd : Crowd
+        As a population is built.
+    groups : sequence of Group
+
+    Returns
+    -------
+    tuple of str
+    """
     notes = []
     for group in groups:
         for name, unit, low, high in USUAL:
@@ -42,7 +53,17 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
 
 
 def overlapping(crowd: Crowd) -> tuple[int, float]:
-    """Return how many pairs of bodies on one level overlap, and the greatest overlap [m]."""
+    """Return how many pairs of bodies on one level overlap, and the greatest overlap.
+
+    Parameters
+    ----------
+    crowd : Crowd
+
+    Returns
+    -------
+    pairs : int
+    deepest : float [m]
+    """
     pairs, deepest = 0, 0.0
     for level in np.unique(crowd.level[crowd.level >= 0]):
         rows = np.flatnonzero(crowd.level == level)
