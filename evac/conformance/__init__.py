@@ -99,6 +99,8 @@ def _check_declarations(behaviour: Behaviour) -> None:
         if array not in Crowd._fields:
             raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.bundles.Crowd")
     check_writes(behaviour)
+    if type(behaviour).act is Behaviour.act and type(behaviour).prepare is Behaviour.prepare:
+        raise PluginError(f"{behaviour.name}: has neither act() nor prepare() of its own, so it does nothing")
 
 
 def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:

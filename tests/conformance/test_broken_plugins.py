@@ -121,6 +121,15 @@ class Slower(Behaviour):
         crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
 
 
+class Misspelt(Behaviour):
+    """Means to act."""
+
+    name = "misspelt"
+
+    def acts(self, crowd, time):
+        raise AssertionError("never called")
+
+
 class WritesUndeclared(Slower):
     """Sets routes it does not declare."""
 
@@ -173,6 +182,7 @@ class Left(Slower):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
+        (Misspelt, "neither act"),
         (WritesUndeclared, "writes an array that it does not declare"),
         (ReadsUndeclared, "reads velocity without declaring"),
         (SneaksIn, "writes 'velocity', which it does not declare"),
