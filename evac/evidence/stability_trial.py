@@ -13,6 +13,7 @@ from evac.evidence.scenes import FloatArray, Scene
 from evac.evidence.stability_theory import touching_pairs, wall_gaps
 from evac.physics.bundles import Crowd
 from evac.physics.contact_model import ContactModel
+from evac.physics.tallies import MEASURES
 from evac.registry import Registry
 
 RIGHT = "right"
@@ -35,22 +36,7 @@ VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 
 #: Counts that are part of every run, and say nothing of how a step was got through.
-ORDINARY = {
-    "steps",
-    "sub_steps",
-    "list_builds",
-    "contacts",
-    "greatest_overlap",
-    "overlap_sum",
-    "overlaps",
-    "solves",
-    "iterations",
-    "greatest_residual",
-    "driving_work",
-    "contact_dissipation",
-    "contact_creation",
-    "greatest_speed",
-}
+ORDINARY = MEASURES | {"steps", "sub_steps", "list_builds", "contacts", "overlaps", "solves", "iterations"}
 
 #: A centre may lie this far beyond a wall by rounding alone, in relation to the size of the coordinates.
 ROUNDING = 1e-12

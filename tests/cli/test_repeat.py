@@ -1,5 +1,11 @@
 import csv
 import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
 
 
 def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, capsys):
@@ -16,3 +22,16 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
 def test_runs_with_people_left_are_named(evac, capsys):
     assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--set", "simulation.duration=1.0") == 3
     assert "people are left with seeds 1, 2" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to a group")
+def test_ctrl_c_stops_all_processes_at_once(tmp_path):
+    words = [sys.executable, "-m", "evac", "repeat", "primary_school", "--runs", "500", "--jobs", "2"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    lines = [process.stderr.readline(), process.stderr.readline()]
+    assert lines == ["runs: 500, seeds from 1 on\n", "1/500 runs\n"]
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=120)  # 500 runs take longer
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert err.endswith("evac: interrupted\n")
