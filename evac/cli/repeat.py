@@ -41,7 +41,11 @@ def execute(arguments: argparse.Namespace) -> int:
     show_facts({f"last out, {name.replace('_', ' ')}": f"{value:.2f} s" for name, value in ensemble.last_out().items()})
     left = [str(run.seed) for run in ensemble.runs if run.ended != EVERYBODY_OUT]
     if left:
-        print(f"evac: people are left with seeds {', '.join(left)}; evac run --seed N shows where", file=sys.stderr)
+        print(
+            f"evac: people are left with seeds {', '.join(left)}, so these times are of the other runs alone;"
+            " evac run --seed N shows where people are left",
+            file=sys.stderr,
+        )
     show_facts({"results in": folder})
     return 0 if complete == runs else 3
 
