@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -229,19 +229,26 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
     if workers == 1:
         yield from map(function, items)
         return
+    before = active_children()
     try:
         with ProcessPoolExecutor(
             min(workers, cpu_count() or 1, MOST_WORKERS),
             mp_context=get_context("spawn"),
-            initializer=signal.signal,  # Ctrl-C ends a process at once, with all that waits for it
-            initargs=(signal.SIGINT, signal.SIG_DFL),
+            initializer=signal.signal,  # Ctrl-C reaches all processes; this one alone decides what it means
+            initargs=(signal.SIGINT, signal.SIG_IGN),
         ) as pool:
             # Not pool.map: it cancels what waits when it is interrupted, over which the dying pool stumbles.
+            futures = [pool.submit(function, item) for item in items]
             try:
-                for future in [pool.submit(function, item) for item in items]:
+                for future in futures:
                     yield future.result()
             except Exception:
                 pool.shutdown(cancel_futures=True)  # what has not begun need not be waited for
+                raise
+            except BaseException:  # nor, once interrupted, what has
+                for process in active_children():
+                    if process not in before:
+                        process.terminate()
                 raise
     except BrokenProcessPool as error:
         raise SimulationError(
