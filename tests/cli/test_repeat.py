@@ -24,10 +24,18 @@ def test_runs_with_people_left_are_named(evac, capsys):
     assert "people are left with seeds 1, 2" in capsys.readouterr().err
 
 
+def heed_interrupts():
+    """Undo that whoever runs the tests may have SIGINT ignored, which processes inherit."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to a group")
 def test_ctrl_c_stops_all_processes_at_once(tmp_path):
     words = [sys.executable, "-m", "evac", "repeat", "primary_school", "--runs", "500", "--jobs", "2"]
-    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        words, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=heed_interrupts
+    )
     lines = [process.stderr.readline(), process.stderr.readline()]
     assert lines == ["runs: 500, seeds from 1 on\n", "1/500 runs\n"]
     os.killpg(process.pid, signal.SIGINT)
