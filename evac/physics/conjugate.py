@@ -6,6 +6,8 @@ leaves its branch of the law. The face is then looked for again. On a face the p
 gradients need few iterations there; the sweeps between keep every percussion on its law.
 """
 
+import math
+
 from evac.jit import inner
 from evac.physics.rows import (
     AX,
@@ -15,10 +17,10 @@ from evac.physics.rows import (
     BOUND,
     CX,
     CY,
-    LOOK_EARLY,
+    LIKELY,
     SPRING,
-    is_look,
     keep,
+    look,
     push_row,
     row_residual,
     row_velocity,
@@ -50,19 +52,17 @@ def conjugate_sweeps(rows, n, bodies, tolerance, limit):
     """
     forget(rows, n, bodies)
     before = 0.0
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
+    found, likely = row_residual(rows, n), LIKELY
+    iteration = n * 0
+    while found > tolerance and iteration < limit:
         keep(rows, n, bodies, 0)
         sweep_up(rows, n)
-        sweep_down(rows, n)
-        if iteration < LOOK_EARLY or is_look(iteration, limit - 1):
-            found = row_residual(rows, n)
-            if found <= tolerance or iteration == limit - 1:
-                return iteration + 1, found
-        before = go_on(rows, n, bodies, before)
-    return limit, found
+        change = sweep_down(rows, n)
+        iteration += 1
+        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
+        if found > tolerance and iteration < limit:
+            before = go_on(rows, n, bodies, before)
+    return iteration, found
 
 
 @inner
@@ -104,17 +104,16 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):
         rows.branch[r] = OFF
     before = 0.0
     iteration = n * 0
-    found = row_residual(rows, n)
+    found, likely = row_residual(rows, n), LIKELY
     while found > tolerance and iteration < limit:
         keep(rows, n, bodies, 0)
         sweep_up(rows, n)
-        sweep_down(rows, n)
+        change = sweep_down(rows, n)
         iteration += 1
         changed = mark_branches(rows, n)
-        if iteration <= LOOK_EARLY or is_look(iteration, limit):
-            found = row_residual(rows, n)
-            if found <= tolerance or iteration >= limit:
-                break
+        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
+        if found <= tolerance or iteration >= limit:
+            break
         if changed == 0:
             made, found = descend_on_face(rows, n, bodies, tolerance, min(limit - iteration, LONGEST_FACE))
             iteration += made

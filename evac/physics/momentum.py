@@ -15,10 +15,11 @@ from evac.physics.rows import (
     BOUND,
     CX,
     CY,
+    LIKELY,
     SPRING,
-    is_look,
     keep,
     law,
+    look,
     push_row,
     renew_velocity,
     row_energy,
@@ -29,8 +30,8 @@ from evac.physics.rows import (
 #: A rise of the energy by more than this share of it is no rounding.
 RISE = 1e-10
 
-#: Two rises within so many sweeps tell that momentum does not suit the problem.
-SOON = 64
+#: Sweeps between two looks at the energy; two rises within `SOON` tell that momentum does not suit the problem.
+WATCH, SOON = 16, 64
 
 
 @inner
@@ -59,43 +60,45 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
     bodies, so the scaled gradient step never overshoots; the momentum starts anew where it points uphill.
     """
     _set_rates(rows, n, bodies)
-    momentum = 1.0
+    momentum, change = 1.0, math.inf
     for r in range(n):
         rows.work[1, r] = rows.impulse[r]
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
+    found, likely = row_residual(rows, n), LIKELY
+    iteration = n * 0
+    while found > tolerance and iteration < limit:
         following, share = momentum_after(momentum)
-        look = is_look(iteration + 1, limit)
-        uphill = _gradient_pass(rows, n, bodies, 0.0 if look else share)
+        iteration += 1
+        near = likely * change <= tolerance or iteration == limit
+        uphill, change = _gradient_pass(rows, n, bodies, 0.0 if near else share)
         momentum = following if uphill <= 0.0 else 1.0
-        if look:
-            found = row_residual(rows, n)
-            if found > tolerance and iteration < limit - 1:
+        if near:
+            found, likely = look(rows, n, change, found, likely, math.inf)
+            if found > tolerance and iteration < limit:
                 for r in range(n):
                     rows.impulse[r] += share * (rows.impulse[r] - rows.work[3, r])
                 renew_velocity(rows, bodies, n)
-    return limit, found
+    return iteration, found
 
 
 @inner
 def _gradient_pass(rows, n, bodies, share):
-    """Step all rows at once, go on by `share` of the step, renew velocities; return the slope along the last step.
+    """Step all rows at once, go on by `share` of the step, renew velocities.
 
-    Of the work array: 1 the percussions stepped to, 2 rates, 3 those stepped to before.
+    Returns the slope along the last step and the greatest step [m/s]. Of the work array: 1 the percussions stepped
+    to, 2 rates, 3 those stepped to before.
     """
     data, work, image = rows.data, rows.work, rows.image
     for i in range(bodies + 1):
         image[0, i, 0] = rows.free[i, 0]
         image[0, i, 1] = rows.free[i, 1]
-    uphill = 0.0
+    uphill, change = 0.0, 0.0
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
         x = rows.impulse[r]
         new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[2, r])
         step = new - work[1, r]
         uphill += (x - new) * step / work[2, r]
+        change = max(change, abs(new - x) * rows.scale[r])
         work[3, r] = work[1, r]
         work[1, r] = new
         new += share * step
@@ -104,7 +107,7 @@ def _gradient_pass(rows, n, bodies, share):
     for i in range(bodies):
         rows.velocity[i, 0] = image[0, i, 0]
         rows.velocity[i, 1] = image[0, i, 1]
-    return uphill
+    return uphill, change
 
 
 @inner
@@ -133,16 +136,16 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     """
     momentum, share, most = 1.0, 0.0, 1.0
     risen = -SOON
-    found = row_residual(rows, n)
+    found, likely = row_residual(rows, n), LIKELY
     accepted = energy(rows, n, bodies)
     keep(rows, n, bodies, 0)
     keep(rows, n, bodies, 1)
     iteration = n * 0
     while found > tolerance and iteration < limit:
         _go_on(rows, bodies, share)
-        uphill = _sweep_on(rows, n, share)
+        uphill, change = _sweep_on(rows, n, share)
         iteration += 1
-        if is_look(iteration, limit):
+        if iteration % WATCH == 0 or iteration == limit:
             now = energy(rows, n, bodies)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
@@ -153,7 +156,7 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
                     most *= 0.5
                 risen = iteration
                 uphill = 1.0
-            found = row_residual(rows, n)
+        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
         momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
         share = min(share, most)
     return iteration, found
@@ -162,11 +165,11 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
 @inner
 def _go_on(rows, bodies, share):
     """Go on by `share` of the last step of the velocities."""
-    for i in range(bodies):
-        for k in range(2):
-            now = rows.velocity[i, k]
-            rows.velocity[i, k] = now + share * (now - rows.image[0, i, k])
-            rows.image[0, i, k] = now
+    velocity, before = rows.velocity.reshape(-1), rows.image[0].reshape(-1)  # one flat loop is three times as fast
+    for k in range(2 * bodies):
+        now = velocity[k]
+        velocity[k] = now + share * (now - before[k])
+        before[k] = now
 
 
 @inner
@@ -194,9 +197,12 @@ def energy(rows, n, bodies):
 
 @inner
 def _sweep_on(rows, n, share):
-    """Sweep up from x gone on by `share` of its last step; return the slope along the last step."""
+    """Sweep up from x gone on by `share` of its last step.
+
+    Returns the slope along the last step and the greatest change of a row [m/s].
+    """
     data = rows.data
-    uphill = 0.0
+    uphill, greatest = 0.0, 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
@@ -208,4 +214,5 @@ def _sweep_on(rows, n, share):
         rows.work[0, r] = old
         rows.impulse[r] = new
         uphill -= change * (new - old)
-    return uphill
+        greatest = max(greatest, abs(change) * rows.scale[r])
+    return uphill, greatest

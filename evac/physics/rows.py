@@ -23,9 +23,9 @@ from evac.jit import inner
 
 AX, AY, CX, CY, BIAS, BEFORE, SPRING, BOUND = range(8)
 
-#: Iterations between two looks at the residual, which costs half a sweep, up to `EARLY` iterations and from then on:
-#: small problems end in the first few, and large ones do not wait long, for what they took.
-EARLY, LOOK_EARLY, LOOK_LATE = 64, 4, 16
+#: A look at the residual costs half a sweep. It is likely to be this share of the greatest change in a sweep, later
+#: `CAUTION` of the share seen at the last look.
+LIKELY, CAUTION = 0.5, 0.8
 
 
 @inner
@@ -146,28 +146,33 @@ def row_energy(data, r, x):
 
 @inner
 def relax(rows, r, rigid):
-    """Make row r obey its law."""
+    """Make row r obey its law; return how far it was from that [m/s]."""
     i, j = rows.body[r], rows.other[r]
     old = rows.impulse[r]
     new = law(rows.data, r, row_velocity(rows.velocity, i, j, rows.data, r), old, rigid)
     push_row(rows.velocity, i, j, rows.data, r, new - old)
     rows.impulse[r] = new
+    return abs(new - old) * rows.scale[r]
 
 
 @inner
 def sweep_up(rows, n):
-    """Relax the rows in their order: along the chains of force, away from the exit."""
+    """Relax the rows in their order, away from the exit along the force chains; return the greatest change [m/s]."""
+    change = 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
-        relax(rows, r, rigid)
+        change = max(change, relax(rows, r, rigid))
+    return change
 
 
 @inner
 def sweep_down(rows, n):
-    """Relax the rows backwards."""
+    """Relax the rows backwards; return the greatest change [m/s]."""
+    change = 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n - 1, -1, -1):
-        relax(rows, r, rigid)
+        change = max(change, relax(rows, r, rigid))
+    return change
 
 
 @inner
@@ -180,6 +185,18 @@ def row_residual(rows, n):
         new = law(rows.data, r, row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r), old, rigid)
         worst = max(worst, abs(new - old) * rows.scale[r])
     return worst
+
+
+@inner
+def look(rows, n, change, found, likely, tolerance):
+    """Return the residual behind a sweep with this greatest change, and its likely share of such a change.
+
+    Where it is not likely to be within the tolerance both are returned as they were.
+    """
+    if likely * change > tolerance:
+        return found, likely
+    found = row_residual(rows, n)
+    return found, CAUTION * found / change if change > 0.0 else likely
 
 
 @inner
@@ -200,9 +217,3 @@ def keep(rows, n, bodies, place):
     for i in range(bodies):
         for k in range(2):
             rows.image[place, i, k] = rows.velocity[i, k]
-
-
-@inner
-def is_look(made, limit):
-    """Whether to look at the residual after so many iterations."""
-    return made % (LOOK_EARLY if made <= EARLY else LOOK_LATE) == 0 or made == limit

@@ -17,7 +17,8 @@ from evac.jit import inner
 from evac.physics.conjugate import conjugate_faces, conjugate_sweeps
 from evac.physics.momentum import accelerated_gradient, accelerated_sweeps, gradient_step
 from evac.physics.rows import (
-    is_look,
+    LIKELY,
+    look,
     pack,
     push_row,
     renew_velocity,
@@ -146,14 +147,13 @@ def solve_or_retry(
 @inner
 def gauss_seidel(rows, n, tolerance, limit):
     """Projected Gauss-Seidel in the rows' order; return (iterations, residual)."""
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
-        sweep_up(rows, n)
-        if is_look(iteration + 1, limit):
-            found = row_residual(rows, n)
-    return limit, found
+    found, likely = row_residual(rows, n), LIKELY
+    iteration = n * 0
+    while found > tolerance and iteration < limit:
+        change = sweep_up(rows, n)
+        iteration += 1
+        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
+    return iteration, found
 
 
 @inner
@@ -167,17 +167,19 @@ def uzawa(rows, n, bodies, tolerance, limit):
     for i in range(bodies):
         least = min(least, rows.root[i])
     rate = 1.9 * least * least / constraint_norm(rows, n, bodies)
-    found = row_residual(rows, n)
-    for iteration in range(limit):
-        if found <= tolerance:
-            return iteration, found
+    found, likely = row_residual(rows, n), LIKELY
+    iteration = n * 0
+    while found > tolerance and iteration < limit:
+        change = 0.0
         for r in range(n):
+            old, scale = rows.impulse[r], rows.scale[r]
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r)
-            rows.impulse[r] = gradient_step(rows, r, w, rows.impulse[r], rate * rows.scale[r] * rows.scale[r])
+            rows.impulse[r] = gradient_step(rows, r, w, old, rate * scale * scale)
+            change = max(change, abs(rows.impulse[r] - old) * scale)
         renew_velocity(rows, bodies, n)
-        if is_look(iteration + 1, limit):
-            found = row_residual(rows, n)
-    return limit, found
+        iteration += 1
+        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
+    return iteration, found
 
 
 @inner
