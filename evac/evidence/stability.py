@@ -9,7 +9,7 @@ from evac.evidence.stability_crowds import dissipation, standing, static_overlap
 from evac.evidence.stability_dem import network_limits, stiffness_map
 from evac.evidence.stability_extremes import extreme_scenes
 from evac.evidence.stability_steps import mass_map, overlap_order, radius_map, speed_map, tau_map
-from evac.evidence.stability_trial import VERDICTS, WRONG
+from evac.evidence.stability_trial import MEANINGS, VERDICTS, WRONG
 
 SECTIONS = {
     "DEM: stiffness and step": (stiffness_map, network_limits, static_overlap),
@@ -26,13 +26,9 @@ SECTIONS = {
 def run(evidence: Evidence) -> None:
     """Compute all maps and scenes and write the page."""
     start = time.time()
-    evidence.text(
-        """Every cell of every map is one of: right (the error is below the stated bound); handled (right, but the run
-        had to cut steps, solve again or correct positions, and counted it); degraded (beyond the bound by the stated
-        factor, within what the model's theory allows or with a count that tells); refused with a message. A cell that
-        is none of these (a number that is not finite, a centre beyond a wall, an error that nothing tells of) is wrong:
-        a defect."""
-    )
+    evidence.text("Every cell of every map, and every scene, is one of:")
+    for kind, meaning in MEANINGS.items():
+        evidence.text(f"- **{kind}**: {meaning}.")
     for heading, parts in SECTIONS.items():
         evidence.heading(heading)
         for part in parts:

@@ -4,18 +4,32 @@ import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.scenes import FloatArray
-from evac.evidence.stability_trial import DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
+from evac.evidence.stability_trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 
 #: Colours of the verdicts (Okabe-Ito, with grey and black).
-COLOURS = {RIGHT: "#009E73", HANDLED: "#56B4E9", DEGRADED: "#E69F00", REFUSED: "0.75", WRONG: "#000000"}
+COLOURS = {
+    RIGHT: "#009E73",
+    HANDLED: "#56B4E9",
+    DEGRADED: "#E69F00",
+    BEYOND: "#CC3311",
+    REFUSED: "0.75",
+    WRONG: "#000000",
+}
+
+#: What marks refused cells in which a body would have been pressed through a wall.
+WALL_MARK: Mapping[str, Any] = {"marker": "|", "color": "0.35", "markersize": 6}
 
 #: Line styles of the curves, in the order in which their labels come up.
-STYLES = ("-", "--", ":")
+STYLES = ("-", "--", ":", "-.")
+
+#: Points between two given ones of a curve: it bends between cells, whose values are not evenly spaced.
+BETWEEN = 60
 
 
 @dataclass(frozen=True)
@@ -30,7 +44,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of the theory: points (x, y), and what they are; the same label has the same style in all panels."""
+    """A curve of the theory: points (x, y), straight between them in logarithms, and what they are.
+
+    The same label has the same style in all panels.
+    """
 
     label: str
     x: Sequence[float]
@@ -126,10 +143,12 @@ def _draw_panel(  # type: ignore[no-untyped-def]
         kinds[row, column] = VERDICTS.index(cell.verdict.kind)
         if cell.verdict.kind == WRONG:
             axis.plot(column + 0.5, row + 0.5, "X", color="w", markersize=4)
+        elif _met_a_wall(cell):
+            axis.plot(column + 0.5, row + 0.5, **WALL_MARK)
     colours = ListedColormap([COLOURS[kind] for kind in VERDICTS])
     axis.pcolormesh(kinds, cmap=colours, vmin=-0.5, vmax=len(VERDICTS) - 0.5, edgecolors="w", linewidth=0.5, zorder=0)
     for curve in curves:
-        x, y = _places(x_values, curve.x), _places(y_values, curve.y)
+        x, y = _places(x_values, _dense(curve.x)), _places(y_values, _dense(curve.y))
         (line,) = axis.plot(x + 0.5, y + 0.5, color="k", linestyle=styles[curve.label], linewidth=1.6)
         line.set_path_effects([withStroke(linewidth=3.2, foreground="w")])
     axis.set_xlim(0, len(x_values))
@@ -139,6 +158,18 @@ def _draw_panel(  # type: ignore[no-untyped-def]
     axis.grid(False)
 
 
+def _met_a_wall(cell: Cell) -> bool:
+    """Say whether a trial was stopped because somebody would have been pressed through a wall."""
+    return cell.verdict.kind == REFUSED and "wall" in cell.verdict.words
+
+
+def _dense(values: Sequence[float]) -> FloatArray:
+    """Return values with more between them, evenly in logarithms."""
+    given = np.arange(len(values))
+    wanted = np.linspace(0.0, given[-1], BETWEEN * (len(values) - 1) + 1)
+    return np.asarray(np.exp(np.interp(wanted, given, np.log(np.asarray(values, dtype=float)))))
+
+
 def _ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     """Return places and labels: all values where there are few, else the powers of ten among them."""
     few = len(values) <= 10
@@ -146,7 +177,7 @@ def _ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     return [k + 0.5 for k in chosen], [f"{values[k]:.3g}" for k in chosen]
 
 
-def _places(values: Sequence[float], wanted: Sequence[float]) -> FloatArray:
+def _places(values: Sequence[float], wanted: FloatArray) -> FloatArray:
     """Return where numbers lie among the cells' values, logarithmically; nowhere if there are fewer than two."""
     usable = [k for k, value in enumerate(values) if 0.0 < value < np.inf]
     if len(usable) < 2:
@@ -170,5 +201,7 @@ def _draw_legend(figure, cells: Sequence[Cell], styles: Mapping[str, str]) -> No
         for kind in VERDICTS
         if kind in present
     ]
+    if any(_met_a_wall(cell) for cell in cells):
+        handles.append(Line2D([], [], linestyle="", label="refused at a wall", **WALL_MARK))
     handles += [Line2D([], [], color="k", linestyle=style, label=label) for label, style in styles.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

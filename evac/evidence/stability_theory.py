@@ -1,4 +1,4 @@
-"""The step at which DEM turns unstable: greatest frequency of a contact network, and the driving term's share."""
+"""What theory allows: the step at which DEM turns unstable, the error of a free walk, overlaps of each model."""
 
 import numpy as np
 from scipy.linalg import eigh
@@ -104,3 +104,50 @@ def step_limit(frequency: float, tau: float, explicit: bool) -> float:
         return float(2.0 * (1.0 + kept) - (h * frequency) ** 2)
 
     return float(brentq(margin, 0.0, 2.0 / frequency, xtol=1e-14))
+
+
+def walk_lag(tau: float, step: float, duration: float, explicit: bool, midpoint: bool) -> float:
+    """Return the greatest error [s], in times of the walking speed, of the steps of a walk from rest (eq. 33).
+
+    u^n = v (1 - a^n) with a = 1 - h/tau (explicit) or exp(-h/tau), and x^n - x^(n-1) = h u^n, or h (u^n + u^(n-1)) / 2
+    where a model moves by the mean velocity; against x(t) = v (t - tau (1 - exp(-t/tau))). Infinite where explicit
+    steps grow, beyond h = 2 tau.
+    """
+    number = np.arange(1, round(duration / step) + 1)
+    kept = 1.0 - step / tau if explicit else np.exp(-step / tau)
+    if kept < -1.0:
+        return float("inf")
+    velocity = 1.0 - kept**number
+    moved = 0.5 * (velocity + 1.0 - kept ** (number - 1)) if midpoint else velocity
+    time = step * number
+    return float(np.abs(step * np.cumsum(moved) - time - tau * np.expm1(-time / tau)).max())
+
+
+def lag_limit(lag: float, tau: float, duration: float, explicit: bool, midpoint: bool) -> float:
+    """Return the step [s] up to 1 s at which `walk_lag` reaches `lag` [s], NaN where it does not."""
+
+    def beyond(logarithm: float) -> float:
+        return walk_lag(tau, float(np.exp(logarithm)), duration, explicit, midpoint) - lag
+
+    longest = np.log(2.0 * tau if explicit and tau < 0.5 else 1.0)
+    shortest = np.log(1e-5) if tau > 1e-4 else np.log(0.1 * tau)
+    if beyond(longest) < 0.0:
+        return float("nan")
+    return float(np.exp(brentq(beyond, shortest, longest, xtol=1e-4)))
+
+
+def allowed_overlap(variant: str, scene: Scene, step: float, stiffness: float, tolerance: float) -> float:
+    """Return the overlap [m] that a contact model's theory allows a crowd that starts without one.
+
+    NSM1 its tolerance. NSM2 the path in a step at the greatest desired speed, h v: twice what one body closes on a
+    wall by (h v / 2). DEM twice the whole crowd's load F / k, plus the whole crowd's impact v sqrt(m / k) on one
+    spring.
+    """
+    crowd = scene.crowd
+    speed = crowd.speed[:, 0]
+    if variant.startswith("NSM1"):
+        return tolerance
+    if variant.startswith("NSM2"):
+        return step * float(speed.max())
+    load = float((crowd.mass * speed / crowd.tau).sum()) / stiffness
+    return 2.0 * load + float(speed.max() * np.sqrt(crowd.mass.sum() / stiffness))

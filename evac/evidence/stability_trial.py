@@ -1,4 +1,4 @@
-"""One trial of a contact model on a scene, and the verdict on it: right, degraded, handled, refused, or wrong."""
+"""One trial of a contact model on a scene, and the verdict on it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from evac.errors import EvacError
 from evac.evidence import models
 from evac.evidence.scenes import FloatArray, Scene
-from evac.evidence.stability_theory import touching_pairs, wall_gaps
+from evac.evidence.stability_theory import allowed_overlap, touching_pairs, wall_gaps
 from evac.physics.bundles import Crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.tallies import MEASURES
@@ -19,11 +19,24 @@ from evac.registry import Registry
 RIGHT = "right"
 HANDLED = "handled"
 DEGRADED = "degraded"
+BEYOND = "beyond theory"
 REFUSED = "refused"
 WRONG = "wrong"
 
 #: All verdicts, best first; a trial that is `WRONG` is a defect.
-VERDICTS = (RIGHT, HANDLED, DEGRADED, REFUSED, WRONG)
+VERDICTS = (RIGHT, HANDLED, DEGRADED, BEYOND, REFUSED, WRONG)
+
+#: What each verdict means, in words for the page.
+MEANINGS = {
+    RIGHT: "the error is below the stated bound",
+    HANDLED: "right, but the run had to cut steps, solve again or correct positions, and counted it",
+    DEGRADED: "beyond the bound by the stated factor, but within what the method's own theory allows",
+    BEYOND: "beyond the theory too, and the run's own report tells of it: by its greatest overlap, or by steps that it "
+    "could not solve or move as asked",
+    REFUSED: "stopped with a message",
+    WRONG: "a number that is not finite, a centre beyond a wall, or an error that nothing in the report tells of: a "
+    "defect",
+}
 
 #: The contact models under trial: name in `models.MODELS`, and parameters.
 VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
@@ -35,8 +48,24 @@ VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "NSM2 K_N = inf": ("NSM2", {"normal_dissipation": np.inf}),
 }
 
+#: DEM's stiffness in all of them but those over it [kg/s2].
+STIFFNESS = 1.2e5
+
+#: NSM1 promises no overlap beyond its tolerance; for the others one per cent of a body is right [m].
+GAP_TOLERANCE = 1e-4
+SMALL_OVERLAP = 2e-3
+
 #: Counts that are part of every run, and say nothing of how a step was got through.
 ORDINARY = MEASURES | {"steps", "sub_steps", "list_builds", "contacts", "overlaps", "solves", "iterations"}
+
+#: Counts that tell of steps which did not come out as they should; the others tell of what was mended.
+FAILURES = (
+    "unconverged_steps",
+    "failed_position_corrections",
+    "wall_crossings_prevented",
+    "too_fast_steps",
+    "elastic_fallbacks",
+)
 
 #: A centre may lie this far beyond a wall by rounding alone, in relation to the size of the coordinates.
 ROUNDING = 1e-12
@@ -89,6 +118,10 @@ class Trial:
         told = [f"{count:.0f} {words}" for words, count in counted.items() if count]
         extra = self.report["sub_steps"] - self.report["steps"]
         return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
+
+    def has_failures(self) -> bool:
+        """Say whether the engine counted steps that did not come out as they should."""
+        return any(self.report.get(key, 0.0) for key in FAILURES)
 
 
 @dataclass(frozen=True)
@@ -164,7 +197,15 @@ def _outside(scene: Scene, crowd: Crowd) -> int:
     return int(np.sum((x < x1 - slack) | (x > x2 + slack) | (y < y1 - slack) | (y > y2 + slack)))
 
 
-def judge(trial: Trial, measure: Callable[[Trial], float], right: float, tolerable: float, unit: str) -> Verdict:
+def judge(
+    trial: Trial,
+    measure: Callable[[Trial], float],
+    right: float,
+    tolerable: float,
+    unit: str,
+    *,
+    is_reported: bool = False,
+) -> Verdict:
     """Return the verdict on a trial.
 
     Parameters
@@ -175,9 +216,11 @@ def judge(trial: Trial, measure: Callable[[Trial], float], right: float, tolerab
     right : float
         Greatest error that counts as right.
     tolerable : float
-        Greatest error that may pass without a count or a message: what the method's own theory allows.
+        Greatest error that the method's own theory allows.
     unit : str
         Of the error.
+    is_reported : bool
+        Whether the engine's report holds the error itself, as it does the greatest overlap.
     """
     if not trial.is_finite():
         return Verdict(WRONG, np.nan, "not finite")
@@ -191,10 +234,21 @@ def judge(trial: Trial, measure: Callable[[Trial], float], right: float, tolerab
         return Verdict(WRONG, error, "error not finite")
     if error <= right:
         return Verdict(HANDLED if handling else RIGHT, error, handling)
-    if error <= tolerable or handling:
-        told = f"; {handling}" if handling else ""
-        return Verdict(DEGRADED, error, f"{error:.2g} {unit}, {error / right:.2g} times the bound{told}")
-    return Verdict(WRONG, error, f"{error:.2g} {unit} and nothing counted")
+    told = f"; {handling}" if handling else ""
+    words = f"{error:.2g} {unit}, {error / right:.2g} times the bound{told}"
+    if error <= tolerable:
+        return Verdict(DEGRADED, error, words)
+    if is_reported or trial.has_failures():
+        return Verdict(BEYOND, error, f"{words}; theory allows {tolerable:.2g} {unit}")
+    return Verdict(WRONG, error, f"{error:.2g} {unit} and nothing tells of it")
+
+
+def judge_overlap(variant: str, trial: Trial, step: float) -> Verdict:
+    """Return the verdict on the greatest overlap of a run that starts without one."""
+    tolerance = 1.001 * GAP_TOLERANCE
+    allowed = allowed_overlap(variant, trial.scene, step, STIFFNESS, tolerance)
+    right = tolerance if variant.startswith("NSM1") else SMALL_OVERLAP
+    return judge(trial, greatest_overlap, right, allowed, "m", is_reported=True)
 
 
 def deepest_overlap(scene: Scene, position: FloatArray) -> float:

@@ -11,8 +11,17 @@ from evac.evidence.scenes import Scene
 from evac.evidence.stability import run
 from evac.evidence.stability_crowds import restitution
 from evac.evidence.stability_dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
-from evac.evidence.stability_theory import greatest_frequency, spring_forces, step_limit, uncut_speed
+from evac.evidence.stability_maps import Curve, _dense, _places
+from evac.evidence.stability_theory import (
+    greatest_frequency,
+    lag_limit,
+    spring_forces,
+    step_limit,
+    uncut_speed,
+    walk_lag,
+)
 from evac.evidence.stability_trial import (
+    BEYOND,
     DEGRADED,
     HANDLED,
     REFUSED,
@@ -21,6 +30,7 @@ from evac.evidence.stability_trial import (
     Trial,
     attempt,
     deepest_overlap,
+    greatest_overlap,
     judge,
     make_model,
 )
@@ -120,7 +130,8 @@ def test_deepest_overlap_of_bodies_and_walls():
         (0.5, {"too_fast_steps": 2.0}, HANDLED),
         (0.5, {"sub_steps": 110.0}, HANDLED),
         (1.5, {}, DEGRADED),
-        (5.0, {"unconverged_steps": 1.0}, DEGRADED),
+        (5.0, {"unconverged_steps": 1.0}, BEYOND),
+        (5.0, {"repeated_searches": 14.0, "sub_steps": 110.0}, WRONG),
         (5.0, {}, WRONG),
         (np.nan, {}, WRONG),
     ],
@@ -128,6 +139,41 @@ def test_deepest_overlap_of_bodies_and_walls():
 def test_verdicts(error, report, kind):
     trial = made_up(room_with([(3.0, 2.0)]), **report)
     assert judge(trial, lambda _: error, 1.0, 2.0, "m").kind == kind
+
+
+def test_reported_errors_beyond_theory_are_no_silent_ones():
+    trial = made_up(room_with([(3.0, 2.0)]))
+    assert judge(trial, lambda _: 5.0, 1.0, 2.0, "m", is_reported=True).kind == BEYOND
+
+
+def test_concealed_overlap_is_wrong():
+    trial = made_up(room_with([(3.0, 2.0), (3.3, 2.0)]))  # overlap 0.1 m, reported 0
+    assert judge(trial, greatest_overlap, 2e-3, 1.0, "m", is_reported=True).kind == WRONG
+
+
+@pytest.mark.parametrize("explicit", [True, False])
+@pytest.mark.parametrize(("variant", "midpoint"), [("NSM1 inertial", False), ("NSM2 K_N = 1e5", True)])
+def test_theory_of_a_free_walk_is_what_the_engine_makes(variant, midpoint, explicit):
+    scene = room_with([(1.0, 2.0)], speed=1.5, tau=0.1)
+    trial = attempt(make_model(variant), scene, 0.05, 4.0, explicit=explicit, every=0.05)
+    exact = 1.0 + 1.5 * (trial.time + 0.1 * np.expm1(-trial.time / 0.1))
+    lag = np.abs(trial.position[:, 0, 0] - exact).max()
+    assert lag == pytest.approx(1.5 * walk_lag(0.1, 0.05, 4.0, explicit, midpoint), rel=1e-9)
+
+
+@pytest.mark.parametrize("midpoint", [True, False])
+def test_lag_limit_is_where_the_lag_is(midpoint):
+    limit = lag_limit(0.005, 0.1, 5.0, False, midpoint)
+    assert walk_lag(0.1, limit, 5.0, False, midpoint) == pytest.approx(0.005, rel=0.05)  # whole steps only
+    assert np.isnan(lag_limit(0.005, 1e-4, 5.0, False, False))  # h may be what it likes: people stand or walk
+
+
+def test_curves_bend_between_unevenly_spaced_cells():
+    speeds, steps = [0.1, 0.5, 1.0, 1.5, 2.0, 10.0], [1e-3, 3e-3, 0.01, 0.03, 0.1]
+    curve = Curve("h v = 0.004", [0.1, 10.0], [0.04, 0.0004])
+    x, y = _places(speeds, _dense(curve.x)), _places(steps, _dense(curve.y))
+    # at the cells of 1 m/s, 4 ms lie between the rows of 3 and 10 ms
+    assert np.interp(2.0, x, y) == pytest.approx(1.0 + np.log(4.0 / 3.0) / np.log(10.0 / 3.0), abs=0.02)
 
 
 def test_refusals_and_crossings_are_told_apart():
