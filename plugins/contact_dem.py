@@ -32,10 +32,10 @@ class Dem(ContactModel):
     stiffness = Parameter(1.2e5, "contact stiffness k of eq. 3", unit="kg/s2", above=0.0)
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse steps beyond the limit of a dense packing, omega^2 = 6k/m (PHYSICS 3.1).
+        """Refuse steps beyond the limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
 
-        h^2 omega^2 < 4 - 2h/tau with explicit driving, < 2 (1 + exp(-h/tau)) with the exponential update. What the
-        contacts of a run are stiffer than that, each step finds out and is cut for.
+        h^2 omega^2 < 4 - 2h/tau with explicit driving, < 2 (1 + exp(-h/tau)) with the exponential update. Stiffer
+        configurations are found in the run, whose steps are then cut into parts.
         """
         super().check_scene(scene)
         mass, tau = float(scene.mass.min()), float(scene.tau.min())

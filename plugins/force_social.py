@@ -14,7 +14,7 @@ from evac.physics.force import Force
 
 @pair_force
 def social(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
-    """Eq. 34 with e_ij pointing away from j and cos phi = 1 where j is straight ahead (PHYSICS 2).
+    """Eq. 34 with e_ij pointing away from j and cos phi = 1 where j is straight ahead (docs/physics.md).
 
     Left out beyond the gap at which it falls below the stated tolerance.
     """

@@ -64,7 +64,7 @@ def solve_contact_qp(
 
     min 1/2 |v - V|_M^2 + K_N |s|^2   subject to   G v + b >= 0,   s >= -(G v + w-)/2,   s >= 0
 
-    whose multipliers are the percussions of PHYSICS 3.2 (K_N = 0, b = max(D, 0)/h) and 3.3 (b = 0). Solved for
+    whose multipliers are the percussions of NSM1 (K_N = 0, b = max(D, 0)/h) and of NSM2 (b = 0). Solved for
     M^(1/2) (v - V), which is well scaled; where that is not precise enough, the equations of the contacts found
     to push are solved directly, and the whole law is looked at again.
 

@@ -5,7 +5,7 @@ import time
 from collections import Counter
 
 from evac.evidence.report import Evidence
-from evac.evidence.stability_crowds import dissipation, standing, static_overlap
+from evac.evidence.stability_crowds import dissipation, reported_force, standing, static_overlap
 from evac.evidence.stability_dem import network_limits, stiffness_map
 from evac.evidence.stability_extremes import extreme_scenes
 from evac.evidence.stability_steps import mass_map, overlap_order, radius_map, speed_map, tau_map
@@ -18,7 +18,7 @@ SECTIONS = {
     "Walking speed and step": (speed_map, overlap_order),
     "Ratio of masses": (mass_map,),
     "Ratio of radii": (radius_map,),
-    "Standing crowds stand": (standing,),
+    "Standing crowds stand": (standing, reported_force),
     "Extreme scenes": (extreme_scenes,),
 }
 

@@ -10,7 +10,7 @@ A.U_i - C.U_j, a change of x moves U_i by A and U_j by -C, and a body's mass is 
 some 4 ns a row; on the bundles of the step loop it cost ten times as much (memory and branches).
 
 Columns of ``Rows.data``: A and C, then bias b and velocity before the step w-, both over sqrt(omega), s = omega /
-(omega + 2/K_N), 0 where the elastic term is absent, and the lower bound of x. The local law of PHYSICS 3.3 reads
+(omega + 2/K_N), 0 where the elastic term is absent, and the lower bound of x. The local law (docs/physics.md) reads
 
     x = max(bound, x - (w + b), s (x - (w + w-)))
 

@@ -5,7 +5,7 @@ Find percussions P >= 0 such that with the velocity v = V + M^-1 sum_c P_c n_c e
     NSM1:  w+ + b >= 0  complementary to P,           b = max(D, 0) / h
     NSM2:  P = K_N max(0, -(w+ + w-)/2) + mu,  0 <= mu complementary to w+ >= 0
 
-with the normal velocity w+ after and w- before the step. Both have the closed local form of PHYSICS 3.3,
+with the normal velocity w+ after and w- before the step. Both have the closed local form of docs/physics.md,
 P = max(0, -(a + b)/omega, -(a + w-)/(omega + 2/K_N)), a being w+ without the contact's own percussion.
 The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap error [m]. All solvers work on the
 packed rows of `evac.physics.rows`.

@@ -14,7 +14,7 @@ EXIT = np.array([8.0, 0.0, 8.0, 2.0])
 
 
 def line_of_three(dissipation, mass=1.0):
-    """PHYSICS 4.2: three discs touching in line, the first walks into the others at 1 m/s."""
+    """Three discs touching in line, the first walks into the others at 1 m/s."""
     normal = np.array([[-1.0, 0.0], [-1.0, 0.0]])
     gradient = gradient_matrix(np.array([0, 1], np.int32), np.array([1, 2], np.int32), normal, 3)
     free = np.array([1.0, 0, 0, 0, 0, 0])
