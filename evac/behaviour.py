@@ -143,6 +143,21 @@ def check_writes(behaviour: Behaviour) -> None:
             raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
 
 
+def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
+    """Return views of a crowd's arrays, read-only but for those that a behaviour declares to write.
+
+    Raises
+    ------
+    PluginError
+        As `check_writes`.
+    """
+    check_writes(behaviour)
+    views = {name: array.view() for name, array in crowd._asdict().items()}
+    for name, view in views.items():
+        view.flags.writeable = name in behaviour.writes
+    return type(crowd)(**views)
+
+
 def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
     """Refuse what a behaviour wrote where the step loop could not tell it from a failure of its own.
 

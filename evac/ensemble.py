@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ResultError, ScenarioError, SimulationError
 from evac.output.results import plain, versions, write_csv
 from evac.running import EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, clear_folder
-from evac.simulation import EVERYBODY_OUT, Simulation
+from evac.simulation import Simulation
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case

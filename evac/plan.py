@@ -1,6 +1,6 @@
 """What a scene needs: each part that can be left out, in or out, and why. Leaving out changes no bit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -50,45 +50,63 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
     return needed
 
 
+def needed_behaviours(
+    scenes: Sequence[tuple[Behaviour, BehaviourScene]], full: bool
+) -> list[tuple[Behaviour, BehaviourScene]]:
+    """Return the behaviours that change anything in their scenes."""
+    needed = []
+    for behaviour, scene in scenes:
+        with plugin_code(f"behaviour {behaviour.name!r}: is_needed"):
+            if full or behaviour.is_needed(scene):
+                needed.append((behaviour, scene))
+    return needed
+
+
 def explain(
     case: "Case",
     building: "Building",
-    model: "ContactModel",
-    forces: Sequence[Force],
-    behaviours: Sequence[tuple[Behaviour, BehaviourScene]],
     routes: Sequence[Route],
+    model: "ContactModel",
+    forces: Mapping[str, float | None],
+    behaviours: Mapping[str, bool | None],
 ) -> list[Part]:
-    """Return every part that can be left out, in or out, and why."""
-    levels = len(building.levels)
+    """Return every part that can be left out, in or out, and why.
+
+    Parameters
+    ----------
+    case : Case
+    building : Building
+    routes : sequence of Route
+        Those with a field.
+    model : ContactModel
+    forces : mapping of str to float or None
+        For each force that the case names the gap up to which it is felt [m], None if it is left out.
+    behaviours : mapping of str to bool or None
+        For each behaviour that the case names whether it acts at ticks, None if it is left out.
+    """
+    portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
-        Part("portals", bool(building.portals), f"{len(building.portals)} portals between {levels} levels"),
-        Part(
-            "stair speeds",
-            any(level.kind == "flight" for level in building.levels),
-            f"{sum(level.kind == 'flight' for level in building.levels)} sloped levels",
-        ),
+        Part("portals", portals > 0, f"{portals} portals between {len(building.levels)} levels"),
+        Part("stair speeds", flights > 0, f"{flights} sloped levels"),
     ]
     for strategy in STRATEGIES:
-        users = [route for route in routes if route.strategy == strategy]
-        routes_of = ", ".join("to " + ("|".join(route.exits) or "any exit") for route in users)
-        why = f"somebody can go {routes_of}" if users else "nobody can take such a route"
-        parts.append(Part(f"fields: {strategy}", bool(users), why))
-    for force in forces:
-        why = f"felt up to a gap of {force.cutoff():.2f} m" if force.is_needed() else "it is zero everywhere"
-        parts.append(Part(f"force: {force.name}", force.is_needed(), why))
+        ways = ", ".join(f"to {route.destination}" for route in routes if route.strategy == strategy)
+        why = f"somebody can go {ways}" if ways else "nobody can take such a route"
+        parts.append(Part(f"fields: {strategy}", bool(ways), why))
+    for name, cutoff in forces.items():
+        why = "it is zero everywhere" if cutoff is None else f"felt up to a gap of {cutoff:.2f} m"
+        parts.append(Part(f"force: {name}", cutoff is not None, why))
     if not forces:
         parts.append(Part("forces at a distance", False, "none named in [forces]"))
-    for behaviour, scene in behaviours:
-        needed = behaviour.is_needed(scene)
-        why = "nobody is concerned"
-        if needed:
-            why = "at every tick" if behaviour.acts_at_ticks() else "once, before the first step"
-        parts.append(Part(f"behaviour: {behaviour.name}", needed, why))
+    for name, acts in behaviours.items():
+        why = "nobody is concerned" if acts is None else "at every tick" if acts else "once, before the first step"
+        parts.append(Part(f"behaviour: {name}", acts is not None, why))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
-    parts.extend(Part(*row) for row in model.parts())
+    with plugin_code(f"contact model {model.name!r}: parts"):
+        parts.extend(Part(*row) for row in model.parts())
     parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
-    output = case.output
-    parts.append(Part("animation", output.animation, f"output.animation = {str(output.animation).lower()}"))
-    parts.append(Part("picture", output.picture, f"output.picture = {str(output.picture).lower()}"))
+    for name in ("animation", "picture"):
+        is_wanted = getattr(case.output, name)
+        parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
     return parts

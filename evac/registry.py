@@ -6,8 +6,9 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -215,6 +216,24 @@ class Registry:
         if not isinstance(building, Building):
             raise PluginError(f"{path}: a plugin's evac_read_building returned {type(building).__name__}, no Building")
         return building
+
+    def calls(self, hook: str, **given: Any) -> list[tuple[str, Callable[[], Any]]]:
+        """Return each plugin that has a hook, and the call of it, for hooks that fail one by one.
+
+        Parameters
+        ----------
+        hook : str
+            Its name.
+        **given
+            All its arguments.
+
+        Returns
+        -------
+        list of (str, callable)
+            Name of the plugin, and its function with the arguments that it asks for; in the order of registration.
+        """
+        found = getattr(self.hook, hook).get_hookimpls()
+        return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
     def providers(self, used: Iterable[tuple[str, str]]) -> list[str]:
         """Return name and version of the plugins that provide what is used, by (kind, name), or hook into every run."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evac.ending import FAILED
 from evac.errors import EvacError, ResultError
 from evac.output import FILM_NAME, PICTURE_NAME
 from evac.output.results import Results
@@ -16,9 +17,6 @@ from evac.simulation import Progress, Simulation
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
-
-#: How a run ended that could not go on, in the tables that it leaves.
-FAILED = "failed"
 
 #: What a run writes to its folder; nothing else there is ever touched.
 SUMMARY_NAME = "summary.json"

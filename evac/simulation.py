@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.behaviour import Behaviour, BehaviourScene, check_writes, check_written
+from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
+from evac.ending import INTERRUPTED, NO_PROGRESS, Ending
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
-from evac.output.recorder import Recorder
 from evac.output.results import Results
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people, default_clearance, reference_speeds
@@ -23,25 +23,13 @@ from evac.people.population import build_population
 from evac.physics.bundles import copy_of
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
+from evac.physics.force import Force
 from evac.physics.world import make_world
-from evac.plan import explain, needed_forces, needed_routes
+from evac.plan import Part, explain, needed_behaviours, needed_forces, needed_routes
 from evac.registry import Registry
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
-
-FloatArray = NDArray[np.float64]
-
-#: A person makes progress when its remaining travel time changes by this much [s].
-PROGRESS = 0.25
-
-#: How often progress is looked at [s].
-PROGRESS_EVERY = 1.0
-
-EVERYBODY_OUT = "everybody out"
-DURATION_OVER = "duration over"
-NO_PROGRESS = "no progress"
-INTERRUPTED = "interrupted"
 
 
 class Stopped(KeyboardInterrupt):
@@ -77,10 +65,18 @@ class Simulation:
 
     Attributes
     ----------
-    building, fields, population, contact, behaviours, forces, engine
+    registry, building, fields, population, contact, forces, engine, recorders
         The stations of the main path.
+    behaviours : list of (Behaviour, BehaviourScene)
+        Those in use, each with what it sees.
+    plan : list of Part
+        What the scene needs and what was left out, see `evac.plan.explain`.
     step, time : int, float
         Steps made, and the time reached [s].
+    phases : dict of str to float
+        Wall time of each phase [s].
+    ended : str
+        Why the run has ended; empty while it goes on.
     """
 
     def __init__(self, case: "Case", folder: Path | None = None, full: bool = False) -> None:
@@ -94,39 +90,60 @@ class Simulation:
         self.ended = ""
         with plugin_code("evac_configure"):
             self.registry.hook.evac_configure(scenario=case, registry=self.registry)
-        self.contact = case.make_contact_model(self.registry)
-        all_forces = case.make_forces(self.registry)
-        self.forces = needed_forces(all_forces, full)
-        all_behaviours = case.make_behaviours(self.registry)
+        self.contact = case.make_contact_model()
+        self.recorders = case.make_recorders()
+        self._is_recording = False
+        forces, behaviours = case.make_forces(), case.make_behaviours()
+        self.forces = needed_forces(forces, full)
+        self._build(behaviours)
+        self._prepare()
+        self.plan = self._plan(forces, behaviours)
+        with plugin_code("evac_prepare"):
+            self.registry.hook.evac_prepare(simulation=self)
+
+    def _build(self, behaviours: list[Behaviour]) -> None:
+        """Make the stations of the main path, one from the other."""
+        case = self.case
         with self._phase("building"):
             self.building = self.registry.read_building(case.mesh, **case.building.options())
             check_people(case, self.building)
         with naming(case.source), self._phase("directions"):
-            self.fields = self._build_fields(all_behaviours)
+            self.fields = self._build_fields(behaviours)
         with noting(self.building.warnings), self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
-            scenes = [(behaviour, self._scene(behaviour)) for behaviour in all_behaviours]
-            with naming(case.source), plugin_code("behaviours: is_needed"):
-                self.behaviours = [pair for pair in scenes if full or pair[0].is_needed(pair[1])]
+            scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
+            with naming(case.source):
+                self.behaviours = needed_behaviours(scenes, self.full)
         with naming(case.source):
             self.contact.check_scene(self._border_scene())
-        world = make_world(self.building, self.fields)
-        names = [level.name for level in self.building.levels]
-        self.engine = Engine(world, len(self.population.crowd.level), self.forces, full, names)
-        self.recorders: list[Recorder] = case.make_recorders(self.registry)
-        self._is_recording = False
-        self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
+        people, levels = len(self.population.crowd.level), [level.name for level in self.building.levels]
+        self.engine = Engine(make_world(self.building, self.fields), people, self.forces, self.full, levels)
+
+    def _prepare(self) -> None:
+        """Note how everybody starts, and let the behaviours prepare."""
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
-        self._seen_time = np.full(len(crowd.level), np.inf)
-        self._moved_at = np.zeros(len(crowd.level))
+        self._ending = Ending(self.case.simulation, len(crowd.level))
+        self._acts: dict[str, bool] = {}
+        self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
         for behaviour, scene in self.behaviours:
-            with naming(case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+            with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 behaviour.prepare(scene)
             check_written(behaviour, crowd, len(self.fields.routes), 0.0)
-        self.plan = explain(case, self.building, self.contact, all_forces, scenes, self.fields.routes)
-        with plugin_code("evac_prepare"):
-            self.registry.hook.evac_prepare(simulation=self)
+            with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
+                self._acts[behaviour.name] = behaviour.acts_at_ticks()
+
+    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
+        """Explain what has been decided about the forces and behaviours that the case names."""
+        cutoffs = dict(zip((force.name for force in self.forces), self.engine.forces.cutoff.tolist(), strict=True))
+        return explain(
+            self.case,
+            self.building,
+            self.fields.routes,
+            self.contact,
+            {force.name: cutoffs.get(force.name) for force in forces},
+            {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours},
+        )
 
     @property
     def time(self) -> float:
@@ -180,18 +197,9 @@ class Simulation:
         """
         settings = self.case.simulation
         if not self._is_recording:
-            with self._phase("kernels"):
-                explicit = settings.driving == "explicit"
-                self.engine.load(self.contact, self.population.crowd, settings.step, explicit)
-            self._is_recording = True
-            for recorder in self.recorders:
-                with plugin_code(f"recorder {recorder.name!r}: start"):
-                    recorder.start(self)
-            self._record()
-        per_tick = round(settings.tick / settings.step)
-        last = round(settings.duration / settings.step)
-        steps = min(per_tick, last - self.step)
-        per_record = round(self.case.output.every / settings.tick) * per_tick
+            self._start_recording()
+        steps = min(settings.steps_per_tick, settings.last_step - self.step)
+        per_record = round(self.case.output.every / settings.tick) * settings.steps_per_tick
         is_output = (self.step + steps) % per_record == 0
         with self._phase("behaviours"):
             self._act()
@@ -202,8 +210,8 @@ class Simulation:
                 self.step,
                 steps,
                 settings.step,
-                settings.driving == "explicit",
-                is_output or self.step + steps == last or self._force_is_read,
+                settings.is_explicit,
+                is_output or self.step + steps == settings.last_step or self._force_is_read,
             )
         self.step += steps
         with self._phase("recording"):
@@ -211,16 +219,10 @@ class Simulation:
                 self.population.settle(events)
             if is_output:
                 self._record()
-        self._look_for_end(per_tick, last)
+        self.ended = self._ending.reason(self.step, self.population.crowd, self.fields)
 
     def results(self) -> Results:
         """Return the results of what has been run so far."""
-        report: dict[str, Any] = self.engine.report()
-        overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
-        report["mean_overlap"] = total / overlaps if overlaps else 0.0
-        report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
-        report["model"] = self.contact.name
-        report["parameters"] = self.contact.values()
         results = Results(
             case=self.case,
             building=self.building,
@@ -235,7 +237,7 @@ class Simulation:
             steps=self.step,
             seed=self.seed,
             stuck=tuple(np.flatnonzero(self.population.crowd.level >= 0)) if self.ended == NO_PROGRESS else (),
-            report=report,
+            report=self._report(),
             phases=dict(self.phases),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
@@ -252,7 +254,7 @@ class Simulation:
                 state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         state["simulation.step"] = np.array([self.step])
-        state["simulation.progress"] = np.stack([self._seen_time, self._moved_at])
+        state["simulation.ending"] = self._ending.state()
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -263,8 +265,19 @@ class Simulation:
             restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
         self.step = int(state["simulation.step"][0])
         self.engine.restore(_part(state, "engine."))
-        self._seen_time[:], self._moved_at[:] = state["simulation.progress"]
+        self._ending.restore(state["simulation.ending"])
         self.ended = ""
+
+    def _start_recording(self) -> None:
+        """Load the kernels, start the recorders and record the start."""
+        settings = self.case.simulation
+        with self._phase("kernels"):
+            self.engine.load(self.contact, self.population.crowd, settings.step, settings.is_explicit)
+        self._is_recording = True
+        for recorder in self.recorders:
+            with plugin_code(f"recorder {recorder.name!r}: start"):
+                recorder.start(self)
+        self._record()
 
     def _record(self) -> None:
         for recorder in self.recorders:
@@ -273,13 +286,11 @@ class Simulation:
 
     def _finish(self, results: Results | None, error: BaseException | None) -> None:
         """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
-        calls: list[tuple[str, Callable[[], object]]] = []
+        calls: list[tuple[str, Callable[[], Any]]] = []
         for recorder in self.recorders if self._is_recording else ():
             calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
-        given = {"simulation": self, "results": results, "error": error}
-        for hook in self.registry.hook.evac_finish.get_hookimpls():
-            arguments = [given[name] for name in hook.argnames]
-            calls.append((f"{hook.plugin_name}: evac_finish", partial(hook.function, *arguments)))
+        for plugin, call in self.registry.calls("evac_finish", simulation=self, results=results, error=error):
+            calls.append((f"{plugin}: evac_finish", call))
         failures = []
         for what, call in calls:
             try:
@@ -292,14 +303,22 @@ class Simulation:
                 raise one
             error.add_note(f"then: {one}")
 
+    def _report(self) -> dict[str, Any]:
+        """Return what the contact model has come to, by the names that docs/results.md lists."""
+        report: dict[str, Any] = self.engine.report()
+        overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
+        report["mean_overlap"] = total / overlaps if overlaps else 0.0
+        report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
+        return report | {"model": self.contact.name, "parameters": self.contact.values()}
+
     def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
         """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
-        for hook in self.registry.hook.evac_metrics.get_hookimpls():
+        for plugin, call in self.registry.calls("evac_metrics", results=results):
             try:
-                with plugin_code(f"{hook.plugin_name}: evac_metrics"):
-                    yield hook.plugin_name, hook.function(*[results for _ in hook.argnames])
+                with plugin_code(f"{plugin}: evac_metrics"):
+                    yield plugin, call()
             except PluginError as error:
-                yield hook.plugin_name, {"error": str(error)}
+                yield plugin, {"error": str(error)}
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
@@ -310,41 +329,17 @@ class Simulation:
 
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral."""
-        acting = [behaviour for behaviour, _ in self.behaviours if self.full or behaviour.acts_at_ticks()]
-        renewed = {name for behaviour in acting if behaviour.acts_at_ticks() for name in behaviour.writes}
+        renewed = {name for behaviour, _ in self.behaviours if self._acts[behaviour.name] for name in behaviour.writes}
         crowd = self.population.crowd
         if "speed_factor" in renewed:
             crowd.speed_factor[:] = 1.0
         if "extra_direction" in renewed:
             crowd.extra_direction[:] = 0.0
         for behaviour, scene in self.behaviours:
-            if behaviour in acting:
+            if self.full or self._acts[behaviour.name]:
                 with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
                     behaviour.act(scene.crowd, self.time)
                 check_written(behaviour, self.population.crowd, len(self.fields.routes), self.time)
-
-    def _look_for_end(self, per_tick: int, last: int) -> None:
-        if self.population.inside == 0:
-            self.ended = EVERYBODY_OUT
-        elif self.step >= last:
-            self.ended = DURATION_OVER
-        else:
-            between = max(1, round(PROGRESS_EVERY / self.case.simulation.tick)) * per_tick
-            if self.step % between == 0 and self._is_stuck():
-                self.ended = NO_PROGRESS
-
-    def _is_stuck(self) -> bool:
-        """Say whether nobody inside has made progress for ``simulation.no_progress`` seconds."""
-        crowd = self.population.crowd
-        inside = np.flatnonzero(crowd.level >= 0)
-        remaining = self.fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
-        with np.errstate(invalid="ignore"):  # somebody pushed where no way leads out compares inf with inf
-            changed = np.abs(remaining - self._seen_time[inside]) > PROGRESS
-        changed |= crowd.start_time[inside] > self.time
-        self._seen_time[inside[changed]] = remaining[changed]
-        self._moved_at[inside[changed]] = self.time
-        latest = max(self._moved_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
-        return bool(self.time - latest >= self.case.simulation.no_progress)
 
     def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
         settings = self.case.directions
@@ -359,14 +354,8 @@ class Simulation:
         )
 
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
-        """Return what one behaviour sees: arrays it may not write are read-only views."""
-        check_writes(behaviour)
-        crowd = self.population.crowd
-        views = {name: array.view() for name, array in crowd._asdict().items()}
-        for name, view in views.items():
-            view.flags.writeable = name in behaviour.writes
         return BehaviourScene(
-            crowd=type(crowd)(**views),
+            crowd=crowd_for(behaviour, self.population.crowd),
             building=self.building,
             fields=self.fields,
             groups=self.population.groups_for(behaviour.name),
@@ -379,7 +368,7 @@ class Simulation:
         settings = self.case.simulation
         return BorderScene(
             step=settings.step,
-            explicit=settings.driving == "explicit",
+            explicit=settings.is_explicit,
             radius=crowd.radius,
             mass=crowd.mass,
             tau=crowd.tau,

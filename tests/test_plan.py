@@ -1,9 +1,12 @@
 """The plan: which parts a scene needs, and why."""
 
+import textwrap
+
 import numpy as np
 import pytest
 
 from evac.directions.routes import STRATEGIES, Route
+from evac.errors import PluginError
 from evac.plan import needed_forces, needed_routes
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -75,6 +78,72 @@ def test_a_route_is_needed_where_somebody_takes_it():
 
 def test_forces_without_strength_are_not_needed():
     case = load_case("square_room", {"forces.social.strength": 0.0})
-    forces = case.make_forces(case.registry)
+    forces = case.make_forces()
     assert needed_forces(forces, False) == []
     assert needed_forces(forces, True) == forces
+
+
+def test_full_is_told_as_it_was_done():
+    changes = {"forces.social.strength": 0.0, "behaviours.response_time.time": {"constant": 0}}
+    plan, _ = plan_of("square_room", changes, full=True)
+    assert plan["force: social"] == (True, "felt up to a gap of 0.00 m")
+    assert plan["behaviour: response_time"] == (True, "once, before the first step")
+
+
+ODD = """
+    from evac import Behaviour, ContactModel, hookimpl
+
+    class Odd(Behaviour):
+        '''Fails where it is asked.'''
+        name = "odd"
+        asked = 0
+        def is_needed(self, scene):
+            Odd.asked += 1
+            if Odd.asked > 1:
+                raise ValueError("asked again")
+            return False
+
+    class Fails(Behaviour):
+        '''Fails where it is asked.'''
+        name = "fails"
+        def acts_at_ticks(self):
+            raise ValueError("oops")
+
+    class Parts(ContactModel):
+        '''Fails where it is asked.'''
+        name = "parts"
+        def parts(self):
+            raise ValueError("oops")
+
+    @hookimpl
+    def evac_behaviours():
+        return [Odd, Fails]
+
+    @hookimpl
+    def evac_contact_models():
+        return [Parts]
+"""
+
+
+def odd_case(tmp_path, changes):
+    path = tmp_path / "odd.py"
+    path.write_text(textwrap.dedent(ODD), encoding="utf-8")
+    return load_case("square_room", changes, plugin_files=[path])
+
+
+def test_a_plugin_is_asked_once_whether_it_is_needed(tmp_path):
+    simulation = Simulation(odd_case(tmp_path, {"behaviours.odd": {}}))
+    (part,) = (part for part in simulation.plan if part.name == "behaviour: odd")
+    assert part.as_row()[1:] == ("out", "nobody is concerned")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"behaviours.fails": {}}, "behaviour 'fails': acts_at_ticks: ValueError: oops"),
+        ({"contact.model": "parts"}, "contact model 'parts': parts: ValueError: oops"),
+    ],
+)
+def test_a_plugin_that_fails_when_asked_is_named(tmp_path, changes, words):
+    with pytest.raises(PluginError, match=words):
+        Simulation(odd_case(tmp_path, changes))

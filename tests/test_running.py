@@ -6,9 +6,10 @@ import textwrap
 import pytest
 
 import evac
+from evac.ending import INTERRUPTED
 from evac.errors import PluginError, ResultError
 from evac.running import run
-from evac.simulation import INTERRUPTED, Simulation, Stopped
+from evac.simulation import Simulation, Stopped
 
 
 def with_plugin(tmp_path, text, changes=()):

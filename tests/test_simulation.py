@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evac.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS
 from evac.errors import PluginError, SimulationError
 from evac.scenario.loading import load_case
-from evac.simulation import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS, Simulation
+from evac.simulation import Simulation
 
 MODELS = ["dem", "nsm1", "nsm2"]
 ARRAYS = ("position", "velocity", "level", "distance", "exit_time", "exit_used", "contact_force")

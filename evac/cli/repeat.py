@@ -23,9 +23,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
     from evac.cli.screen import show_facts, show_warnings
+    from evac.ending import EVERYBODY_OUT
     from evac.ensemble import run_many
     from evac.running import check_folder, make_folder
-    from evac.simulation import EVERYBODY_OUT, Simulation
+    from evac.simulation import Simulation
 
     case = case_of(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")

@@ -49,8 +49,9 @@ def execute(arguments: argparse.Namespace) -> int:
         case = case.change(chosen) if chosen else case
         from evac.cli.report import show_results
         from evac.cli.screen import show_facts, show_warnings
+        from evac.ending import INTERRUPTED
         from evac.running import check_folder, run_into
-        from evac.simulation import INTERRUPTED, Simulation
+        from evac.simulation import Simulation
 
         folder = arguments.out or default_folder(case)
         check_folder(folder)

@@ -21,3 +21,12 @@ class Route:
 
     exits: tuple[str, ...] = ()
     strategy: str = "fastest"
+
+    @property
+    def destination(self) -> str:
+        """The exits in words, such as ``"north|south"``."""
+        return "|".join(self.exits) or "any exit"
+
+    def __str__(self) -> str:
+        """Return strategy and destination, such as ``"fastest to north|south"``."""
+        return f"{self.strategy} to {self.destination}"

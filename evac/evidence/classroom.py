@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.ending import EVERYBODY_OUT
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.scenario.loading import load_case
-from evac.simulation import EVERYBODY_OUT, Simulation
+from evac.simulation import Simulation
 
 FloatArray = NDArray[np.float64]
 

@@ -173,7 +173,7 @@ class Results:
                 float(self.start_position[p, 1]),
                 self.building.levels[self.start_level[p]].name,
                 float(crowd.start_time[p]),
-                route_text(self.routes[crowd.route[p]]),
+                str(self.routes[crowd.route[p]]),
                 self.building.exits[crowd.exit_used[p]].name if out else None,
                 float(crowd.exit_time[p]) if out else None,
                 float(crowd.distance[p]),
@@ -251,11 +251,6 @@ class Results:
             times = self.crowd.exit_time[self.crowd.exit_used == exit_.index]
             table[exit_.name] = {"people": times.size, "last_out": times.max() if times.size else None}
         return table
-
-
-def route_text(route: Route) -> str:
-    """Return a route in words, such as ``"fastest to north|south"``."""
-    return f"{route.strategy} to {'|'.join(route.exits) or 'any exit'}"
 
 
 def plain(value: Any) -> Any:

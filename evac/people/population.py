@@ -158,7 +158,7 @@ def _route_index(case: "Case", people: "People", fields: "Fields") -> int:
     route = route_of(people)
     if route not in fields.routes:
         raise ScenarioError(
-            f"{case.source}: people.{people.name}: the fields hold no {route}; build them for routes_of(case)"
+            f"{case.source}: people.{people.name}: the fields hold no {route!r}; build them for routes_of(case)"
         )
     return fields.routes.index(route)
 

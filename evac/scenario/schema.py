@@ -227,6 +227,21 @@ class SimulationSettings(Section):
         "the run ends when nobody got out or moved on for this long; inf: never", "s", 60.0, gt=0
     )
 
+    @property
+    def is_explicit(self) -> bool:
+        """Whether the drive is updated by explicit Euler."""
+        return self.driving == "explicit"
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Number of steps from one decision of the behaviours to the next."""
+        return round(self.tick / self.step)
+
+    @property
+    def last_step(self) -> int:
+        """Number of steps in the whole duration."""
+        return round(self.duration / self.step)
+
     @model_validator(mode="after")
     def _tick_of_steps(self) -> Self:
         if not is_multiple(self.tick, self.step):
@@ -335,27 +350,29 @@ class Case(Section):
             self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
         )
 
-    def make_contact_model(self, registry: "Registry") -> "ContactModel":
+    def make_contact_model(self) -> "ContactModel":
         """Return the contact model in use, with its parameters."""
-        model: ContactModel = registry.get("contact_model", self.contact.model)(
+        model: ContactModel = self.registry.get("contact_model", self.contact.model)(
             **self.contact.tables.get(self.contact.model, {})
         )
         return model
 
-    def make_forces(self, registry: "Registry") -> "list[Force]":
+    def make_forces(self) -> "list[Force]":
         """Return the forces in use, in the order of the file."""
-        return [registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
+        return [self.registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
 
-    def make_behaviours(self, registry: "Registry") -> "list[Behaviour]":
+    def make_behaviours(self) -> "list[Behaviour]":
         """Return the behaviours in use, in the order of the file."""
         return [
-            registry.get("behaviour", name)(**table) for name, table in self.behaviours.items() if table is not False
+            self.registry.get("behaviour", name)(**table)
+            for name, table in self.behaviours.items()
+            if table is not False
         ]
 
-    def make_recorders(self, registry: "Registry") -> "list[Recorder]":
+    def make_recorders(self) -> "list[Recorder]":
         """Return the recorders in use: all that are registered but those switched off."""
-        given = {name: self.recorders.get(name, {}) for name in registry.recorders}
-        return [registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
+        given = {name: self.recorders.get(name, {}) for name in self.registry.recorders}
+        return [self.registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
 
     def to_dict(self) -> dict[str, Any]:
         """Return every key with its value, defaults of the plugins in use included, as plain data."""

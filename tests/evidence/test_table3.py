@@ -135,4 +135,4 @@ def test_longest_pause_leaves_out_both_ends():
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_is_the_same_by_name_and_in_a_case(name):
     case = load_case("square_room", model_overrides(name))
-    assert case.make_contact_model(case.registry).values() == make_model(name).values()
+    assert case.make_contact_model().values() == make_model(name).values()

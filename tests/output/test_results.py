@@ -7,7 +7,7 @@ import pytest
 
 from evac.directions.routes import Route
 from evac.errors import ResultError
-from evac.output.results import plain, route_text, versions
+from evac.output.results import plain, versions
 
 
 def test_counts_and_exit_status(results):
@@ -83,8 +83,8 @@ def test_summary_tells_the_use_of_levels_and_stairs(results):
 
 
 def test_route_in_words():
-    assert route_text(Route(exits=("north", "south"), strategy="fastest")) == "fastest to north|south"
-    assert route_text(Route()) == "fastest to any exit"
+    assert str(Route(exits=("north", "south"), strategy="fastest")) == "fastest to north|south"
+    assert str(Route()) == "fastest to any exit"
 
 
 def test_plain_makes_json_of_numpy():

@@ -49,14 +49,14 @@ def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monk
 
 def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry):
     case = load_case(case_file, registry=registry)
-    model = case.make_contact_model(registry)
+    model = case.make_contact_model()
     assert (model.name, model.stiffness) == ("soft", 500.0)
-    assert case.change(["contact.model=hard"]).make_contact_model(registry).solver == "gauss_seidel"
-    (push,) = case.make_forces(registry)
+    assert case.change(["contact.model=hard"]).make_contact_model().solver == "gauss_seidel"
+    (push,) = case.make_forces()
     assert push.strength == 100.0
-    assert case.change(["forces.push=false"]).make_forces(registry) == []
-    assert [behaviour.name for behaviour in case.make_behaviours(registry)] == ["wait"]
-    assert [b.name for b in case.change(["behaviours.follow=true"]).make_behaviours(registry)] == ["wait", "follow"]
+    assert case.change(["forces.push=false"]).make_forces() == []
+    assert [behaviour.name for behaviour in case.make_behaviours()] == ["wait"]
+    assert [b.name for b in case.change(["behaviours.follow=true"]).make_behaviours()] == ["wait", "follow"]
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
     own = type(registry)([row.origin for row in registry.provenance], builtins=())
     case = load_case(case_file, ["plugins.files=['odd.py']", "contact.model=odd"], registry=own)
     assert case.plugin_files == (case_file.parent / "odd.py",)
-    assert case.make_contact_model(own).name == "odd"
+    assert case.make_contact_model().name == "odd"
     assert case.change(["simulation.seed=1"]).plugin_files == case.plugin_files
     with pytest.raises(PluginError, match=r"nowhere\.py: no such file"):
         load_case(case_file, plugin_files=["nowhere.py"], registry=own)

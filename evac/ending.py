@@ -1,0 +1,85 @@
+"""How a run ends: with everybody out, when its duration is over, or when nobody inside gets on any more."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.directions.fields import Fields
+from evac.physics.bundles import Crowd
+
+if TYPE_CHECKING:
+    from evac.scenario.schema import SimulationSettings
+
+EVERYBODY_OUT = "everybody out"
+DURATION_OVER = "duration over"
+NO_PROGRESS = "no progress"
+INTERRUPTED = "interrupted"
+
+#: Of a run that could not go on, in the tables that it leaves.
+FAILED = "failed"
+
+#: A person makes progress when its remaining travel time changes by this much [s].
+PROGRESS = 0.25
+
+#: How often progress is looked at [s].
+PROGRESS_EVERY = 1.0
+
+
+class Ending:
+    """Decides after each tick whether it was the last one; notes when each person last made progress.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+    people : int
+    """
+
+    def __init__(self, settings: "SimulationSettings", people: int) -> None:
+        self._settings = settings
+        self._steps_per_look = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
+        self._seen = np.full(people, np.inf)  # remaining travel time when it last made progress [s]
+        self._moved_at = np.zeros(people)
+
+    def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
+        """Return how the run ends with this tick; nothing where it goes on.
+
+        Parameters
+        ----------
+        step : int
+            Steps made.
+        crowd : Crowd
+        fields : Fields
+
+        Returns
+        -------
+        str
+            `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or nothing.
+        """
+        if not (crowd.level >= 0).any():
+            return EVERYBODY_OUT
+        if step >= self._settings.last_step:
+            return DURATION_OVER
+        if step % self._steps_per_look == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
+            return NO_PROGRESS
+        return ""
+
+    def state(self) -> NDArray[np.float64]:
+        """Return what the next answer depends on, (2, people) [s]."""
+        return np.stack([self._seen, self._moved_at])
+
+    def restore(self, state: NDArray[np.float64]) -> None:
+        """Take up what `state` returned."""
+        self._seen[:], self._moved_at[:] = state
+
+    def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
+        """Say whether nobody inside has made progress for too long; who has yet to set off counts as making some."""
+        inside = np.flatnonzero(crowd.level >= 0)
+        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
+        with np.errstate(invalid="ignore"):  # somebody pushed where no way leads out compares inf with inf
+            changed = np.abs(remaining - self._seen[inside]) > PROGRESS
+        changed |= crowd.start_time[inside] > time
+        self._seen[inside[changed]] = remaining[changed]
+        self._moved_at[inside[changed]] = time
+        latest = max(self._moved_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        return bool(time - latest >= self._settings.no_progress)
