@@ -64,13 +64,13 @@ class Provenance:
     Attributes
     ----------
     plugin : str
-        Its module name, or the path of its file.
+        Its module name, the path of its file, or module and name of a class.
     source : str
-        ``"built-in"``, ``"distribution"`` or ``"file"``.
+        ``"built-in"``, ``"distribution"``, ``"file"`` or ``"class"``.
     origin : str
-        The distribution's name, or the file's path.
+        The distribution's name, the file's path, or the class's module.
     version : str
-        Of the distribution; of a file the digest of its text.
+        Of the distribution; of a file the digest of its text; of a class empty.
     """
 
     plugin: str
@@ -94,6 +94,7 @@ class Registry:
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
     contact_models, forces, behaviours, recorders : dict of str to class
+        By name; to be read only.
     cases : dict of str to Path
         Folder of each shipped case.
     provenance : list of Provenance
@@ -111,44 +112,26 @@ class Registry:
         self.hook = self._manager.hook
         self.provenance: list[Provenance] = []
         self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
+        self.contact_models: dict[str, type[Any]] = self._tables["contact_model"]
+        self.forces: dict[str, type[Any]] = self._tables["force"]
+        self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
+        self.recorders: dict[str, type[Any]] = self._tables["recorder"]
+        self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
         for name in builtins:
-            module = _loaded(f"built-in plugin {name}", lambda name=name: importlib.import_module(name))
+            with plugin_code(f"built-in plugin {name} cannot be loaded"):
+                module = importlib.import_module(name)
             self._register(module, Provenance(name, "built-in", "evac", version))
         for entry in sorted(importlib.metadata.entry_points(group="evac"), key=lambda entry: entry.name):
             origin = entry.dist.name if entry.dist else "unknown"
-            module = _loaded(f"plugin {entry.value} of distribution {origin}", entry.load)
+            with plugin_code(f"plugin {entry.value} of distribution {origin} cannot be loaded"):
+                module = entry.load()
             self._register(
                 module, Provenance(entry.value, "distribution", origin, entry.dist.version if entry.dist else "")
             )
         for path in plugin_files:
             self.add_file(path)
-
-    @property
-    def contact_models(self) -> dict[str, type[Any]]:
-        """Contact model classes by name."""
-        return self._tables["contact_model"]
-
-    @property
-    def forces(self) -> dict[str, type[Any]]:
-        """Force classes by name."""
-        return self._tables["force"]
-
-    @property
-    def behaviours(self) -> dict[str, type[Any]]:
-        """Behaviour classes by name."""
-        return self._tables["behaviour"]
-
-    @property
-    def recorders(self) -> dict[str, type[Any]]:
-        """Recorder classes by name."""
-        return self._tables["recorder"]
-
-    @property
-    def cases(self) -> dict[str, Path]:
-        """Folders of the shipped cases by name."""
-        return self._tables["case"]
 
     def get(self, kind: str, name: str) -> Any:
         """Return what is registered as `name`.
@@ -182,7 +165,23 @@ class Registry:
         text = path.read_bytes()
         provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
         if provenance not in self.provenance:
-            self._register(_loaded(f"plugin file {path}", lambda: _module_of(path, text)), provenance)
+            with plugin_code(f"plugin file {path} cannot be loaded"):
+                module = _module_of(path, text)
+            self._register(module, provenance)
+
+    def add_class(self, cls: type[Any]) -> None:
+        """Register one class of a plugin without a hook that returns it; one registered before is left alone.
+
+        Raises
+        ------
+        PluginError
+            As `check_class`, or the name is taken.
+        """
+        kind = check_class(cls, cls.__module__)
+        if self._tables[kind].get(cls.name) is not cls:
+            plugin = f"{cls.__module__}.{cls.__qualname__}"
+            self._enter(kind, cls, plugin)
+            self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
 
     def read_building(self, path: Path, *, need_exit: bool = True, **options: Any) -> "Building":
         """Return the building in a file, read by the first plugin that takes it, or as `evac.read_building` does.
@@ -275,7 +274,8 @@ class Registry:
         for kind, hook in KINDS.items():
             if not hasattr(module, hook):
                 continue
-            answer = _loaded(f"plugin {plugin}: {hook}()", getattr(module, hook))
+            with plugin_code(f"plugin {plugin}: {hook}()"):
+                answer = getattr(module, hook)()
             if isinstance(answer, (str, bytes)) or not isinstance(answer, Sequence):
                 raise PluginError(f"plugin {plugin}: {hook}() must return a list, not {answer!r}")
             for item in answer:
@@ -307,7 +307,11 @@ class Registry:
                 raise PluginError(f"plugin {plugin}: folder {item} of a case has no case.toml")
             name = item.name
         else:
-            _check_class(kind, item, plugin)
+            if not _is_a(kind, item):
+                raise PluginError(
+                    f"plugin {plugin}: {KINDS[kind]} returned {item!r}; it must derive from evac.{BASES[kind][1]}"
+                )
+            check_class(item, plugin)
             name = item.name
         if (kind, name) in self._owners:
             raise PluginError(
@@ -318,31 +322,38 @@ class Registry:
         self._tables[kind][name] = item
 
 
-def _check_class(kind: str, item: Any, plugin: str) -> None:
-    """Refuse what is no class of its kind, is not finished, or has no name that a case could use."""
-    module, base = BASES[kind]
-    if not isinstance(item, type) or not issubclass(item, getattr(importlib.import_module(module), base)):
-        raise PluginError(f"plugin {plugin}: {KINDS[kind]} returned {item!r}; it must derive from evac.{base}")
-    missing = sorted(getattr(item, "__abstractmethods__", ()))
+def check_class(cls: Any, plugin: str) -> str:
+    """Refuse a class that is of no kind, is not finished, or has no name that a case could use; return its kind.
+
+    Parameters
+    ----------
+    cls : type
+    plugin : str
+        Where it comes from, for the message.
+
+    Raises
+    ------
+    PluginError
+        Naming the class and what it lacks.
+    """
+    kind = next((kind for kind in BASES if _is_a(kind, cls)), None)
+    if kind is None:
+        bases = ", ".join(base for _, base in BASES.values())
+        raise PluginError(f"plugin {plugin}: {cls!r} is none of {bases}; derive it from one")
+    missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
-        raise PluginError(f"plugin {plugin}: {item.__name__} has no {missing[0]}(), which every {base} needs")
-    name = getattr(item, "name", "")
+        raise PluginError(f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs")
+    name = getattr(cls, "name", "")
     if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
-        raise PluginError(f"plugin {plugin}: {item.__name__}.name must be one word in lower case, not {name!r}")
+        raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")
     if (kind, name) in RESERVED:
-        raise PluginError(f"plugin {plugin}: {item.__name__}.name {name!r} is a key of its section; take another")
+        raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; take another")
+    return kind
 
 
-def _loaded(what: str, load: Any) -> Any:
-    """Run code of a plugin; whatever it raises becomes a PluginError that names it."""
-    try:
-        return load()
-    except PluginError:
-        raise
-    except Exception as error:
-        raise PluginError(
-            f"{what} cannot be loaded: {type(error).__name__}: {error}; repair it or do not name it"
-        ) from error
+def _is_a(kind: str, item: Any) -> bool:
+    module, base = BASES[kind]
+    return isinstance(item, type) and issubclass(item, getattr(importlib.import_module(module), base))
 
 
 def _module_of(path: Path, text: bytes) -> ModuleType:

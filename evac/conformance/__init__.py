@@ -24,7 +24,7 @@ from evac.parameters import Configurable, Parameter
 from evac.physics.bundles import Crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
-from evac.registry import Registry
+from evac.registry import Registry, check_class
 from evac.scenario.loading import load_case
 from evac.scenario.schema import Case
 
@@ -70,9 +70,8 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
 
 def check_metadata(cls: type[Configurable]) -> None:
     """Name, docstring, and every parameter with a type, a unit, a sentence and a legal default."""
-    name = getattr(cls, "name", "")
-    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
-        raise PluginError(f"{cls.__name__}.name is {name!r}; it must be one word in lower case, as a case names it")
+    check_class(cls, cls.__module__)
+    name = cls.name
     if not (cls.__doc__ or "").strip():
         raise PluginError(f"{name}: {cls.__name__} has no docstring; its first line is what `evac plugins` shows")
     for key, parameter in cls.declared().items():
@@ -106,18 +105,13 @@ def _check_declarations(behaviour: Behaviour) -> None:
 def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
     """Return the shipped case with the plugin in use, registered if it is not."""
     registry = Registry()
+    registry.add_class(cls)
     if issubclass(cls, ContactModel):
-        registry.contact_models.setdefault(cls.name, cls)
         changes = {"contact.model": cls.name, f"contact.{cls.name}": values}
     elif issubclass(cls, Force):
-        registry.forces.setdefault(cls.name, cls)
         changes = {f"forces.{cls.name}": values}
     elif issubclass(cls, Behaviour):
-        registry.behaviours.setdefault(cls.name, cls)
         changes = {f"behaviours.{cls.name}": values}
-    elif issubclass(cls, Recorder):
-        registry.recorders.setdefault(cls.name, cls)
-        changes = {}
     else:
-        raise PluginError(f"{cls.__name__} is no ContactModel, Force, Behaviour or Recorder; derive it from one")
+        changes = {f"recorders.{cls.name}": values}
     return load_case(SHIPPED_CASE, changes, registry=registry)

@@ -9,6 +9,7 @@ from evac.errors import PluginError
 from evac.jit import pair_force
 from evac.output.recorder import Recorder
 from evac.parameters import Parameter
+from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
 from evac.registry import Registry
 from evac.scenario.loading import load_case
@@ -223,3 +224,13 @@ def test_a_recorder_that_changes_something_is_found():
 def test_what_is_no_plugin_is_refused():
     with pytest.raises(PluginError, match="derive it from one"):
         check_plugin(type("Stray", (Slower.__mro__[2],), {"name": "stray", "__doc__": "A stray."}))
+
+
+def test_a_name_that_hides_a_key_of_a_case_is_refused():
+    with pytest.raises(PluginError, match=r"\.name 'model' is a key of its section"):
+        check_plugin(type("Odd", (ContactModel,), {"name": "model", "__doc__": "Odd."}))
+
+
+def test_a_name_that_is_taken_is_refused():
+    with pytest.raises(PluginError, match="behaviour 'route_choice' is registered twice"):
+        check_plugin(type("Odd", (Slower,), {"name": "route_choice", "__doc__": "Odd."}))
