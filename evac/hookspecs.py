@@ -52,7 +52,7 @@ def evac_read_building(path: Path, options: Mapping[str, Any]) -> "Building | No
 
 
 @hookspec
-def evac_configure(scenario: "Case", registry: "Registry") -> None:
+def evac_configure(case: "Case", registry: "Registry") -> None:
     """Look at, or refuse, a checked case before anything is built from it."""
 
 

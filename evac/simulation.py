@@ -89,7 +89,7 @@ class Simulation:
         self.phases: dict[str, float] = {}
         self.ended = ""
         with plugin_code("evac_configure"):
-            self.registry.hook.evac_configure(scenario=case, registry=self.registry)
+            self.registry.hook.evac_configure(case=case, registry=self.registry)
         self.contact = case.make_contact_model()
         self.recorders = case.make_recorders()
         self._is_recording = False

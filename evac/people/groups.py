@@ -10,10 +10,10 @@ from evac.parameters import did_you_mean
 from evac.people.distributions import Distribution
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case, People
+    from evac.scenario.schema import Case, GroupSettings
 
 
-def route_of(people: "People") -> Route:
+def route_of(people: "GroupSettings") -> Route:
     """Return the route a group starts with."""
     return Route(people.exits, people.strategy)
 
@@ -88,7 +88,7 @@ def check_people(case: "Case", building: Building) -> None:
         raise ScenarioError("\n".join(problems))
 
 
-def _mean_on_stairs(people: "People", quantity: str) -> float:
+def _mean_on_stairs(people: "GroupSettings", quantity: str) -> float:
     """Return a group's mean speed on stairs; a factor is independent of the flat speed it multiplies."""
     given = getattr(people, quantity)
     if not isinstance(given, Distribution):

@@ -20,7 +20,7 @@ from evac.physics.motion import EXIT
 
 if TYPE_CHECKING:
     from evac.directions.fields import Fields
-    from evac.scenario.schema import Case, People
+    from evac.scenario.schema import Case, GroupSettings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -154,7 +154,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     return Population(crowd, groups, len(building.portals))
 
 
-def _route_index(case: "Case", people: "People", fields: "Fields") -> int:
+def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int:
     route = route_of(people)
     if route not in fields.routes:
         raise ScenarioError(
@@ -163,7 +163,7 @@ def _route_index(case: "Case", people: "People", fields: "Fields") -> int:
     return fields.routes.index(route)
 
 
-def _draw_quantities(crowd: Crowd, people: "People", rows: IntArray, seed: int) -> None:
+def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int) -> None:
     """Draw what the people of one group differ in."""
 
     def drawn(quantity: str, distribution: Distribution) -> FloatArray:
@@ -182,7 +182,7 @@ def _draw_quantities(crowd: Crowd, people: "People", rows: IntArray, seed: int) 
         crowd.speed[rows, use] = speed if quantity in people.model_fields_set else np.minimum(speed, flat)
 
 
-def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "People", rows: IntArray) -> None:
+def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray) -> None:
     """Put a group where the case says, or refuse the first place that cannot be."""
     position = np.array(people.positions, dtype=np.float64)
     level = _levels_of(case, building, people, position)
@@ -216,7 +216,7 @@ def _put_inside(building: Building, level: IntArray, position: FloatArray) -> No
             position[outside] = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
 
 
-def _levels_of(case: "Case", building: Building, people: "People", position: FloatArray) -> IntArray:
+def _levels_of(case: "Case", building: Building, people: "GroupSettings", position: FloatArray) -> IntArray:
     """Return the level (k,) of each given position."""
     x, y = position.T
     points = shapely.points(x, y)
@@ -243,7 +243,9 @@ def _levels_of(case: "Case", building: Building, people: "People", position: Flo
     return found
 
 
-def _take_area(case: "Case", building: Building, crowd: Crowd, people: "People", rows: IntArray, seed: int) -> None:
+def _take_area(
+    case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
+) -> None:
     """Put a group at random places of its area, clear of walls, portals, exits and whoever stands there."""
     area = next(area for area in building.areas if area.name == people.area)
     links = [

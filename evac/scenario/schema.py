@@ -75,7 +75,7 @@ class Outline(Placed):
     polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
 
 
-class Building(Section):
+class BuildingSettings(Section):
     """`[building]`: the mesh file, and what it does not say itself."""
 
     mesh: str = key("mesh file, relative to case.toml", min_length=1)
@@ -100,7 +100,7 @@ class Building(Section):
         return self
 
 
-class Directions(Section):
+class DirectionSettings(Section):
     """`[directions]`: how travel times and directions are computed."""
 
     spacing: Real = key("distance of the grid's nodes", "m", 0.1, gt=0)
@@ -120,7 +120,7 @@ class Directions(Section):
     order: Literal[1, 2] = key("order of the fast marching scheme", "", 2)
 
 
-class People(Section):
+class GroupSettings(Section):
     """`[[people]]`: one group; each quantity is a number or a distribution."""
 
     name: str = key("name of the group", min_length=1)
@@ -199,7 +199,7 @@ class People(Section):
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
 
 
-class Contact(Section):
+class ContactSettings(Section):
     """`[contact]`: the model in use, and in `[contact.NAME]` the parameters of any model."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -261,7 +261,7 @@ class SimulationSettings(Section):
         return self
 
 
-class Output(Section):
+class OutputSettings(Section):
     """`[output]`: what is written to the result folder."""
 
     every: Real = key("time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0)
@@ -269,7 +269,7 @@ class Output(Section):
     picture: Switch = key("whether pictures of the run are drawn", "", True)
 
 
-class Plugins(Section):
+class PluginSettings(Section):
     """`[plugins]`: files to register beside the installed plugins."""
 
     files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())
@@ -292,10 +292,10 @@ class Case(Section):
     """
 
     title: str = key("one line that says what the case is", "", "")
-    building: Building = key("the building")
-    directions: Directions = key("travel times and directions", "", Directions())
-    people: tuple[People, ...] = key("the groups", "", min_length=1)
-    contact: Contact = key("contact between bodies")
+    building: BuildingSettings = key("the building")
+    directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
+    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
         "`[forces.NAME]`: parameters of a force at a distance; there: in use; false: not in use", "", {}
     )
@@ -306,8 +306,8 @@ class Case(Section):
         "`[recorders.NAME]`: parameters of a recorder; all that are registered are in use; false: not in use", "", {}
     )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
-    output: Output = key("what is written", "", Output())
-    plugins: Plugins = key("plugin files", "", Plugins())
+    output: OutputSettings = key("what is written", "", OutputSettings())
+    plugins: PluginSettings = key("plugin files", "", PluginSettings())
 
     _origin: Origin = PrivateAttr()
 

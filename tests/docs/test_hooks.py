@@ -132,9 +132,9 @@ def test_evac_configure(plugin):
         from evac import ScenarioError
 
         @hookimpl
-        def evac_configure(scenario, registry):
-            if scenario.contact.model in registry.contact_models:
-                raise ScenarioError(f"not with {scenario.contact.model}")
+        def evac_configure(case, registry):
+            if case.contact.model in registry.contact_models:
+                raise ScenarioError(f"not with {case.contact.model}")
         """
     )
     with pytest.raises(evac.ScenarioError, match="not with nsm2"):
