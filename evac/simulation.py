@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
+from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, NO_PROGRESS, Ending
@@ -20,6 +21,7 @@ from evac.output.results import Results
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people, default_clearance, reference_speeds
 from evac.people.population import build_population
+from evac.people.unusual import unusual
 from evac.physics.bundles import copy_of
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
@@ -136,19 +138,27 @@ class Simulation:
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
         cutoffs = dict(zip((force.name for force in self.forces), self.engine.forces.cutoff.tolist(), strict=True))
-        return explain(
-            self.case,
-            self.building,
-            self.fields.routes,
-            self.contact,
-            {force.name: cutoffs.get(force.name) for force in forces},
-            {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours},
-        )
+        felt = {force.name: cutoffs.get(force.name) for force in forces}
+        acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
+        return explain(self.case, self.building, self.fields.routes, self.contact, felt, acts)
 
     @property
     def time(self) -> float:
         """Simulated time [s]: always step times h, never summed up."""
         return self.step * self.case.simulation.step
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what is worth a look before a run is believed, a line each.
+
+        Returns
+        -------
+        tuple of str
+            Of the building, of places too narrow for the widest person, and of unusual people as they start.
+        """
+        crowd = self.population.crowd
+        narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
+        start = crowd._replace(position=self._start[0], level=self._start[1])
+        return (*self.building.warnings, *narrow, *unusual(start, self.population.groups))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results.
@@ -215,8 +225,7 @@ class Simulation:
             )
         self.step += steps
         with self._phase("recording"):
-            if events.count[0]:
-                self.population.settle(events)
+            self.population.settle(events)
             if is_output:
                 self._record()
         self.ended = self._ending.reason(self.step, self.population.crowd, self.fields)

@@ -382,3 +382,15 @@ def test_a_plan_knows_what_a_behaviour_does_at_ticks():
     case = load_case("square_room", {"behaviours.route_choice": {"change_at": 1.0, "change_to": "shortest"}})
     (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: route_choice"]
     assert row[2] == "at every tick"
+
+
+def test_warnings_are_those_of_the_start(tmp_path):
+    case = in_the_room(tmp_path, SQUEEZED, [[2.0, 2.5], [2.0, 2.7]]).change({"people.people.speed": 3.5})
+    simulation = Simulation(case)
+    warnings = simulation.warnings()
+    assert any("unusual for people (0 to 3 m/s)" in line for line in warnings)
+    assert any("pairs of people who start overlapping: 1" in line for line in warnings)
+    simulation.run()
+    assert simulation.warnings() == warnings
+    narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
+    assert any("exit" in line and "less than the widest person (1.20 m)" in line for line in narrow)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
-    from evac.simulation import Simulation
 
 
 def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None:
@@ -51,16 +50,6 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
     return load_case(arguments.case, overrides, arguments.plugins)
-
-
-def warnings_of(simulation: "Simulation") -> tuple[str, ...]:
-    """Return what is worth a look before a run is believed: of the building, narrow places, unusual people."""
-    from evac.building.narrow import narrow_places
-    from evac.people.unusual import unusual
-
-    crowd, building = simulation.population.crowd, simulation.building
-    narrow = narrow_places(building, 2.0 * float(crowd.radius.max()))
-    return (*building.warnings, *narrow, *unusual(crowd, simulation.population.groups))
 
 
 def default_folder(case: "Case") -> Path:

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evac.cli.cases import case_of, declare_case, warnings_of
+from evac.cli.cases import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def execute(arguments: argparse.Namespace) -> int:
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     show_building(simulation.building)
     show_people(simulation)
-    show_warnings(warnings_of(simulation))
+    show_warnings(simulation.warnings())
     return 0
 
 

@@ -8,7 +8,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.cases import case_of, declare_case, default_folder, warnings_of
+from evac.cli.cases import case_of, declare_case, default_folder
 from evac.cli.progress import Display
 
 
@@ -31,7 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
     check_folder(folder)
-    show_warnings(warnings_of(Simulation(case)))
+    show_warnings(Simulation(case).warnings())
     make_folder(folder)
     print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
     with Display() as display:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Self
 
-from evac.cli.cases import case_of, declare_case, default_folder, warnings_of
+from evac.cli.cases import case_of, declare_case, default_folder
 from evac.cli.progress import Display
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def execute(arguments: argparse.Namespace) -> int:
         check_folder(folder)
         display.phase("reading the building, computing directions")
         simulation = Simulation(case, folder, arguments.full)
-        warnings = warnings_of(simulation)
+        warnings = simulation.warnings()
         display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
         with _Interrupt(display) as progress:
 
