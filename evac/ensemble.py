@@ -6,7 +6,6 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from os import cpu_count
@@ -18,9 +17,10 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from evac.ending import EVERYBODY_OUT
-from evac.errors import EvacError, ResultError, ScenarioError, SimulationError
+from evac.errors import EvacError, ScenarioError, SimulationError
+from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
 from evac.output.results import plain, versions, write_csv
-from evac.running import EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, clear_folder
+from evac.running import clear_folder
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-EGRESS_NAME = "egress.csv"
 
 #: Of the interval of the mean.
 CONFIDENCE = 0.95
@@ -146,7 +144,7 @@ class Ensemble:
             "versions": versions(),
         }
         egress = self.egress()
-        with _writing(folder):
+        with writing("the results", folder):
             (folder / SUMMARY_NAME).write_text(json.dumps(plain(summary), indent=2) + "\n", encoding="utf-8")
             write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out"), map(_row, self.runs))
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
@@ -270,11 +268,3 @@ def _one(case: "Case") -> Run:
 def _row(run: Run) -> tuple[Any, ...]:
     out = int(np.isfinite(run.exit_time).sum())
     return run.seed, run.ended, out, float(np.nanmax(run.exit_time)) if out else None
-
-
-@contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise ResultError(f"{folder}: cannot write the results: {error}") from error

@@ -10,32 +10,13 @@ from typing import TYPE_CHECKING
 
 from evac.ending import FAILED
 from evac.errors import EvacError, ResultError
-from evac.output import FILM_NAME, PICTURE_NAME
+from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
 from evac.output.results import Results
-from evac.output.trajectory import FILE_NAME, MAGIC, read_trajectory
+from evac.output.trajectory import MAGIC, read_trajectory
 from evac.simulation import Progress, Simulation
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
-
-#: What a run writes to its folder; nothing else there is ever touched.
-SUMMARY_NAME = "summary.json"
-EGRESS_PICTURE_NAME = "egress.png"
-RUNS_NAME = "runs.csv"
-ANIMATION_NAME = "animation.pvd"
-WRITTEN = (
-    "egress.csv",
-    "people.csv",
-    EGRESS_PICTURE_NAME,
-    RUNS_NAME,
-    ANIMATION_NAME,
-    "building.vtp",
-    "frames/frame_*.vtp",
-    PICTURE_NAME,
-    FILM_NAME,
-    SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
-    FILE_NAME,
-)
 
 
 def run(
@@ -135,15 +116,15 @@ def check_folder(folder: Path) -> None:
         raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
     if not _is_result(folder) and any(folder.iterdir()):
         raise ResultError(
-            f"{folder}: holds files and is no result folder of evac (neither its {SUMMARY_NAME} nor its {FILE_NAME} is "
-            "there); choose a new or empty folder for the results (--out)"
+            f"{folder}: holds files and is no result folder of evac (neither its {SUMMARY_NAME} nor its "
+            f"{TRAJECTORY_NAME} is there); choose a new or empty folder for the results (--out)"
         )
 
 
 def _is_result(folder: Path) -> bool:
     """Say whether a folder holds a trajectory or a summary that evac has written."""
     try:
-        with (folder / FILE_NAME).open("rb") as file:
+        with (folder / TRAJECTORY_NAME).open("rb") as file:
             if file.read(len(MAGIC)) == MAGIC:
                 return True
     except OSError:
@@ -165,10 +146,8 @@ def make_folder(folder: Path) -> None:
         It is somebody else's, or cannot be made.
     """
     check_folder(folder)
-    try:
+    with writing("the results", folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"{folder}: cannot write results there: {error.strerror}; choose another folder") from error
 
 
 def clear_folder(folder: Path) -> None:
@@ -180,12 +159,10 @@ def clear_folder(folder: Path) -> None:
         The folder cannot be made or written.
     """
     make_folder(folder)
-    try:
+    with writing("the results", folder):
         for pattern in WRITTEN:
             for path in folder.glob(pattern):
                 path.unlink()
-    except OSError as error:
-        raise ResultError(f"{folder}: cannot write results there: {error.strerror}; choose another folder") from error
 
 
 def write_outputs(results: Results, folder: Path) -> Results:
@@ -210,7 +187,7 @@ def write_outputs(results: Results, folder: Path) -> Results:
         from evac.output.pictures import draw_egress
 
         draw_egress(results, folder / EGRESS_PICTURE_NAME)
-    if results.case.output.animation and (folder / FILE_NAME).is_file():
+    if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
         from evac.output.vtk_export import export_vtk
 
         export_vtk(read_trajectory(folder), folder)

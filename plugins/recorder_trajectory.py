@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.hookspecs import hookimpl
+from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.results import versions
-from evac.output.trajectory import FILE_NAME, TrajectoryWriter
+from evac.output.trajectory import TrajectoryWriter
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -28,7 +29,7 @@ class TrajectoryRecorder(Recorder):
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
-            self._writer = TrajectoryWriter(simulation.folder / FILE_NAME, _header(simulation), origin)
+            self._writer = TrajectoryWriter(simulation.folder / TRAJECTORY_NAME, _header(simulation), origin)
 
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""

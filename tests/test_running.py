@@ -133,7 +133,7 @@ def test_a_folder_whose_clearing_failed_is_still_known(tmp_path):
     run(case, tmp_path / "r")
     (tmp_path / "r" / "egress.csv").unlink()
     (tmp_path / "r" / "egress.csv").mkdir()  # cannot be removed as a file
-    with pytest.raises(ResultError, match="cannot write results there"):
+    with pytest.raises(ResultError, match="cannot write the results"):
         run(case, tmp_path / "r")
     (tmp_path / "r" / "egress.csv").rmdir()
     run(case, tmp_path / "r")

@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.output import FILM_NAME, PICTURE_NAME
+from evac.output.files import FILM_NAME, PICTURE_NAME
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

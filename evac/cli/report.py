@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
+from evac.output.files import ANIMATION_NAME
 from evac.output.results import Results
-from evac.running import ANIMATION_NAME
 
 #: So many people who can no longer move are listed; summary.json has all.
 MOST_LISTED = 20

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from evac.errors import ResultError
+from evac.output.files import writing
 from evac.output.results import Results
 
 #: Up to so many groups get a line of their own.
@@ -62,7 +62,5 @@ def save(figure: Figure, path: Path) -> None:
     ResultError
         The file cannot be written.
     """
-    try:
+    with writing("the picture", path):
         figure.savefig(path)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write the picture: {error}") from error

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from evac.errors import ResultError
+from evac.output.files import writing
 from evac.output.scene import COLOURS, Scene
 from evac.output.trajectory import Trajectory
 
@@ -59,10 +60,8 @@ def render_picture(
         image = scene.show(trajectory.nearest(middle if time is None else time))
     finally:
         scene.close()
-    try:
+    with writing("the picture", path):
         Image.fromarray(image).save(path)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write the picture: {error}") from error
 
 
 def render_animation(
@@ -99,14 +98,10 @@ def render_animation(
     count = 1 + math.ceil(float(trajectory.time[-1]) * fps / speed)
     chosen = [trajectory.nearest(k * speed / fps) for k in range(count)]
     scene = Scene(trajectory, size, stretch, colour_by)
+    write = _write_gif if path.suffix == ".gif" else _write_mp4
     try:
-        images = (scene.show(k) for k in chosen)
-        if path.suffix == ".gif":
-            _write_gif(path, images, fps)
-        else:
-            _write_mp4(path, images, fps)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write the film: {error}") from error
+        with writing("the film", path):
+            write(path, (scene.show(k) for k in chosen), fps)
     finally:
         scene.close()
 
@@ -119,7 +114,9 @@ def _check(trajectory: Trajectory, path: Path, endings: tuple[str, ...], colour_
     if colour_by not in COLOURS:
         raise ResultError(f"people cannot be coloured by {colour_by!r}; use {' or '.join(COLOURS)}")
     if stretch is not None and not 0.0 < stretch < math.inf:
-        raise ResultError(f"the stretch of heights must be greater than 0, got {stretch:g}")
+        raise ResultError(
+            f"heights cannot be stretched by {stretch:g}: the factor must be greater than 0; 1 draws them true"
+        )
 
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:

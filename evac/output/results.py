@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from evac.building.model import Building
 from evac.directions.routes import Route
-from evac.errors import ResultError
+from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.physics.bundles import Crowd
 
@@ -226,13 +226,11 @@ class Results:
         """
         summary = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
         time, number = self.egress()
-        try:
+        with writing("the results", folder):
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
-            write_csv(folder / "egress.csv", EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
-            write_csv(folder / "people.csv", PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
-        except OSError as error:
-            raise ResultError(f"{folder}: cannot write the results: {error}") from error
+            (folder / SUMMARY_NAME).write_text(summary + "\n", encoding="utf-8")
+            write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
+            write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
 
     def _stuck_places(self) -> list[dict[str, Any]]:
         return [

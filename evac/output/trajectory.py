@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from evac.building.model import Building
 from evac.errors import ResultError
+from evac.output.files import TRAJECTORY_NAME, writing
 from evac.output.header import building_from_json
 from evac.physics.bundles import Crowd
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
-#: Name of the file in a result folder.
-FILE_NAME = "trajectory.evac"
 MAGIC = b"EVACTRJ1"
 #: One float32 each, little-endian; x and y count from the header's origin.
 FIELDS = ("person", "level", "x", "y", "velocity_x", "velocity_y", "contact_force")
@@ -61,13 +60,11 @@ class TrajectoryWriter:
         self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
         layout = {"format": 1, "fields": FIELDS, "origin": self._origin.tolist()}
         text = json.dumps({**header, **layout}, allow_nan=False).encode()
-        try:
+        with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("wb")
             self._file.write(MAGIC + _HEADER_LENGTH.pack(len(text)) + text)
             self._file.flush()
-        except OSError as error:
-            raise ResultError(f"{path}: cannot write the trajectory: {error}") from error
 
     def append(self, time: float, crowd: Crowd) -> None:
         """Write one frame: everybody who is inside at `time` [s].
@@ -88,11 +85,9 @@ class TrajectoryWriter:
         _STAMP.pack_into(self._buffer, 0, time, rows.size)
         check = zlib.crc32(self._view[FRAME_HEAD_BYTES:end], zlib.crc32(self._view[: _STAMP.size]))
         _CHECK.pack_into(self._buffer, _STAMP.size, check)
-        try:
+        with writing(f"the trajectory at {time:.3f} s", self.path):
             self._file.write(self._view[:end])
             self._file.flush()
-        except OSError as error:
-            raise ResultError(f"{self.path}: cannot write the trajectory at {time:.3f} s: {error}") from error
 
     def close(self) -> None:
         """Close the file."""
@@ -250,7 +245,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
         The file is not there, is no trajectory of this format, or is damaged before its last frame.
     """
     path = Path(path)
-    path = path / FILE_NAME if path.is_dir() else path
+    path = path / TRAJECTORY_NAME if path.is_dir() else path
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -12,14 +12,11 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 from evac.building.elevation import elevation
 from evac.building.model import Building
 from evac.errors import ResultError
+from evac.output.files import ANIMATION_NAME, BUILDING_NAME, FRAMES, FRAMES_FOLDER, frame_name, writing
 from evac.output.trajectory import Frame, Trajectory
 
 #: Values of the building's cell array ``kind``.
 KINDS = ("floor", "flight", "landing", "wall", "exit")
-
-PVD_NAME = "animation.pvd"
-BUILDING_NAME = "building.vtp"
-FRAMES_FOLDER = "frames"
 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
@@ -42,10 +39,9 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     """
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
-    frames = folder / FRAMES_FOLDER
-    try:
-        frames.mkdir(parents=True, exist_ok=True)
-        for stale in frames.glob("frame_*.vtp"):
+    with writing("the VTK animation", folder):
+        (folder / FRAMES_FOLDER).mkdir(parents=True, exist_ok=True)
+        for stale in folder.glob(FRAMES):
             stale.unlink()
         _write(building_polydata(trajectory.building), folder / BUILDING_NAME)
         names = vtkStringArray()
@@ -55,11 +51,9 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
         for k in range(len(trajectory)):
             people = people_polydata(trajectory, trajectory.frame(k))
             people.GetFieldData().AddArray(names)
-            _write(people, frames / f"frame_{k:05d}.vtp")
-        path = folder / PVD_NAME
+            _write(people, folder / frame_name(k))
+        path = folder / ANIMATION_NAME
         path.write_text(_pvd(trajectory.time), encoding="utf-8")
-    except OSError as error:
-        raise ResultError(f"{folder}: cannot write the VTK animation: {error}") from error
     return path
 
 
@@ -160,7 +154,7 @@ def _pvd(times: NDArray[np.float64]) -> str:
     entry = '    <DataSet timestep="{}" part="{}" name="{}" file="{}"/>'
     lines = []
     for k, time in enumerate(times.tolist()):
-        lines.append(entry.format(repr(time), 0, "people", f"{FRAMES_FOLDER}/frame_{k:05d}.vtp"))
+        lines.append(entry.format(repr(time), 0, "people", frame_name(k)))
         lines.append(entry.format(repr(time), 1, "building", BUILDING_NAME))
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
     return head + "  <Collection>\n" + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n"

@@ -12,7 +12,8 @@ import time
 import numpy as np
 import pytest
 
-from evac.output.trajectory import FILE_NAME, read_trajectory
+from evac.output.files import TRAJECTORY_NAME
+from evac.output.trajectory import read_trajectory
 
 FILES = {
     "summary.json",
@@ -41,7 +42,7 @@ def test_writes_a_result_folder(result):
 def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
     assert evac("run", "square_room", "--set", "output.animation=false", "output.picture=false") == 0
     folder = tmp_path / "square_room-result"
-    assert {path.name for path in folder.iterdir()} == {"summary.json", "egress.csv", "people.csv", FILE_NAME}
+    assert {path.name for path in folder.iterdir()} == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME}
     out = capsys.readouterr().out
     for word in ("last out", "greatest overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
         assert word in out
@@ -68,7 +69,8 @@ model = "dem"
     (tmp_path / "mine" / "alone.toml").write_text(text)
     assert evac("run", "mine") == 0
     assert evac("run", "mine/alone.toml") == 0
-    assert (tmp_path / "mine-result" / FILE_NAME).read_bytes() == (tmp_path / "alone-result" / FILE_NAME).read_bytes()
+    mine, alone = (tmp_path / f"{name}-result" / TRAJECTORY_NAME for name in ("mine", "alone"))
+    assert mine.read_bytes() == alone.read_bytes()
 
 
 def test_seed_and_set_change_the_case(evac, tmp_path):
@@ -118,7 +120,7 @@ def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
     quiet = ["output.animation=false", "output.picture=false"]
     assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", FILE_NAME, "frames", "notes.txt"}
+    assert names == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME, "frames", "notes.txt"}
     assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
 
 
@@ -201,7 +203,7 @@ def _start_long_run(folder):
     words = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(folder), "--set"]
     words += ["simulation.step=0.00005", "output.every=0.1"]
     process = subprocess.Popen(words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    path = folder / FILE_NAME
+    path = folder / TRAJECTORY_NAME
     deadline = time.monotonic() + 240.0
     while time.monotonic() < deadline and process.poll() is None:
         if path.is_file() and path.stat().st_size > 100_000:
@@ -216,7 +218,7 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     process.kill()
     assert process.wait() == -signal.SIGKILL
     process.communicate()
-    assert {path.name for path in (tmp_path / "r").iterdir()} == {FILE_NAME}
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {TRAJECTORY_NAME}
     frames = len(read_trajectory(tmp_path / "r"))
     assert frames >= 3
     assert evac("export", "r", "--vtk") == 0

@@ -9,9 +9,10 @@ from shapely.geometry import box
 
 from evac.building.model import Area, Building, Exit, Level, Portal
 from evac.directions.routes import Route
+from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.results import Results
-from evac.output.trajectory import FILE_NAME, TrajectoryWriter
+from evac.output.trajectory import TrajectoryWriter
 from evac.physics.bundles import Crowd
 
 
@@ -118,7 +119,7 @@ def descent(tmp_path):
             "radius": [0.2] * people,
             "building": building_to_json(building),
         }
-        path = tmp_path / FILE_NAME
+        path = tmp_path / TRAJECTORY_NAME
         writer = TrajectoryWriter(path, header, np.array(shift))
         crowds = []
         for k in range(frames):

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from evac.errors import ResultError
+from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_from_json, building_to_json
-from evac.output.trajectory import FIELDS, FILE_NAME, FRAME_HEAD_BYTES, RECORD_BYTES, TrajectoryWriter, read_trajectory
+from evac.output.trajectory import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES, TrajectoryWriter, read_trajectory
 
 
 def frame_bytes(people):
@@ -37,7 +38,7 @@ def test_round_trip_gives_back_what_was_recorded(descent):
 
 def test_result_folder_stands_for_its_trajectory(descent):
     run = descent()
-    assert run.path.name == FILE_NAME
+    assert run.path.name == TRAJECTORY_NAME
     np.testing.assert_array_equal(read_trajectory(run.path.parent).time, read_trajectory(run.path).time)
 
 

@@ -6,8 +6,9 @@ import pytest
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
+from evac.output.files import TRAJECTORY_NAME
 from evac.output.results import versions
-from evac.output.trajectory import FILE_NAME, read_trajectory
+from evac.output.trajectory import read_trajectory
 from evac_plugins.recorder_trajectory import TrajectoryRecorder, evac_recorders
 
 CORNER = np.array([3.0e6, 5.0e6])
@@ -102,12 +103,12 @@ def test_end_between_two_output_times_is_kept_once(simulation):
 def test_without_a_folder_nothing_is_kept(simulation, tmp_path):
     simulation.folder = None
     run(simulation, [0.0]).finish(simulation, None)
-    assert list(tmp_path.rglob(FILE_NAME)) == []
+    assert list(tmp_path.rglob(TRAJECTORY_NAME)) == []
 
 
 def test_run_that_ended_before_its_start_can_be_finished(simulation, tmp_path):
     TrajectoryRecorder().finish(simulation, None)
-    assert list(tmp_path.rglob(FILE_NAME)) == []
+    assert list(tmp_path.rglob(TRAJECTORY_NAME)) == []
 
 
 def test_hook_offers_the_recorder():
