@@ -137,7 +137,9 @@ class GroupSettings(Section):
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Positive = key(
-        "time in which a person takes up the desired velocity", "s", Distribution("uniform", (0.1, 0.5))
+        "relaxation time: how fast a person takes up the desired velocity",
+        "s",
+        Distribution("uniform", (0.1, 0.5)),
     )
     speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
@@ -297,13 +299,19 @@ class Case(Section):
     people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force at a distance; there: in use; false: not in use", "", {}
+        "`[forces.NAME]`: parameters of a force between people; present: enabled with these parameters; `false`: disabled",
+        "",
+        {},
     )
     behaviours: dict[str, Parameters] = key(
-        "`[behaviours.NAME]`: parameters of a behaviour; there: in use; false: not in use", "", {}
+        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with these parameters; `false`: disabled",
+        "",
+        {},
     )
     recorders: dict[str, Parameters] = key(
-        "`[recorders.NAME]`: parameters of a recorder; all that are registered are in use; false: not in use", "", {}
+        "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",
+        "",
+        {},
     )
     simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
     output: OutputSettings = key("what is written", "", OutputSettings())
