@@ -159,7 +159,7 @@ def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
 
 
 def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
-    """Refuse what a behaviour wrote where the step loop could not tell it from a failure of its own.
+    """Refuse numbers that a behaviour may not write, which would otherwise look like a failure of the physics.
 
     Parameters
     ----------

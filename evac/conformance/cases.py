@@ -35,11 +35,14 @@ def check_same_bits(case: Case, ticks: int = 20) -> None:
 
 def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     """A behaviour touches only the arrays that it declares."""
+    simulation = Simulation(case, full=True)
+    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
+    if found is None:
+        raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does")
+    behaviour, scene = found
+    scene.crowd = watched = _WatchedCrowd(*scene.crowd)
+    crowd = simulation.population.crowd
     try:
-        simulation = Simulation(case, full=True)
-        behaviour, scene = next(pair for pair in simulation.behaviours if pair[0].name == name)
-        scene.crowd = watched = _WatchedCrowd(*scene.crowd)
-        crowd = simulation.population.crowd
         behaviour.prepare(scene)
         for _ in range(ticks):
             before = {key: array.copy() for key, array in crowd._asdict().items() if key not in behaviour.writes}
@@ -50,8 +53,6 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
             if simulation.ended:
                 break
             simulation.advance_tick()
-    except StopIteration:
-        raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does") from None
     except ValueError as error:
         if "read-only" not in str(error):
             raise

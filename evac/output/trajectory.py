@@ -97,9 +97,24 @@ class TrajectoryWriter:
 class Frame(TypedDict):
     """Everybody who is inside at one time; c rows.
 
-    ``position`` is in plan; ``velocity`` is in space, its vertical part that of the slope, and ``speed``
-    [m/s] its length, so along the slope on stairs. ``crowd_pressure`` [N/m] is the contact force over the
-    circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
+    Attributes
+    ----------
+    time : float [s]
+    person : (c,) int32
+        Row of the per-person arrays.
+    level : (c,) int32
+        Row of ``Building.levels``.
+    position : (c, 2) float64 [m]
+        In plan.
+    z : (c,) float64 [m]
+    velocity : (c, 3) float64 [m/s]
+        In space; its vertical part is that of the slope.
+    speed : (c,) float64 [m/s]
+        Length of the velocity, so along the slope on stairs.
+    contact_force : (c,) float64 [N]
+        Sum of the contact forces.
+    crowd_pressure : (c,) float64 [N/m]
+        Contact force over the circumference of the body, 2 pi r, as in Helbing, Farkas and Vicsek (2000).
     """
 
     time: float
@@ -257,30 +272,38 @@ def read_trajectory(path: str | Path) -> Trajectory:
         group, groups = np.array(header["group"], np.int32), tuple(header["groups"])
         np.array(header["origin"], np.float64).reshape(2)
     except KeyError as error:
-        raise ResultError(f"{path}: the header lacks {error}; the file was not written by this version") from error
+        raise _damaged(path, f"the header lacks {error}; the file was not written by this version") from error
     except (AttributeError, TypeError, ValueError, IndexError) as error:
-        raise ResultError(f"{path}: the header is damaged: {error}; export or render an undamaged result") from error
+        raise _damaged(path, f"the header is damaged: {error}") from error
     time, records, end = _read_frames(path, data, start, len(radius))
     return Trajectory(path, header, building, group, groups, radius, time, records, len(data) - end)
+
+
+def _damaged(path: Path, what: str) -> ResultError:
+    return ResultError(f"{path}: {what}; run the case again, or take an undamaged copy")
 
 
 def _read_header(path: Path, data: bytes) -> tuple[dict[str, Any], int]:
     """Return the header and the byte at which the frames start."""
     if not data.startswith(MAGIC):
-        raise ResultError(f"{path}: not a trajectory of evac (it does not start with {MAGIC.decode()})")
+        raise ResultError(
+            f"{path}: not a trajectory of evac (it does not start with {MAGIC.decode()}); name a {TRAJECTORY_NAME}"
+        )
     first = len(MAGIC) + _HEADER_LENGTH.size
     end = first + (_HEADER_LENGTH.unpack_from(data, len(MAGIC))[0] if len(data) >= first else 0)
     if len(data) < max(end, first):
-        raise ResultError(f"{path}: the header is cut off; the run ended before its first frame")
+        raise ResultError(f"{path}: the header is cut off, the run ended before its first frame; run the case again")
     try:
         header = json.loads(data[first:end])
     except ValueError as error:
-        raise ResultError(f"{path}: the header is no JSON: {error}") from error
+        raise _damaged(path, f"the header is no JSON: {error}") from error
     if not isinstance(header, dict) or header.get("format") != 1:
         found = header.get("format") if isinstance(header, dict) else header
-        raise ResultError(f"{path}: trajectory format {found!r} is unknown; this version reads format 1")
+        raise ResultError(
+            f"{path}: trajectory format {found!r} is unknown; this version reads format 1; run the case again with it"
+        )
     if header.get("fields") != list(FIELDS):
-        raise ResultError(f"{path}: the header's fields are {header.get('fields')!r}; they must be {list(FIELDS)}")
+        raise _damaged(path, f"the header's fields are {header.get('fields')!r}; they must be {list(FIELDS)}")
     return header, end
 
 
@@ -301,7 +324,7 @@ def _read_frames(
         if count > people or check != zlib.crc32(view[first:end], zlib.crc32(view[start : start + _STAMP.size])):
             if end == len(data):
                 break
-            raise ResultError(f"{path}: frame {len(times)} at byte {start} is damaged (its checksum does not match)")
+            raise _damaged(path, f"frame {len(times)} at byte {start} is damaged (its checksum does not match)")
         times.append(time)
         records.append(np.frombuffer(data, "<f4", count * len(FIELDS), first).reshape(count, len(FIELDS)))
         start = end

@@ -147,7 +147,7 @@ def _write(data: vtkPolyData, path: Path) -> None:
     writer.SetInputData(data)
     writer.SetCompressorTypeToNone()
     if not writer.Write():
-        raise ResultError(f"{path}: VTK cannot write the file")
+        raise ResultError(f"{path}: VTK cannot write the file; see that there is room, or write somewhere else")
 
 
 def _pvd(times: NDArray[np.float64]) -> str:

@@ -299,12 +299,12 @@ class Case(Section):
     people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force between people; present: enabled with these parameters; `false`: disabled",
+        "`[forces.NAME]`: parameters of a force between people; present: enabled with them; `false`: disabled",
         "",
         {},
     )
     behaviours: dict[str, Parameters] = key(
-        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with these parameters; `false`: disabled",
+        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled",
         "",
         {},
     )

@@ -234,3 +234,15 @@ def test_a_name_that_hides_a_key_of_a_case_is_refused():
 def test_a_name_that_is_taken_is_refused():
     with pytest.raises(PluginError, match="behaviour 'route_choice' is registered twice"):
         check_plugin(type("Odd", (Slower,), {"name": "route_choice", "__doc__": "Odd."}))
+
+
+class Exhausted(Slower):
+    """Takes from what is empty."""
+
+    def act(self, crowd, time):
+        next(iter(()))
+
+
+def test_a_behaviour_that_fails_is_not_taken_for_one_that_is_not_used():
+    with pytest.raises(PluginError, match="StopIteration"):
+        check_plugin(Exhausted)
