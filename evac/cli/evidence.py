@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-KINDS = ("accuracy", "stability", "lean", "table3", "scaling")
+from evac.evidence import KINDS
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from evac.errors import EvacError
 
+#: Exit status of bad input, and of what Ctrl-C stopped.
 BAD_INPUT = 2
-INTERRUPTED = 130
+INTERRUPTED_STATUS = 130
 
 #: Commands in the order of the help, and the module that declares and executes each.
 COMMANDS = {
@@ -34,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         print("evac: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return INTERRUPTED_STATUS
     return status
 
 

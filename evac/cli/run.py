@@ -14,13 +14,11 @@ from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Self
 
 from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.main import INTERRUPTED_STATUS
 from evac.cli.progress import Display
 
 if TYPE_CHECKING:
     from evac.simulation import Progress
-
-#: Exit status of a run that Ctrl-C stopped.
-INTERRUPTED_STATUS = 130
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -1,21 +1,13 @@
-"""Which kinds of evidence there are, and how one is recomputed."""
+"""How a kind of evidence is recomputed."""
 
 import importlib
 import json
 from pathlib import Path
 
 from evac.errors import ResultError, ScenarioError
+from evac.evidence import KINDS
 from evac.evidence.report import Evidence
 from evac.parameters import did_you_mean
-
-#: Kinds of evidence, and the module whose ``run(evidence)`` computes each; loaded when asked for.
-KINDS = {
-    "accuracy": "evac.evidence.accuracy",
-    "stability": "evac.evidence.stability",
-    "lean": "evac.evidence.lean",
-    "table3": "evac.evidence.table3",
-    "scaling": "evac.evidence.scaling",
-}
 
 
 def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1) -> Path:
@@ -24,7 +16,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1) ->
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `evac.evidence.KINDS`.
     folder : Path
         The page, tables and plots go to ``folder / kind``; ``folder / README.md`` lists the kinds there.
     quick : bool
@@ -39,10 +31,10 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1) ->
         The folder cannot be written.
     """
     if kind not in KINDS:
-        raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, list(KINDS))}")
+        raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")
     try:
         evidence = Evidence(kind, folder / kind, quick, seed)
-        importlib.import_module(KINDS[kind]).run(evidence)
+        importlib.import_module(f"evac.evidence.{kind}").run(evidence)
         write_index(folder)
     except OSError as error:
         raise ResultError(f"{folder}: cannot write evidence there: {error.strerror}; choose another --out") from error

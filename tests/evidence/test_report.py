@@ -10,7 +10,8 @@ import pytest
 from evac.cli import evidence as command
 from evac.cli import main
 from evac.errors import ScenarioError
-from evac.evidence.command import KINDS, run_evidence, write_index
+from evac.evidence import KINDS
+from evac.evidence.command import run_evidence, write_index
 from evac.evidence.report import Evidence, claim, markdown_table, new_figure, timed
 
 

@@ -1,5 +1,4 @@
 import itertools
-import textwrap
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,38 +8,7 @@ import shapely
 
 from evac.building.model import Area, Building, Exit, Level, Portal
 from evac.directions.routes import Route
-from evac.registry import Registry
 from evac.scenario import case_from
-
-PLUGIN = """
-    from evac.hookspecs import hookimpl
-    from evac import Behaviour, ContactModel
-
-    class Soft(ContactModel):
-        name = "soft"
-
-    class Hard(ContactModel):
-        name = "hard"
-
-    class Follow(Behaviour):
-        name = "follow"
-        group_keys = ("leader",)
-
-    @hookimpl
-    def evac_contact_models():
-        return [Soft, Hard]
-
-    @hookimpl
-    def evac_behaviours():
-        return [Follow]
-"""
-
-
-@pytest.fixture(scope="session")
-def registry(tmp_path_factory):
-    path = tmp_path_factory.mktemp("plugin") / "fakes.py"
-    path.write_text(textwrap.dedent(PLUGIN), encoding="utf-8")
-    return Registry([path], builtins=())
 
 
 @pytest.fixture
