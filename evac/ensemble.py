@@ -236,7 +236,7 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
             initializer=signal.signal,  # Ctrl-C reaches all processes; this one alone decides what it means
             initargs=(signal.SIGINT, signal.SIG_IGN),
         ) as pool:
-            # Not pool.map: it cancels what waits when it is interrupted, over which the dying pool stumbles.
+            # Not pool.map: it cancels pending futures on interrupt, which makes the broken pool raise again.
             futures = [pool.submit(function, item) for item in items]
             try:
                 for future in futures:

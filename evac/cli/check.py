@@ -103,7 +103,7 @@ def show_people(simulation: "Simulation") -> None:
         for group in population.groups
     ]
     columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
-    title = f"People: {len(crowd.level)}, each with a way to an exit, if it is wide enough (warnings tell)"
+    title = f"People: {len(crowd.level)}. All can reach an exit; see warnings for narrow places."
     show_table(title, columns, rows)
 
 
