@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evac.building.edges import segment_lengths
 from evac.building.elevation import level_elevation
-from evac.building.model import Building, Level, Portal
+from evac.building.model import Building, Level
 from evac.errors import BuildingError
 
 FloatArray = NDArray[np.float64]
@@ -79,9 +79,8 @@ def check_depth(building: Building) -> None:
         Naming the level, the portals and the place.
     """
     for level in building.levels:
-        own = [portal for portal in building.portals if level.index in portal.levels]
-        for one, other in itertools.combinations(own, 2):
-            for a, b in itertools.product(_seen_from(one, level), _seen_from(other, level)):
+        for one, other in itertools.combinations(building.portals_of(level.index), 2):
+            for a, b in itertools.product(one.segments_from(level.index), other.segments_from(level.index)):
                 line = shapely.shortest_line(shapely.LineString(a.reshape(2, 2)), shapely.LineString(b.reshape(2, 2)))
                 if line.length < LEAST_DEPTH - ROUNDING and _face(a, b):
                     x, y = line.centroid.coords[0]
@@ -173,11 +172,6 @@ def isolated_parts(building: Building) -> tuple[str, ...]:
             names = ", ".join(repr(building.levels[index].name) for index in sorted(part))
             notes.append(f"no exit can be reached from {names}: nobody can leave from there")
     return tuple(notes)
-
-
-def _seen_from(portal: Portal, level: Level) -> FloatArray:
-    """Segments of a portal with the level's inside on their left."""
-    return portal.segments if portal.levels[0] == level.index else portal.segments[:, [2, 3, 0, 1]]
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:

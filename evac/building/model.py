@@ -53,7 +53,17 @@ class Level:
 class Portal:
     """An edge chain shared by two levels; open for walking both ways.
 
-    ``segments`` (s, 4) float64 [m]: x1, y1, x2, y2, each with the first level's inside on its left.
+    Attributes
+    ----------
+    index : int
+        Its row in ``Building.portals``, which is its link as well.
+    name : str
+    levels : (int, int)
+        The two levels that it joins.
+    segments : (s, 4) float64
+        x1, y1, x2, y2 [m], each with the first level's inside on its left.
+    width : float
+        Length of its segments together [m].
     """
 
     index: int
@@ -62,12 +72,30 @@ class Portal:
     segments: FloatArray
     width: float
 
+    def other(self, level: int) -> int:
+        """Return the level on the other side."""
+        first, second = self.levels
+        return second if level == first else first
+
+    def segments_from(self, level: int) -> FloatArray:
+        """Return the segments (s, 4) [m] with the inside of one of its levels on their left."""
+        return self.segments if level == self.levels[0] else self.segments[:, [2, 3, 0, 1]]
+
 
 @dataclass(frozen=True)
 class Exit:
     """An edge chain on the boundary of one level; whoever's centre crosses it is out.
 
-    ``segments`` (s, 4) float64 [m], each with the level's inside on its left.
+    Attributes
+    ----------
+    index : int
+        Its row in ``Building.exits``; its link is `Building.link_of` it.
+    name : str
+    level : int
+    segments : (s, 4) float64
+        x1, y1, x2, y2 [m], each with the level's inside on its left.
+    width : float
+        Length of its segments together [m].
     """
 
     index: int
@@ -79,7 +107,15 @@ class Exit:
 
 @dataclass(frozen=True)
 class Area:
-    """A named part of a level in which people can start."""
+    """A named part of a level in which people can start.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+    polygon : shapely polygon or multipolygon
+        Its plan [m].
+    """
 
     name: str
     level: int
@@ -90,12 +126,18 @@ class Area:
 class Building:
     """Everything that stands still: the first station of the main path.
 
+    Portals and exits together are its links: portals first, then exits.
+
     Attributes
     ----------
     source : Path
         The mesh file.
     vertices : (v, 3) float64
         Welded vertices [m].
+    levels : tuple of Level
+    portals : tuple of Portal
+    exits : tuple of Exit
+    areas : tuple of Area
     walls : (w, 4) float64
         Segments x1, y1, x2, y2 [m], each with the level's inside on its left: free edges of the mesh that are
         no exit, and outlines of obstacles; collinear neighbours of one level are merged.
@@ -121,3 +163,20 @@ class Building:
     def level_named(self, name: str) -> Level | None:
         """Return the level of that name, or None."""
         return next((level for level in self.levels if level.name == name), None)
+
+    @property
+    def n_links(self) -> int:
+        """Number of portals and exits."""
+        return len(self.portals) + len(self.exits)
+
+    def link_of(self, exit_: Exit) -> int:
+        """Return the link of an exit; that of a portal is its index."""
+        return len(self.portals) + exit_.index
+
+    def portals_of(self, level: int) -> list[Portal]:
+        """Return the portals of a level."""
+        return [portal for portal in self.portals if level in portal.levels]
+
+    def exits_of(self, level: int) -> list[Exit]:
+        """Return the exits of a level."""
+        return [exit_ for exit_ in self.exits if level == exit_.level]

@@ -219,8 +219,8 @@ def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float
 
 def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:
     """Refuse an obstacle over a way through."""
-    ways = [("portal", portal.name, portal.segments) for portal in building.portals if level.index in portal.levels]
-    ways += [("exit", way.name, way.segments) for way in building.exits if way.level == level.index]
+    ways = [("portal", portal.name, portal.segments) for portal in building.portals_of(level.index)]
+    ways += [("exit", way.name, way.segments) for way in building.exits_of(level.index)]
     for kind, name, segments in ways:
         covered = shapely.multilinestrings(segments.reshape(-1, 2, 2)).intersection(polygon)
         if covered.length > LEAST_LENGTH:

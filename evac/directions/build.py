@@ -75,8 +75,7 @@ def build_fields(
         A number is out of range, or a route names an exit or a strategy that does not exist.
     """
     _check(building, routes, spacing, clearance, speeds, comfort, order)
-    number_of_links = len(building.portals) + len(building.exits)
-    opened = np.ones(number_of_links, dtype=np.uint8) if link_open is None else np.asarray(link_open, dtype=np.uint8)
+    opened = np.ones(building.n_links, dtype=np.uint8) if link_open is None else np.asarray(link_open, dtype=np.uint8)
     graph = build_graph(building, opened)
     grids = build_grids(building, spacing, clearance, opened)
     cosine = np.array([math.cos(level.slope) for level in building.levels])
@@ -88,7 +87,8 @@ def build_fields(
     parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     filled = 0
     for index, route in enumerate(routes):
-        exits = [e for e in building.exits if opened[grids.exit_link(e)] and (not route.exits or e.name in route.exits)]
+        allowed = [e for e in building.exits if not route.exits or e.name in route.exits]
+        exits = [e for e in allowed if opened[building.link_of(e)]]
         rates = _rates(route.strategy, speeds, comfort)
         slowness = rates / cosine[:, None]
         plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
@@ -189,12 +189,12 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
             if exit_.level == grid.level:
                 x1, y1, x2, y2 = exit_.segments.sum(axis=0)
                 outward = np.array([y2 - y1, x1 - x2])
-                own[grid.sheet == 1 + grids.exit_link(exit_)] = outward / np.linalg.norm(outward)
+                own[grid.sheet == 1 + grids.building.link_of(exit_)] = outward / np.linalg.norm(outward)
     direction = _seen_from(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
-        halo = (grid.sheet > OWN) & (grid.source >= 0) & (grid.sheet <= len(grids.building.portals))
+        halo = grids.is_ground(grid) & (grid.sheet != OWN)
         reached = np.isfinite(cost[grid.packed].reshape(grid.window.shape))
         known = pointing & ~halo
         missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
@@ -212,7 +212,7 @@ def _lengths(
     lengths = np.full((grids.size, 3), math.inf)
     for exit_ in exits:
         grid = grids.levels[exit_.level]
-        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + grids.exit_link(exit_))
+        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + building.link_of(exit_))
         use = use_towards(building.levels[exit_.level], exit_.segments)
         lengths[behind] = 0.0
         lengths[behind, use] = cost[behind] / rates[use]

@@ -32,7 +32,7 @@ def build_graph(building: Building, link_open: NDArray[np.uint8]) -> Any:
             first, second = portal.levels
             graph.add_edge(("level", first), ("level", second), key=portal.index, width=portal.width, name=portal.name)
     for exit_ in building.exits:
-        link = len(building.portals) + exit_.index
+        link = building.link_of(exit_)
         if link_open[link]:
             graph.add_edge(("level", exit_.level), ("exit", exit_.index), key=link, width=exit_.width, name=exit_.name)
     return graph

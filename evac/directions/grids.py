@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.model import Building, Exit, Level, Portal
+from evac.building.model import Building, Level, Portal
 from evac.directions.lattice import (
     SLACK,
     BoolArray,
@@ -89,17 +89,12 @@ class BuildingGrids:
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""
-        return [p for p in self.building.portals if level in p.levels and self.link_open[p.index]]
+        return _open_portals(self.building, level, self.link_open)
 
-    def exit_link(self, exit_: Exit) -> int:
-        """Return the link of an exit."""
-        return len(self.building.portals) + exit_.index
-
-
-def other_level(portal: Portal, level: int) -> int:
-    """Return the level on the other side of a portal."""
-    first, second = portal.levels
-    return second if level == first else first
+    def is_ground(self, grid: LevelGrid) -> BoolArray:
+        """Return the nodes (nx, ny) of a grid that stand on a level: its own and the halos, not the strips."""
+        ground: BoolArray = (grid.sheet != NOTHING) & (grid.sheet <= len(self.building.portals))
+        return ground
 
 
 def use_towards(level: Level, segments: FloatArray) -> int:
@@ -143,11 +138,8 @@ def build_grids(building: Building, spacing: float, clearance: float, link_open:
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
         distance = _distances(building, level.index, window, sheet, walls, clearance, link_open)
-        seams = {
-            p.index: _seam(p, level.index, grids, offsets)
-            for p in building.portals
-            if level.index in p.levels and link_open[p.index]
-        }
+        portals = _open_portals(building, level.index, link_open)
+        seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
         found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance, seams))
     return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]), margin)
 
@@ -155,10 +147,13 @@ def build_grids(building: Building, spacing: float, clearance: float, link_open:
 def _walls_of(building: Building, level: int, link_open: NDArray[np.uint8]) -> FloatArray:
     """Return the walls of a level, closed portals and exits among them."""
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
-    parts += [p.segments for p in building.portals if level in p.levels and not link_open[p.index]]
-    first_exit = len(building.portals)
-    parts += [e.segments for e in building.exits if e.level == level and not link_open[first_exit + e.index]]
+    parts += [portal.segments for portal in building.portals_of(level) if not link_open[portal.index]]
+    parts += [exit_.segments for exit_ in building.exits_of(level) if not link_open[building.link_of(exit_)]]
     return np.concatenate(parts)
+
+
+def _open_portals(building: Building, level: int, link_open: NDArray[np.uint8]) -> list[Portal]:
+    return [portal for portal in building.portals_of(level) if link_open[portal.index]]
 
 
 def _chain(segments: FloatArray) -> BaseGeometry:
@@ -179,7 +174,7 @@ class _Layers:
     def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
         """Return the window of a level's grid and the sheet of each node."""
         lattice = self.windows[level.index].lattice
-        portals = [p for p in self.building.portals if level.index in p.levels and self.link_open[p.index]]
+        portals = _open_portals(self.building, level.index, self.link_open)
         bounds = np.array(
             [level.polygon.bounds] + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
         )
@@ -188,10 +183,10 @@ class _Layers:
         here, there = window.overlap(self.windows[level.index])
         sheet[here][self.nodes[level.index][there]] = OWN
         for portal in portals:
-            self._add_halo(window, sheet, portal, other_level(portal, level.index))
-        for exit_ in self.building.exits:
-            link = len(self.building.portals) + exit_.index
-            if exit_.level == level.index and self.link_open[link]:
+            self._add_halo(window, sheet, portal, portal.other(level.index))
+        for exit_ in self.building.exits_of(level.index):
+            link = self.building.link_of(exit_)
+            if self.link_open[link]:
                 sheet[(sheet == NOTHING) & _behind(window, exit_.segments, self.margin - 1)] = 1 + link
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
@@ -221,12 +216,10 @@ class _Layers:
         portal or exit between them and no wall of either side. (Two flights side by side would leak
         into each other in the grid of their landing, a flight into the floor beside it.)
         """
-        first_exit = len(self.building.portals)
-        behind = {1 + p.index: (p.segments, other_level(p, level)) for p in portals}
-        for exit_ in self.building.exits:
-            if exit_.level == level:
-                behind[1 + first_exit + exit_.index] = (exit_.segments, -1 - exit_.index)
-        ground = np.full(2 + first_exit + len(self.building.exits), NOTHING, dtype=np.int64)
+        behind = {1 + p.index: (p.segments, p.other(level)) for p in portals}
+        for exit_ in self.building.exits_of(level):
+            behind[1 + self.building.link_of(exit_)] = (exit_.segments, -1 - exit_.index)
+        ground = np.full(2 + self.building.n_links, NOTHING, dtype=np.int64)
         ground[OWN] = level
         doors = [np.zeros(window.shape, dtype=np.bool_), np.zeros(window.shape, dtype=np.bool_)]
         for index, (segments, other) in behind.items():
@@ -282,10 +275,8 @@ def _sources(
     """Return the packed index of the node that each node of a level's grid stands for."""
     window, sheet = grids[level]
     source = np.where(sheet == NOTHING, -1, offsets[level] + np.arange(sheet.size).reshape(sheet.shape))
-    for portal in building.portals:
-        if level not in portal.levels:
-            continue
-        neighbour = other_level(portal, level)
+    for portal in building.portals_of(level):
+        neighbour = portal.other(level)
         other_window, other_sheet = grids[neighbour]
         here, there = window.overlap(other_window)
         packed = offsets[neighbour] + np.arange(other_sheet.size).reshape(other_sheet.shape)[there]
@@ -299,7 +290,7 @@ def _seam(
 ) -> NDArray[np.int64]:
     """Return the packed indices (2, s) of the nodes on a portal, on the grids of both of its levels."""
     window, sheet = grids[level]
-    neighbour = other_level(portal, level)
+    neighbour = portal.other(level)
     other_window, other_sheet = grids[neighbour]
     here, there = window.overlap(other_window)
     shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
@@ -331,11 +322,10 @@ def _distances(
 ) -> FloatArray:
     """Return the distance of nodes to the walls of the level and to those just behind its portals."""
     near_walls = [walls[level]]
-    for portal in building.portals:
-        if level in portal.levels and link_open[portal.index] and clearance > 0.0:
-            beyond = walls[other_level(portal, level)]
-            close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance)
-            near_walls.append(_clipped(beyond[close], portal.segments, clearance))
+    for portal in _open_portals(building, level, link_open) if clearance > 0.0 else ():
+        beyond = walls[portal.other(level)]
+        close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance)
+        near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
     edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)
     strips = sheet > len(building.portals)

@@ -10,7 +10,7 @@ import skfmm
 from numpy.typing import NDArray
 
 from evac.building.model import Exit, Portal
-from evac.directions.grids import DOWN, FLAT, NOTHING, OWN, UP, BuildingGrids, LevelGrid, other_level, use_towards
+from evac.directions.grids import DOWN, FLAT, OWN, UP, BuildingGrids, LevelGrid, use_towards
 from evac.directions.lattice import SLACK, FloatArray
 
 #: Greatest difference left at a portal, in the time of one cell.
@@ -107,7 +107,7 @@ class _March:
         What was marched from before counts again only if the level behind has fallen since: a wave from
         the least cost need not pass everywhere before greater ones, as where two exits lie behind a wide portal.
         """
-        beyond = other_level(portal, entered)
+        beyond = portal.other(entered)
         points = _points_along(portal.segments, 0.5 * self.spacing)
         behind = self._at(beyond, points)
         slack = self._step(portal) * self._at(beyond, points, self.metric.factor)
@@ -126,7 +126,7 @@ class _March:
         start = self._start(portal, level)
         if start == math.inf:
             return
-        self.tried[portal.index, level] = (self.falls[other_level(portal, level)], start)
+        self.tried[portal.index, level] = (self.falls[portal.other(level)], start)
         self._march_from_portal(self.grids.levels[level], portal, start)
         self._queue_portals(level)
 
@@ -137,8 +137,8 @@ class _March:
         which the stencil of second order takes badly. A bent field starts behind them, half a cell
         before the last row of nodes that a strip has for certain.
         """
-        behind = np.isin(grid.sheet, [1 + self.grids.exit_link(exit_) for exit_ in exits])
-        walkable = behind | ((grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals)))
+        behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
+        walkable = behind | self.grids.is_ground(grid)
         ring = (RING if self.is_plain else 2.5 - self.grids.margin) * self.spacing
         distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
         distance[behind] *= -1.0
@@ -186,7 +186,7 @@ class _March:
 
     def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> None:
         """March from the neighbour's contour at `start`."""
-        neighbour = self.grids.levels[other_level(portal, grid.level)]
+        neighbour = self.grids.levels[portal.other(grid.level)]
         phi = np.full(grid.window.shape, math.inf)
         shared = grid.source >= 0
         shared &= (grid.source >= neighbour.offset) & (grid.source < neighbour.packed.stop)
@@ -199,7 +199,7 @@ class _March:
         on_portal = on_portal - grid.offset
         phi.ravel()[on_portal] = self.cost[theirs] - start
         level = self.grids.building.levels[grid.level]
-        walkable = (grid.sheet != NOTHING) & (grid.sheet <= len(self.grids.building.portals))
+        walkable = self.grids.is_ground(grid)
         below = walkable & (phi <= 0.0)
         cost_below = start + phi[below]
         phi[~np.isfinite(phi)] = self.spacing
@@ -231,10 +231,9 @@ class _March:
     def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:
         """Return the cost of a metre on each sheet: halos are left towards this level, the one marched from entered."""
         building = self.grids.building
-        links = len(building.portals) + len(building.exits)
-        table: FloatArray = np.full(links + 2, self.metric.slowness[grid.level, use])
+        table: FloatArray = np.full(building.n_links + 2, self.metric.slowness[grid.level, use])
         for portal in self.grids.portals_of(grid.level):
-            beyond = other_level(portal, grid.level)
+            beyond = portal.other(grid.level)
             towards_us = use_towards(building.levels[beyond], portal.segments)
             away = {FLAT: FLAT, UP: DOWN, DOWN: UP}[towards_us]
             table[1 + portal.index] = self.metric.slowness[beyond, away if portal is through else towards_us]

@@ -98,14 +98,14 @@ def moves_of(
     row, link, time = crossings[0][portal], crossings[1][portal], crossings[2][portal]
     source, target = np.empty(row.size, np.int32), np.empty(row.size, np.int32)
     for k, (person, crossed) in enumerate(zip(row.tolist(), link.tolist(), strict=True)):
-        first, second = building.portals[crossed].levels
+        way = building.portals[crossed]
         source[k] = level[person]
-        if source[k] not in (first, second):
+        if source[k] not in way.levels:
             raise ResultError(
                 f"the crossings contradict each other: at {time[k]:.3f} s person {person} crosses portal "
-                f"{building.portals[crossed].name!r} but is on {building.levels[source[k]].name!r}"
+                f"{way.name!r} but is on {building.levels[source[k]].name!r}"
             )
-        target[k] = level[person] = second if source[k] == first else first
+        target[k] = level[person] = way.other(source[k])
     out = np.flatnonzero(np.isfinite(exit_time)).astype(np.int32)
     row, time = np.concatenate([row, out]), np.concatenate([time, exit_time[out]])
     source = np.concatenate([source, level[out]])

@@ -249,8 +249,8 @@ def _take_area(
     """Put a group at random places of its area, clear of walls, portals, exits and whoever stands there."""
     area = next(area for area in building.areas if area.name == people.area)
     links = [
-        *(portal.segments for portal in building.portals if area.level in portal.levels),
-        *(exit_.segments for exit_ in building.exits if exit_.level == area.level),
+        *(portal.segments for portal in building.portals_of(area.level)),
+        *(exit_.segments for exit_ in building.exits_of(area.level)),
     ]
     there = np.flatnonzero(crowd.level == area.level)
     crowd.position[rows] = place(

@@ -43,7 +43,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_start=start,
         link_to=to,
         link_id=link,
-        link_open=np.ones(len(building.portals) + len(building.exits), np.uint8),
+        link_open=np.ones(building.n_links, np.uint8),
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         linked=_linked(building),
@@ -66,7 +66,7 @@ def set_open(world: World, link: int, is_open: bool) -> None:
     world : World
         Its open flags are written.
     link : int
-        Portal index, or number of portals + exit index.
+        Index of a portal, or ``Building.link_of`` an exit.
     is_open : bool
     """
     world.link_open[link] = is_open
@@ -78,13 +78,12 @@ def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray
     """Return segments sorted by level, the first of each level, the level behind and the link."""
     rows: list[tuple[int, int, int, tuple[float, ...]]] = []
     for portal in building.portals:
-        first, second = portal.levels
-        for x1, y1, x2, y2 in portal.segments:
-            rows.append((first, second, portal.index, (x1, y1, x2, y2)))
-            rows.append((second, first, portal.index, (x2, y2, x1, y1)))
+        for level in portal.levels:
+            for piece in portal.segments_from(level):
+                rows.append((level, portal.other(level), portal.index, tuple(piece)))
     for way_out in building.exits:
         for piece in way_out.segments:
-            rows.append((way_out.level, -1, len(building.portals) + way_out.index, tuple(piece)))
+            rows.append((way_out.level, -1, building.link_of(way_out), tuple(piece)))
     rows.sort(key=lambda row: row[0])
     levels = np.array([row[0] for row in rows], dtype=np.int32)
     start = np.searchsorted(levels, np.arange(len(building.levels) + 1)).astype(np.int32)

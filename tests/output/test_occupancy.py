@@ -21,7 +21,7 @@ def test_moves_follow_a_person_down_and_out(building):
 
 
 def test_exits_in_the_log_are_not_counted_twice(building):
-    exit_link = len(building.portals)
+    exit_link = building.link_of(building.exits[0])
     moves = moves_of(building, ints(0), log((0, exit_link, 5.0)), np.array([5.0]))
     assert (moves.source.tolist(), moves.target.tolist()) == ([0], [-1])
 
