@@ -1,7 +1,7 @@
 """Teacher following: a class keeps behind its teacher, and the teacher waits for its class."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,35 @@ from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
 from evac.jit import kernel
 from evac.parameters import Parameter, did_you_mean
-from evac.physics.bundles import Crowd
+from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray
 
 #: Somebody has made progress once its remaining travel time has changed by this much [s].
 PROGRESS = 0.5
 
 # Columns of the memory of a class.
 LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE = range(5)
+
+
+class Classes(NamedTuple):
+    """Teachers, members and what is remembered of them; members of class g stand at first[g] to first[g + 1]."""
+
+    teacher: IntArray  # (classes,) row in Crowd
+    first: IntArray  # (classes + 1,)
+    member: IntArray  # (members,) row in Crowd
+    memory: FloatArray  # (classes, 5)
+    goes_alone: ByteArray  # (members,) 1: released, until behind its teacher again
+
+
+class Rules(NamedTuple):
+    """The parameters of `TeacherFollowing` and the tick [s]."""
+
+    tick: float
+    gap: float
+    trail: float
+    lag: float
+    spacing: float
+    patience: float
+    stuck: float
 
 
 class TeacherFollowing(Behaviour):
@@ -65,45 +87,19 @@ class TeacherFollowing(Behaviour):
         """List the classes and their teachers."""
         followers = [group for group in scene.groups if "teacher" in group.settings]
         sizes = [len(group.rows) for group in followers]
-        fields = scene.fields
-        self._tick = scene.tick
-        self._teacher = np.array([_teacher_of(group, scene.groups) for group in followers], dtype=np.int32)
-        self._first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-        self._member = np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32)
-        self._memory = np.zeros((len(followers), 5))
-        self._goes_alone = np.zeros(len(self._member), dtype=np.uint8)
-        self._fields = (
-            fields.grid_origin,
-            fields.grid_shape,
-            fields.spacing,
-            fields.field_of,
-            fields.field_offset,
-            fields.travel_time,
+        self._classes = Classes(
+            teacher=np.array([_teacher_of(group, scene.groups) for group in followers], dtype=np.int32),
+            first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
+            member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
+            memory=np.zeros((len(followers), 5)),
+            goes_alone=np.zeros(sum(sizes), dtype=np.uint8),
         )
+        self._rules = Rules(scene.tick, self.gap, self.trail, self.lag, self.spacing, self.patience, self.stuck)
+        self._fields = scene.fields.packed
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Set everybody's speed factor, and the members' routes and start times."""
-        follow(
-            crowd.position,
-            crowd.level,
-            crowd.route,
-            crowd.start_time,
-            crowd.speed_factor,
-            *self._fields,
-            self._teacher,
-            self._first,
-            self._member,
-            self._memory,
-            self._goes_alone,
-            time,
-            self._tick,
-            self.gap,
-            self.trail,
-            self.lag,
-            self.spacing,
-            self.patience,
-            self.stuck,
-        )
+        follow(crowd, self._fields, self._classes, self._rules, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group has a teacher."""
@@ -111,12 +107,12 @@ class TeacherFollowing(Behaviour):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the memory of the classes and who goes alone."""
-        return {"memory": self._memory.copy(), "goes_alone": self._goes_alone.copy()}
+        return {"memory": self._classes.memory.copy(), "goes_alone": self._classes.goes_alone.copy()}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Take up what `state` returned."""
-        self._memory[:] = state["memory"]
-        self._goes_alone[:] = state["goes_alone"]
+        self._classes.memory[:] = state["memory"]
+        self._classes.goes_alone[:] = state["goes_alone"]
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
@@ -133,70 +129,53 @@ def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
 
 
 @kernel
-def follow(  # type: ignore[no-untyped-def]
-    position,
-    level,
-    route,
-    start_time,
-    speed_factor,
-    grid_origin,
-    grid_shape,
-    grid_spacing,
-    field_of,
-    field_offset,
-    travel_time,
-    teacher,
-    first,
-    member,
-    memory,
-    goes_alone,
-    time,
-    tick,
-    gap,
-    trail,
-    lag,
-    spacing,
-    patience,
-    stuck,
-):
+def follow(crowd, fields, classes, rules, time):  # type: ignore[no-untyped-def]
     """Apply the rules of `TeacherFollowing` to every class whose teacher is inside."""
-    for g in range(teacher.shape[0]):
-        t = teacher[g]
-        if level[t] < 0:
+    for g in range(classes.teacher.shape[0]):
+        t = classes.teacher[g]
+        if crowd.level[t] < 0:
             continue
-        own = sample_travel_time(
-            position[t, 0], position[t, 1], level[t], route[t],
-            grid_origin, grid_shape, grid_spacing, field_of, field_offset, travel_time,
-        )  # fmt: skip
-        last = own
-        allowed = lag
-        for k in range(first[g], first[g + 1]):
-            m = member[k]
-            if level[m] < 0:
-                continue
-            if field_of[level[m], route[t]] >= 0:
-                route[m] = route[t]
-            if time <= start_time[m] < start_time[t]:
-                start_time[m] = start_time[t]
-            remaining = sample_travel_time(
-                position[m, 0], position[m, 1], level[m], route[m],
-                grid_origin, grid_shape, grid_spacing, field_of, field_offset, travel_time,
-            )  # fmt: skip
-            lead = own - remaining
-            if not np.isfinite(lead):
-                continue
-            last = max(last, remaining)
-            allowed += spacing
-            if lead <= 0.0:
-                goes_alone[k] = 0
-            elif memory[g, HINDERED] > stuck:
-                goes_alone[k] = 1
-            if not goes_alone[k]:
-                speed_factor[m] *= min(max((gap - lead) / (gap + trail), 0.0), 1.0)
-        if time >= start_time[t] and np.isfinite(own):
-            pace = lead_on(memory[g], last, (last - own) / allowed, patience, tick)
-            speed_factor[t] *= pace
-            count_vain(memory[g], TEACHER_TRAVEL_TIME, HINDERED, own, pace * tick)
+        x, y = crowd.position[t, 0], crowd.position[t, 1]
+        own = sample_travel_time(fields, x, y, crowd.level[t], crowd.route[t])
+        last, allowed = pace_members(crowd, fields, classes, rules, time, g, own)
+        if time >= crowd.start_time[t] and np.isfinite(own):
+            memory = classes.memory[g]
+            pace = lead_on(memory, last, (last - own) / allowed, rules.patience, rules.tick)
+            crowd.speed_factor[t] *= pace
+            count_vain(memory, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
+
+
+@kernel
+def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[no-untyped-def]
+    """Apply the members' rules to class g, whose teacher has the travel time `own` left.
+
+    Return the travel time of the last member inside and the lag that the class is allowed [s].
+    """
+    t = classes.teacher[g]
+    last = own
+    allowed = rules.lag
+    for k in range(classes.first[g], classes.first[g + 1]):
+        m = classes.member[k]
+        if crowd.level[m] < 0:
+            continue
+        if fields.field_of[crowd.level[m], crowd.route[t]] >= 0:
+            crowd.route[m] = crowd.route[t]
+        if time <= crowd.start_time[m] < crowd.start_time[t]:
+            crowd.start_time[m] = crowd.start_time[t]
+        x, y = crowd.position[m, 0], crowd.position[m, 1]
+        remaining = sample_travel_time(fields, x, y, crowd.level[m], crowd.route[m])
+        lead = own - remaining
+        if not np.isfinite(lead):
+            continue
+        last = max(last, remaining)
+        allowed += rules.spacing
+        if lead <= 0.0:
+            classes.goes_alone[k] = 0
+        elif classes.memory[g, HINDERED] > rules.stuck:
+            classes.goes_alone[k] = 1
+        if not classes.goes_alone[k]:
+            crowd.speed_factor[m] *= min(max((rules.gap - lead) / (rules.gap + rules.trail), 0.0), 1.0)
+    return last, allowed
 
 
 @kernel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import PluginError, SimulationError
 from evac.physics.bundles import Crowd, make_crowd
@@ -125,11 +125,13 @@ def _fields(direction: FloatArray) -> Fields:
     nodes = EXTENT * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     return Fields(
         routes=(Route(),),
-        grid_origin=np.full((1, 2), -EXTENT),
-        grid_shape=np.full((1, 2), 2, np.int32),
-        spacing=2.0 * EXTENT,
-        field_of=np.zeros((1, 1), np.int32),
-        field_offset=np.zeros(1, np.int64),
-        direction=np.tile(direction, (4, 1)),
-        travel_time=100.0 - nodes @ direction,
+        packed=PackedFields(
+            origin=np.full((1, 2), -EXTENT),
+            shape=np.full((1, 2), 2, np.int32),
+            spacing=2.0 * EXTENT,
+            field_of=np.zeros((1, 1), np.int32),
+            offset=np.zeros(1, np.int64),
+            direction=np.tile(direction, (4, 1)),
+            travel_time=100.0 - nodes @ direction,
+        ),
     )

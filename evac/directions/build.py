@@ -11,7 +11,7 @@ from scipy import ndimage
 from evac.building.checks import measures
 from evac.building.model import Building, Exit
 from evac.directions.descent import add_lengths, descend
-from evac.directions.fields import Fields, FloatArray
+from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
 from evac.directions.marching import Metric, march
@@ -104,13 +104,15 @@ def build_fields(
             filled += nodes.stop - nodes.start
     return Fields(
         routes=tuple(routes),
-        grid_origin=np.array([grid.window.origin for grid in grids.levels]),
-        grid_shape=np.array([grid.window.shape for grid in grids.levels], dtype=np.int32),
-        spacing=float(spacing),
-        field_of=field_of,
-        field_offset=np.array(offsets, dtype=np.int64),
-        direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
-        travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+        packed=PackedFields(
+            origin=np.array([grid.window.origin for grid in grids.levels]),
+            shape=np.array([grid.window.shape for grid in grids.levels], dtype=np.int32),
+            spacing=float(spacing),
+            field_of=field_of,
+            offset=np.array(offsets, dtype=np.int64),
+            direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
+            travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+        ),
         lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
         comfort=float(comfort),
     )

@@ -1,7 +1,7 @@
 """Travel times and directions of a building, per (level, route)."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,28 +13,48 @@ IntArray = NDArray[np.int32]
 OffsetArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Fields:
-    """Directions for everybody, packed for the kernels; never changed.
+class PackedFields(NamedTuple):
+    """Travel times and directions as kernels read them: one field for each level and route, one after another.
 
     Attributes
     ----------
-    routes : tuple of Route
-        What ``Crowd.route`` indexes.
-    grid_origin : (levels, 2) float64
+    origin : (levels, 2) float64
         Plan position of node (0, 0) of each level's grid [m].
-    grid_shape : (levels, 2) int32
+    shape : (levels, 2) int32
+        Nodes along x and y.
     spacing : float
         Distance of nodes [m].
     field_of : (levels, routes) int32
         Field of a level and route; -1 where the route's destination cannot be reached from the level.
-    field_offset : (fields,) int64
+    offset : (fields,) int64
+        First node of each field; node (ix, iy) is at offset + ix * ny + iy.
     direction : (nodes, 2) float64
         Unit vectors of steepest descent, bent around corners by the clearance slowness; zero where
         there is no way.
     travel_time : (nodes,) float64
         Plain travel time to the destination [s] at the reference speeds; inf where there is no way,
         negative behind the exits.
+    """
+
+    origin: FloatArray
+    shape: IntArray
+    spacing: float
+    field_of: IntArray
+    offset: OffsetArray
+    direction: FloatArray
+    travel_time: FloatArray
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Directions for everybody; never changed.
+
+    Attributes
+    ----------
+    routes : tuple of Route
+        What ``Crowd.route`` indexes.
+    packed : PackedFields
+        Their travel times and directions.
     lengths : (nodes, 3) float64
         Flat, up and down lengths of the way to the destination, along the slope [m].
     comfort : float
@@ -42,13 +62,7 @@ class Fields:
     """
 
     routes: tuple[Route, ...]
-    grid_origin: FloatArray
-    grid_shape: IntArray
-    spacing: float
-    field_of: IntArray
-    field_offset: OffsetArray
-    direction: FloatArray
-    travel_time: FloatArray
+    packed: PackedFields
     lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     comfort: float = 1.0
 
@@ -64,15 +78,15 @@ class Fields:
         # The kernels import this module, and numba: both wait until they are needed.
         from evac.directions.sampling import sample_travel_times
 
-        return self._sampled(sample_travel_times, level, position, route, self.travel_time)
+        return _sampled(sample_travel_times, self.packed, level, position, route)
 
     def lengths_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
         """Return the flat, up and down lengths (n, 3) [m] of a route's way from positions; inf without a way."""
         from evac.directions.sampling import sample_travel_times
 
         columns = [
-            self._sampled(sample_travel_times, level, position, route, np.ascontiguousarray(self.lengths[:, use]))
-            for use in range(3)
+            _sampled(sample_travel_times, self.packed._replace(travel_time=length), level, position, route)
+            for length in np.ascontiguousarray(self.lengths.T)
         ]
         # Within a cell of an exit the bilinear value can fall below zero by rounding.
         return np.maximum(np.stack(columns, axis=1), 0.0)
@@ -81,22 +95,17 @@ class Fields:
         """Return the unit directions (n, 2) of a route at positions; zero where it cannot be reached."""
         from evac.directions.sampling import sample_directions
 
-        return self._sampled(sample_directions, level, position, route, self.direction)
+        return _sampled(sample_directions, self.packed, level, position, route)
 
-    def _sampled(
-        self, sample: Any, level: ArrayLike, position: FloatArray, route: ArrayLike, values: FloatArray
-    ) -> FloatArray:
-        place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
-        number = len(place)
-        found: FloatArray = sample(
-            place,
-            np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
-            np.ascontiguousarray(np.broadcast_to(np.asarray(route, dtype=np.int32), number)),
-            self.grid_origin,
-            self.grid_shape,
-            self.spacing,
-            self.field_of,
-            self.field_offset,
-            values,
-        )
-        return found
+
+def _sampled(sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+    """Call a kernel with as many levels and routes as positions."""
+    place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
+    number = len(place)
+    found: FloatArray = sample(
+        packed,
+        place,
+        np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
+        np.ascontiguousarray(np.broadcast_to(np.asarray(route, dtype=np.int32), number)),
+    )
+    return found

@@ -104,7 +104,7 @@ def _time_rows(plan: Plan, spacings: Sequence[float], order: int) -> list[dict[s
                 "mean error [mm]": 1e3 * float(error.mean()),
                 "greatest error [mm]": 1e3 * float(error.max()),
                 "greatest error [cells]": float(error.max()) / spacing,
-                "nodes": len(fields.travel_time),
+                "nodes": len(fields.packed.travel_time),
                 "time [ms]": 1e3 * float(np.median(spans)),
             }
         )
@@ -131,13 +131,14 @@ def _order_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def plain_directions(fields: Fields, plan: Plan) -> FloatArray:
     """Return unit directions (p, 2) from np.gradient of the travel times, continued into walls by the nearest value."""
     level = plan.level
-    nx, ny = fields.grid_shape[level]
-    first = int(fields.field_offset[fields.field_of[level, 0]])
-    values = fields.travel_time[first : first + nx * ny].reshape(nx, ny).copy()
+    packed = fields.packed
+    nx, ny = packed.shape[level]
+    first = int(packed.offset[packed.field_of[level, 0]])
+    values = packed.travel_time[first : first + nx * ny].reshape(nx, ny).copy()
     walls = ~np.isfinite(values)
     nearest = ndimage.distance_transform_edt(walls, return_distances=False, return_indices=True)
-    gradient = np.gradient(values[tuple(nearest)], fields.spacing)
-    place = ((plan.points - fields.grid_origin[level]) / fields.spacing).T
+    gradient = np.gradient(values[tuple(nearest)], packed.spacing)
+    place = ((plan.points - packed.origin[level]) / packed.spacing).T
     found = -np.stack([ndimage.map_coordinates(part, place, order=1) for part in gradient], axis=1)
     return np.asarray(found / np.maximum(np.hypot(*found.T), 1e-300)[:, None])
 

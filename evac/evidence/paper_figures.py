@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
@@ -155,11 +155,13 @@ def _fields(directions: list[list[float]]) -> Fields:
     ahead = np.array(directions)
     return Fields(
         routes=tuple(Route((f"exit {k}",)) for k in range(routes)),
-        grid_origin=np.full((1, 2), -EXTENT),
-        grid_shape=np.full((1, 2), 2, np.int32),
-        spacing=2.0 * EXTENT,
-        field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
-        field_offset=4 * np.arange(routes, dtype=np.int64),
-        direction=np.repeat(ahead, 4, axis=0),
-        travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
+        packed=PackedFields(
+            origin=np.full((1, 2), -EXTENT),
+            shape=np.full((1, 2), 2, np.int32),
+            spacing=2.0 * EXTENT,
+            field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
+            offset=4 * np.arange(routes, dtype=np.int64),
+            direction=np.repeat(ahead, 4, axis=0),
+            travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
+        ),
     )

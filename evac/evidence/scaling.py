@@ -178,7 +178,7 @@ def _row(hall: Hall, state: str, name: str, warm: int, timed: int) -> dict[str, 
         "state": state,
         "model": name,
         "hall [m]": hall.side,
-        "grid [m]": hall.fields.spacing,
+        "grid [m]": hall.fields.packed.spacing,
         "walked before [s]": warm * PER_TICK * STEP,
         "ns per person-step": 1e9 * done.per_person,
         "spread": done.spread,
@@ -186,7 +186,8 @@ def _row(hall: Hall, state: str, name: str, warm: int, timed: int) -> dict[str, 
         "iterations per step": done.iterations,
         "steps per list": 1.0 / done.builds if done.builds else None,
         "bytes per person": memory(done.engine, done.crowd) / people,
-        "grid [MB]": 1e-6 * sum(array.nbytes for array in (hall.fields.direction, hall.fields.travel_time)),
+        "grid [MB]": 1e-6
+        * sum(array.nbytes for array in (hall.fields.packed.direction, hall.fields.packed.travel_time)),
     }
     spent = phase_times(done)
     total = sum(spent.values())

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.bundles import Crowd
 from evac.physics.contact_model import BorderScene
@@ -105,13 +105,15 @@ def _fields(
 ) -> Fields:
     return Fields(
         routes=(Route(),),
-        grid_origin=np.array([origin], dtype=float),
-        grid_shape=np.array([shape], np.int32),
-        spacing=spacing,
-        field_of=np.zeros((1, 1), np.int32),
-        field_offset=np.zeros(1, np.int64),
-        direction=np.ascontiguousarray(direction),
-        travel_time=time,
+        packed=PackedFields(
+            origin=np.array([origin], dtype=float),
+            shape=np.array([shape], np.int32),
+            spacing=spacing,
+            field_of=np.zeros((1, 1), np.int32),
+            offset=np.zeros(1, np.int64),
+            direction=np.ascontiguousarray(direction),
+            travel_time=time,
+        ),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
@@ -100,13 +100,15 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
     distance = np.hypot(ahead, across)
     return Fields(
         routes=(Route(),),
-        grid_origin=np.array([[axis[0], axis[0]]]),
-        grid_shape=np.array([[len(axis), len(axis)]], np.int32),
-        spacing=spacing,
-        field_of=np.zeros((1, 1), np.int32),
-        field_offset=np.zeros(1, np.int64),
-        direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
-        travel_time=distance.ravel(),
+        packed=PackedFields(
+            origin=np.array([[axis[0], axis[0]]]),
+            shape=np.array([[len(axis), len(axis)]], np.int32),
+            spacing=spacing,
+            field_of=np.zeros((1, 1), np.int32),
+            offset=np.zeros(1, np.int64),
+            direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
+            travel_time=distance.ravel(),
+        ),
     )
 
 

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evac.directions.fields import PackedFields
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 LongArray = NDArray[np.int64]
@@ -120,14 +122,8 @@ class World(NamedTuple):
     uphill: FloatArray  # (levels, 2) unit plan vector, zero on the flat
     cosine: FloatArray  # (levels,) cosine of the slope
     linked: ByteArray  # (levels, levels) 1: same level or at most two portals apart
-    grid_origin: FloatArray  # (levels, 2) [m] plan position of node (0, 0)
-    grid_shape: IntArray  # (levels, 2) nodes along x and y
-    grid_spacing: float  # [m]
     rounding: float  # what rounding leaves of a length of zero at these coordinates [m]
-    field_of: IntArray  # (levels, routes) row of field_offset, -1: no way out from here
-    field_offset: LongArray  # (fields,) first node in the packed arrays; node (ix, iy) at + ix * ny + iy
-    direction: FloatArray  # (nodes, 2) unit vectors
-    travel_time: FloatArray  # (nodes,) [s]
+    fields: PackedFields
 
 
 def copy_of(crowd: Crowd) -> Crowd:

@@ -23,19 +23,8 @@ def desired_speed(world, bodies, i, ex, ey):
 @inner
 def desired_direction(world, bodies, i):
     """Return the unit desired direction of body i, (0, 0) where no way leads out."""
-    level = bodies.level[i]
-    ex, ey = sample_direction(
-        bodies.position[i, 0],
-        bodies.position[i, 1],
-        level,
-        bodies.route[i],
-        world.grid_origin,
-        world.grid_shape,
-        world.grid_spacing,
-        world.field_of,
-        world.field_offset,
-        world.direction,
-    )
+    x, y = bodies.position[i, 0], bodies.position[i, 1]
+    ex, ey = sample_direction(world.fields, x, y, bodies.level[i], bodies.route[i])
     if bodies.extra_direction[i, 0] != 0.0 or bodies.extra_direction[i, 1] != 0.0:
         ex += bodies.extra_direction[i, 0]
         ey += bodies.extra_direction[i, 1]

@@ -39,18 +39,8 @@ def gather(world, crowd, bodies, lists, contacts):
     for p in range(n):
         if crowd.level[p] >= 0:
             rows[k] = p
-            keys[k] = sample_travel_time(
-                crowd.position[p, 0],
-                crowd.position[p, 1],
-                crowd.level[p],
-                crowd.route[p],
-                world.grid_origin,
-                world.grid_shape,
-                world.grid_spacing,
-                world.field_of,
-                world.field_offset,
-                world.travel_time,
-            )
+            x, y = crowd.position[p, 0], crowd.position[p, 1]
+            keys[k] = sample_travel_time(world.fields, x, y, crowd.level[p], crowd.route[p])
             k += 1
     order = np.argsort(keys, kind="mergesort")
     for i in range(inside):

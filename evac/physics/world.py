@@ -47,14 +47,8 @@ def make_world(building: Building, fields: Fields) -> World:
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         linked=_linked(building),
-        grid_origin=fields.grid_origin,
-        grid_shape=fields.grid_shape,
-        grid_spacing=float(fields.spacing),
-        rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.grid_origin).max())),
-        field_of=fields.field_of,
-        field_offset=fields.field_offset,
-        direction=fields.direction,
-        travel_time=fields.travel_time,
+        rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.packed.origin).max())),
+        fields=fields.packed,
     )
 
 

@@ -135,10 +135,10 @@ def test_floors_of_the_same_plan_do_not_interact(drawing):
     drawing.exit("A", 0, (6, 1), (6, 2))
     drawing.exit("B", 1, (0, 3), (0, 4))
     single, double = build_fields(alone.build(), ANY), build_fields(drawing.build(), (Route(), Route(("B",))))
-    nodes = len(single.travel_time)
-    assert np.array_equal(single.travel_time, double.travel_time[:nodes])
-    assert np.array_equal(single.direction, double.direction[:nodes])
-    assert double.field_of.tolist() == [[0, -1], [1, 2]]
+    nodes = len(single.packed.travel_time)
+    assert np.array_equal(single.packed.travel_time, double.packed.travel_time[:nodes])
+    assert np.array_equal(single.packed.direction, double.packed.direction[:nodes])
+    assert double.packed.field_of.tolist() == [[0, -1], [1, 2]]
     assert double.travel_time_at(0, [[1.0, 1.0]], 1)[0] == math.inf
     assert not double.directions_at(0, [[1.0, 1.0]], 1).any()
 
@@ -148,7 +148,7 @@ def test_a_pocket_without_a_way_out_has_no_time(drawing):
     drawing.wall(0, (2, 0), (2, 5))
     drawing.exit("A", 0, (6, 1), (6, 2))
     fields = build_fields(drawing.build(), ANY)
-    assert fields.field_of[0, 0] == 0
+    assert fields.packed.field_of[0, 0] == 0
     assert fields.travel_time_at(0, [[1.0, 2.0], [4.0, 1.5]], 0) == pytest.approx([math.inf, 2.0])
     assert not fields.directions_at(0, [[1.0, 2.0]], 0).any()
 
@@ -166,9 +166,9 @@ def test_routes_with_exits_end_only_there(drawing):
 def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     building = two_storeys(drawing)
     fields = build_fields(building, ANY, link_open=np.array([0, 1, 1], dtype=np.uint8))
-    assert fields.field_of[:, 0].tolist() == [-1, 0, 1]
+    assert fields.packed.field_of[:, 0].tolist() == [-1, 0, 1]
     fields = build_fields(building, ANY, link_open=np.array([1, 1, 0], dtype=np.uint8))
-    assert fields.field_of[:, 0].tolist() == [-1, -1, -1]
+    assert fields.packed.field_of[:, 0].tolist() == [-1, -1, -1]
 
 
 @pytest.mark.parametrize(
@@ -203,5 +203,5 @@ def test_refuses_routes_that_name_what_does_not_exist(drawing):
 def test_same_bits_again(drawing):
     building = two_storeys(drawing)
     first, second = (build_fields(building, ANY) for _ in range(2))
-    assert np.array_equal(first.travel_time, second.travel_time)
+    assert np.array_equal(first.packed.travel_time, second.packed.travel_time)
     assert np.array_equal(first.direction, second.direction)

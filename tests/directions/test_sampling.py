@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 
 
@@ -16,14 +16,15 @@ def fields(travel_time, direction=None):
         direction = np.zeros((*travel_time.shape, 2))
     return Fields(
         (Route(),),
-        np.zeros((2, 2)),
-        np.array([travel_time.shape] * 2, dtype=np.int32),
-        1.0,
-        np.array([[0], [-1]], dtype=np.int32),
-        np.array([0], dtype=np.int64),
-        np.asarray(direction, dtype=float).reshape(-1, 2),
-        travel_time.ravel(),
-        None,
+        PackedFields(
+            origin=np.zeros((2, 2)),
+            shape=np.array([travel_time.shape] * 2, dtype=np.int32),
+            spacing=1.0,
+            field_of=np.array([[0], [-1]], dtype=np.int32),
+            offset=np.array([0], dtype=np.int64),
+            direction=np.asarray(direction, dtype=float).reshape(-1, 2),
+            travel_time=travel_time.ravel(),
+        ),
     )
 
 

@@ -119,7 +119,7 @@ def test_every_node_within_reach_points_somewhere(drawing):
     drawing.exit("A", 0, (6, 2.6), (6, 3.8))
     building = drawing.build()
     fields = build_fields(building, ANY)
-    assert np.linalg.norm(fields.direction, axis=1) == pytest.approx(1.0)
+    assert np.linalg.norm(fields.packed.direction, axis=1) == pytest.approx(1.0)
     behind = fields.directions_at(0, [[6.15, 3.2], [6.05, 2.8]], 0)
     assert behind == pytest.approx(np.array([[1.0, 0.0], [1.0, 0.0]]), abs=0.15)
     assert fields.travel_time_at(0, [[5.95, 3.2], [6.05, 3.2]], 0) == pytest.approx([0.05, -0.05])

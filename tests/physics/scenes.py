@@ -6,7 +6,7 @@ import numpy as np
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level, Portal
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.engine import Engine
@@ -59,13 +59,15 @@ def uniform_fields(levels=1, direction=(1.0, 0.0), extent=20.0):
     time = 100.0 - node @ np.array(direction)
     return Fields(
         routes=(Route(),),
-        grid_origin=np.full((levels, 2), -extent),
-        grid_shape=np.full((levels, 2), 2, np.int32),
-        spacing=2.0 * extent,
-        field_of=np.zeros((levels, 1), np.int32),
-        field_offset=np.zeros(1, np.int64),
-        direction=np.tile(np.array(direction, dtype=float), (4, 1)),
-        travel_time=time,
+        packed=PackedFields(
+            origin=np.full((levels, 2), -extent),
+            shape=np.full((levels, 2), 2, np.int32),
+            spacing=2.0 * extent,
+            field_of=np.zeros((levels, 1), np.int32),
+            offset=np.zeros(1, np.int64),
+            direction=np.tile(np.array(direction, dtype=float), (4, 1)),
+            travel_time=time,
+        ),
     )
 
 
@@ -92,13 +94,15 @@ def fields_towards(point, levels=1, extent=12.0, spacing=0.5):
     distance = np.hypot(*away.T)
     return Fields(
         routes=(Route(),),
-        grid_origin=np.full((levels, 2), -extent),
-        grid_shape=np.full((levels, 2), nodes, np.int32),
-        spacing=spacing,
-        field_of=np.zeros((levels, 1), np.int32),
-        field_offset=np.zeros(1, np.int64),
-        direction=-away / np.maximum(distance, 1e-9)[:, None],
-        travel_time=distance,
+        packed=PackedFields(
+            origin=np.full((levels, 2), -extent),
+            shape=np.full((levels, 2), nodes, np.int32),
+            spacing=spacing,
+            field_of=np.zeros((levels, 1), np.int32),
+            offset=np.zeros(1, np.int64),
+            direction=-away / np.maximum(distance, 1e-9)[:, None],
+            travel_time=distance,
+        ),
     )
 
 

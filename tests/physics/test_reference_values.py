@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evac.directions.fields import Fields
 from evac.physics.bundles import make_crowd
 from evac.physics.solvers import SOLVERS
 from evac_plugins.contact_dem import Dem
@@ -122,18 +123,13 @@ def walk_against_each_other(model, tau):
     """Figure 3: two people walk against each other, offset by 0.1 m; returns the time until both are at speed."""
     fields = uniform_fields(2)
     away = uniform_fields(1, (-1.0, 0.0))
-    fields = type(fields)(
-        **{
-            **vars(fields),
-            "routes": (*fields.routes, *away.routes),
-            "field_of": np.array([[0, 1]], np.int32),
-            "field_offset": np.array([0, 4], np.int64),
-            "grid_origin": away.grid_origin,
-            "grid_shape": away.grid_shape,
-            "direction": np.concatenate([fields.direction, away.direction]),
-            "travel_time": np.concatenate([fields.travel_time, away.travel_time]),
-        }
+    both = away.packed._replace(
+        field_of=np.array([[0, 1]], np.int32),
+        offset=np.array([0, 4], np.int64),
+        direction=np.concatenate([fields.packed.direction, away.packed.direction]),
+        travel_time=np.concatenate([fields.packed.travel_time, away.packed.travel_time]),
     )
+    fields = Fields((*fields.routes, *away.routes), both)
     crowd = make_crowd([(-1, 0), (1, 0.1)], [(1.4, 0), (-1.4, 0)], radius=0.22, tau=tau, speed=1.4)
     crowd.route[1] = 1
     engine = make_engine(crowd, fields=fields)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from evac.behaviour import BehaviourScene
-from evac.directions.fields import Fields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
+from evac.physics.bundles import make_crowd
 from evac_plugins.behaviour_teacher_following import TeacherFollowing
 
 LENGTH = 100.0
@@ -20,13 +21,15 @@ def corridor_fields():
     x = np.repeat(np.arange(LENGTH + 1.0), 5)
     return Fields(
         routes=(Route(("east",)), Route(("west",)), Route(("none",))),
-        grid_origin=np.zeros((1, 2)),
-        grid_shape=np.array([[len(x) // 5, 5]], dtype=np.int32),
-        spacing=1.0,
-        field_of=np.array([[0, 1, -1]], dtype=np.int32),
-        field_offset=np.array([0, len(x)], dtype=np.int64),
-        direction=np.zeros((2 * len(x), 2)),
-        travel_time=np.concatenate([LENGTH - x, x]),
+        packed=PackedFields(
+            origin=np.zeros((1, 2)),
+            shape=np.array([[len(x) // 5, 5]], dtype=np.int32),
+            spacing=1.0,
+            field_of=np.array([[0, 1, -1]], dtype=np.int32),
+            offset=np.array([0, len(x)], dtype=np.int64),
+            direction=np.zeros((2 * len(x), 2)),
+            travel_time=np.concatenate([LENGTH - x, x]),
+        ),
     )
 
 
@@ -43,13 +46,7 @@ class Corridor:
             SimpleNamespace(name=name, rows=np.arange(end - len(x), end, dtype=np.int32), settings=settings)
             for (name, x, _, settings), end in zip(groups, ends, strict=True)
         )
-        self.crowd = SimpleNamespace(
-            position=np.column_stack([self.x, np.full(n, 2.0)]),
-            level=np.zeros(n, dtype=np.int32),
-            route=np.zeros(n, dtype=np.int32),
-            start_time=np.broadcast_to(np.asarray(start_time, dtype=float), (n,)).copy(),
-            speed_factor=np.ones(n),
-        )
+        self.crowd = make_crowd(np.column_stack([self.x, np.full(n, 2.0)]), start_time=start_time)
         self.blocked = np.zeros(n, dtype=bool)
         self.out = np.full(n, np.nan)
         self.behaviour = TeacherFollowing(**parameters)
