@@ -1,12 +1,12 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
 from evac.evidence import (
-    accuracy_asked,
     accuracy_egress,
     accuracy_fields,
     accuracy_overlap,
     accuracy_peer,
     accuracy_solvers,
+    accuracy_targets,
     accuracy_tolerance,
     accuracy_trajectories,
 )
@@ -15,7 +15,7 @@ from evac.evidence.report import Evidence
 #: The parts in the order of the page.
 PARTS = (
     accuracy_solvers,
-    accuracy_asked,
+    accuracy_targets,
     accuracy_peer,
     accuracy_trajectories,
     accuracy_overlap,

@@ -32,7 +32,7 @@ def run(evidence: Evidence) -> None:
         for everybody still inside at the end."""
     )
     rows = [row for name, duration in cases for model in MODELS for row in _check(name, duration, model, tolerances)]
-    evidence.table("tolerance", rows, "Errors of positions [mm] over the tolerance asked for.")
+    evidence.table("tolerance", rows, "Errors of positions [mm] over the tolerance.")
     evidence.plot("tolerance", draw(rows), "Full: median error, dashed: greatest; the rule holds below the black line.")
     kept = sum(row["greatest error [mm]"] <= row["tolerance [mm]"] for row in rows)
     evidence.text(

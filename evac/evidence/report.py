@@ -188,10 +188,10 @@ def _cell(value: Any, specification: str) -> str:
     return format(value, specification)
 
 
-def claim(what: str, bound: str, asked: float, measured: float | None) -> dict[str, Any]:
-    """Return a row of what was asked for: ``"at most"`` or ``"at least"`` so much, None where nothing came."""
-    met = measured is not None and (measured <= asked if bound == "at most" else measured >= asked)
-    return {"what": what, "asked": f"{bound} {asked:g}", "measured": measured, "met": "yes" if met else "no"}
+def claim(what: str, bound: str, target: float, measured: float | None) -> dict[str, Any]:
+    """Return the row of a target: ``"at most"`` or ``"at least"`` so much, None where nothing came."""
+    met = measured is not None and (measured <= target if bound == "at most" else measured >= target)
+    return {"what": what, "target": f"{bound} {target:g}", "measured": measured, "met": "yes" if met else "no"}
 
 
 def timed(call: Callable[[], Any], repeats: int = 5, prepare: Callable[[], Any] | None = None) -> Timing:
