@@ -1,4 +1,4 @@
-"""What the parts of the accuracy page share: long tables, copies of crowds, measured orders."""
+"""What the parts of the accuracy page share: long tables, colours of variants, measured orders."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.report import Evidence
+from evac.evidence.report import MODEL_COLOURS, Evidence
 
 
 def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], words: str) -> None:
@@ -21,3 +21,8 @@ def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], w
 def order_of(steps: Sequence[float], errors: Sequence[float]) -> float:
     """Return the measured order of convergence: the slope of log error over log step, least squares."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def colour_of(variant: str) -> str:
+    """Return the colour of the contact model that a label such as ``"NSM2, K_N = 0"`` begins with."""
+    return next(colour for model, colour in MODEL_COLOURS.items() if variant.startswith(model))

@@ -11,6 +11,8 @@ from evac.evidence.accuracy_data import add_data, order_of
 from evac.evidence.accuracy_egress import flow_of
 from evac.evidence.accuracy_fields import _fields, plain_directions
 from evac.evidence.accuracy_goals import default_finding, default_rows, factor_rows, race_rows, time_to, win_rows
+from evac.evidence.accuracy_overlap import FINISHED, cheapest_rows, which_in_words
+from evac.evidence.accuracy_overlap import draw as draw_overlap
 from evac.evidence.accuracy_plans import l_corner
 from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy_solvers import TOLERANCES, measure
@@ -182,6 +184,26 @@ def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant
         errors.append(float(np.abs(found - problem.exact(plugin, parameters, 0.0)).max()))
     assert errors[1] < 2e-3
     assert errors[1] < max(0.9 * errors[0], 1e-9)
+
+
+def test_a_run_that_stopped_is_never_the_cheapest_and_stands_apart():
+    runs = [
+        ("DEM", "soft", 5.0, 0.01, "stopped: through a wall"),
+        ("DEM", "hard", 5.0, 0.4, FINISHED),
+        ("NSM1 inertial", "fine", 0.5, 0.2, FINISHED),
+    ]
+    keys = ("model", "value", "greatest overlap [mm]", "time per simulated second [s]", "outcome")
+    rows = [{"varied": "k", **dict(zip(keys, run, strict=True))} for run in runs]
+    table = {row["overlap allowed [mm]"]: row for row in cheapest_rows(rows)}
+    assert (table["10"]["cheapest here"], table["10"]["setting"]) == ("NSM1 inertial", "k = fine")
+    assert table["10"]["DEM / cheapest"] == pytest.approx(2.0)
+    assert table["0.1"]["cheapest here"] is None
+    said = which_in_words(list(table.values()))
+    assert "NSM1 inertial for 100 mm (k = fine), 30 mm (k = fine)" in said
+    assert "does not get to 3, 1, 0.1, 0.01 mm" in said
+    (axis,) = draw_overlap(rows, 3).axes
+    joined = {line.get_label(): len(line.get_xdata()) for line in axis.lines}
+    assert joined["DEM: k"] == joined["DEM: stopped with an error"] == 1
 
 
 def test_order_of_a_power_law():
