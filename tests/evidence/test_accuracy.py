@@ -11,12 +11,14 @@ from evac.evidence.accuracy_data import add_data, order_of
 from evac.evidence.accuracy_egress import flow_of
 from evac.evidence.accuracy_fields import _fields, plain_directions
 from evac.evidence.accuracy_goals import default_finding, default_rows, factor_rows, race_rows, time_to, win_rows
+from evac.evidence.accuracy_orders import EXACT, order_rows, orders_in_words
+from evac.evidence.accuracy_orders import draw as draw_orders
 from evac.evidence.accuracy_overlap import FINISHED, cheapest_rows, which_in_words
 from evac.evidence.accuracy_overlap import draw as draw_overlap
 from evac.evidence.accuracy_plans import l_corner
 from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy_solvers import TOLERANCES, measure
-from evac.evidence.accuracy_trajectories import PROBLEMS, VARIANTS, walked
+from evac.evidence.accuracy_trajectories import GOLDEN, LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, walked
 from evac.evidence.report import Evidence
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
@@ -184,6 +186,33 @@ def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant
         errors.append(float(np.abs(found - problem.exact(plugin, parameters, 0.0)).max()))
     assert errors[1] < 2e-3
     assert errors[1] < max(0.9 * errors[0], 1e-9)
+
+
+def test_places_of_starts_fall_everywhere_in_a_step_whatever_the_step():
+    """Not all into the same part of it, as places at whole parts of a distance do."""
+    shifts = np.array([SPREAD * math.modf(0.5 + k * GOLDEN)[0] for k in range(PHASES)])
+    assert 0.0 <= shifts.min() < shifts.max() <= SPREAD
+    for k in range(7):
+        path = SPEED * LARGEST / 2**k
+        filled, _ = np.histogram(shifts % path / path, bins=8, range=(0.0, 1.0))
+        assert filled.min() > 0
+
+
+def test_measured_orders_are_told_with_those_that_are_not_the_theoretical_ones():
+    head = {"problem": "wall hit", "drive": "explicit", "error / (v h)": 0.1, "theory": 1}
+    steps = [0.04 / 2**k for k in range(6)]
+    rows = [{**head, "model": "DEM", "h [s]": h, "error [m]": 3.0 * h**2} for h in steps]
+    rows += [{**head, "model": "NSM2, K_N = 0", "h [s]": h, "error [m]": 2.0 * h} for h in steps]
+    rows += [{**head, "model": "NSM1 inertial", "h [s]": h, "error [m]": 1e-12} for h in steps]
+    first, second, third = order_rows(rows)
+    assert (first["measured order"], second["measured order"]) == pytest.approx((2.0, 1.0))
+    assert third["measured order"] is None
+    said = orders_in_words([first, second, third])
+    assert said.startswith("Of 2 measured orders 1 are within 0.3 of the theoretical ones; the others are 2.00 for 1")
+    figure = draw_orders(rows, "h [s]")
+    drawn = np.concatenate([line.get_ydata() for line in figure.axes[0].lines])
+    assert min(drawn) >= EXACT
+    assert "exact: NSM1 inertial" in {text.get_text() for text in figure.axes[0].texts}
 
 
 def test_a_run_that_stopped_is_never_the_cheapest_and_stands_apart():
