@@ -67,6 +67,13 @@ class Window:
         )
         return x, y
 
+    def box(self, low: FloatArray, high: FloatArray) -> tuple[slice, slice]:
+        """Return the slices of the nodes in a box from its least to its greatest corner (2,) [m]."""
+        first = np.maximum(np.ceil((low - self.origin) / self.lattice.spacing), 0.0).astype(int)
+        last = np.floor((high - self.origin) / self.lattice.spacing).astype(int)
+        ends = np.maximum(first, last + 1)
+        return slice(first[0], ends[0]), slice(first[1], ends[1])
+
     def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
         """Return the slices of the common nodes, in this window and in the other."""
         here, there = [], []
@@ -162,9 +169,10 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
             at_near |= crossed & (part <= 0.5)
             at_far |= crossed & (part > 0.5)
     # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
-    lines = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
-    shapely.prepare(lines)
-    masked[inside] |= shapely.dwithin(lines, shapely.points(x[inside], y[inside]), 10.0 * slack)
+    reach = 10.0 * slack
+    for slit in slits.reshape(-1, 2, 2):
+        box = window.box(slit.min(axis=0) - reach, slit.max(axis=0) + reach)
+        masked[box] |= shapely.dwithin(shapely.LineString(slit), shapely.points(x[box], y[box]), reach)
     return inside & ~masked
 
 
