@@ -1,4 +1,4 @@
-"""Halls for the scaling: a square hall with walls and doors, marched directions, a crowd at a given density."""
+"""Halls for the scaling: a hall with walls and doors, marched directions, a crowd at a given density."""
 
 import math
 from dataclasses import dataclass
@@ -34,49 +34,55 @@ class Hall:
     building: Building
     fields: Fields
     crowd: Crowd
-    side: float  # [m]
+    depth: float  # away from the wall with the doors [m]
+    length: float  # of that wall [m]
 
 
-def make_hall(people: int, density: float, seed: int) -> Hall:
-    """Return a hall with `people` at `density` per m2, on a jittered hexagonal lattice, without overlaps."""
+def make_hall(people: int, density: float, seed: int, deepest: float = math.inf) -> Hall:
+    """Return a hall with `people` at `density` per m2, on a jittered hexagonal lattice, without overlaps.
+
+    It is square, or where that would be deeper than `deepest` [m], as deep as that and longer.
+    """
     pitch = math.sqrt(2.0 / (math.sqrt(3.0) * density))
-    position, side = _lattice(people, pitch)
+    position, depth, length = _lattice(people, pitch, deepest)
     generator = generator_for(seed, "hall", str(people), str(density))
     slack = 0.5 * pitch - RADIUS[1]
     angle = generator.uniform(0.0, 2.0 * math.pi, people)
     shift = slack * np.sqrt(generator.uniform(0.0, 1.0, people))
     position += shift[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    building = _building(side)
-    fields = build_fields(
-        building, (Route(),), spacing=SPACING if side <= LARGE else COARSE, clearance=RADIUS[1], speeds=(1.0, 1.0, 1.0)
-    )
-    return Hall(building, fields, _crowd(position, generator), side)
+    building = _building(depth, length)
+    spacing = SPACING if max(depth, length) <= LARGE else COARSE
+    fields = build_fields(building, (Route(),), spacing=spacing, clearance=RADIUS[1], speeds=(1.0, 1.0, 1.0))
+    return Hall(building, fields, _crowd(position, generator), depth, length)
 
 
-def _lattice(people: int, pitch: float) -> tuple[FloatArray, float]:
-    """Return the places (n, 2) of a hexagonal lattice and the side of the square that holds it [m]."""
-    columns = math.ceil(math.sqrt(people * math.sqrt(0.75)))
+def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, float, float]:
+    """Return the places (n, 2) of a hexagonal lattice, and depth and length of the hall that holds it [m]."""
+    square = math.ceil(math.sqrt(people * math.sqrt(0.75)))
+    columns = square if (square + 0.5) * pitch <= deepest else int(deepest / pitch - 0.5)
     row, column = np.divmod(np.arange(people), columns)
     x = pitch * (0.5 + column + 0.5 * (row % 2))
     y = pitch * (0.5 + math.sqrt(0.75) * row)
-    side = float(max(x.max(), y.max())) + 0.5 * pitch
-    return np.stack([x, y], axis=1), side
+    depth, length = float(x.max()) + 0.5 * pitch, float(y.max()) + 0.5 * pitch
+    if columns == square:
+        depth = length = max(depth, length)
+    return np.stack([x, y], axis=1), depth, length
 
 
-def _building(side: float) -> Building:
-    doors = max(1, round(side / STRETCH))
-    middle = side * (np.arange(doors) + 0.5) / doors
+def _building(depth: float, length: float) -> Building:
+    doors = max(1, round(length / STRETCH))
+    middle = length * (np.arange(doors) + 0.5) / doors
     low, high = middle - 0.5 * DOOR, middle + 0.5 * DOOR
-    walls = [[side, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, side], [0.0, side, side, side]]
-    edges = [0.0, *np.stack([low, high], axis=1).ravel(), side]
-    walls += [[side, end, side, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
+    walls = [[depth, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, length], [0.0, length, depth, length]]
+    edges = [0.0, *np.stack([low, high], axis=1).ravel(), length]
+    walls += [[depth, end, depth, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
     level = Level(
-        0, "hall", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, side, side), np.zeros(2), 0.0, 0.0, 0.0
+        0, "hall", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, depth, length), np.zeros(2), 0.0, 0.0, 0.0
     )
-    exits = tuple(Exit(k, f"door {k}", 0, np.array([[side, low[k], side, high[k]]]), DOOR) for k in range(doors))
+    exits = tuple(Exit(k, f"door {k}", 0, np.array([[depth, low[k], depth, high[k]]]), DOOR) for k in range(doors))
     return Building(
         source=Path("a hall"),
-        vertices=np.array([[0.0, 0.0, 0.0], [side, 0.0, 0.0], [side, side, 0.0], [0.0, side, 0.0]]),
+        vertices=np.array([[0.0, 0.0, 0.0], [depth, 0.0, 0.0], [depth, length, 0.0], [0.0, length, 0.0]]),
         levels=(level,),
         portals=(),
         exits=exits,

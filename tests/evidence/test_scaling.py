@@ -1,15 +1,23 @@
 """Halls of any size, and where the time of a step goes."""
 
+import csv
 import math
 
 import numpy as np
 import pytest
 
+from evac.errors import SimulationError
 from evac.evidence import scaling
 from evac.evidence.halls import DOOR, RADIUS, make_hall
-from evac.evidence.models import make_model
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import PER_TICK, PHASES, STEP, memory, phase_times, walk
+from evac.evidence.scaling import PHASES, STEP, phase_times
+from evac.evidence.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
+
+
+def walked(people, density, name, ticks):
+    walk = Walk(make_hall(people, density, 1), STEP)
+    walk.freely(make_variant(name, STEP), ticks)
+    return walk
 
 
 def gaps(crowd):
@@ -26,14 +34,15 @@ def test_hall_holds_its_people_without_overlap(people, density):
     assert len(crowd.level) == people
     assert gaps(crowd).min() >= 0.0
     assert (crowd.position > crowd.radius[:, None]).all()
-    assert (crowd.position < hall.side - crowd.radius[:, None]).all()
+    assert (crowd.position < np.array([hall.depth, hall.length]) - crowd.radius[:, None]).all()
     assert crowd.radius.min() >= RADIUS[0]
     assert np.isfinite(hall.fields.travel_time_at(0, crowd.position, 0)).all()
 
 
 def test_density_is_reached_as_halls_grow():
     for density in (2.0, 5.0):
-        shares = [people / make_hall(people, density, 1).side ** 2 / density for people in (20, 200, 2000)]
+        halls = {people: make_hall(people, density, 1) for people in (20, 200, 2000)}
+        shares = [people / (hall.depth * hall.length) / density for people, hall in halls.items()]
         assert shares == sorted(shares)
         assert 0.94 < shares[-1] <= 1.0
 
@@ -44,7 +53,18 @@ def test_walls_and_doors_close_the_hall():
     doors = sum(exit_.width for exit_ in hall.building.exits)
     assert len(hall.building.exits) == 3
     assert doors == pytest.approx(3 * DOOR)
-    assert walls + doors == pytest.approx(4.0 * hall.side)
+    assert hall.depth == hall.length
+    assert walls + doors == pytest.approx(4.0 * hall.length)
+
+
+def test_a_hall_is_no_deeper_than_it_may_be_and_has_doors_along_its_length():
+    hall = make_hall(2000, 5.0, seed=1, deepest=10.0)
+    assert 9.0 < hall.depth <= 10.0
+    assert 0.94 < 2000 / (hall.depth * hall.length) / 5.0 <= 1.0
+    assert len(hall.building.exits) == round(hall.length / 10.0) == 4
+    assert gaps(hall.crowd).min() >= 0.0
+    assert (hall.crowd.position < np.array([hall.depth, hall.length]) - hall.crowd.radius[:, None]).all()
+    assert make_hall(2000, 5.0, seed=1, deepest=100.0).depth == make_hall(2000, 5.0, seed=1).depth
 
 
 def test_same_seed_gives_the_same_hall():
@@ -55,29 +75,72 @@ def test_same_seed_gives_the_same_hall():
 
 @pytest.mark.parametrize("name", scaling.MODELS)
 def test_phases_share_the_step_and_leave_the_crowd_alone(name):
-    done = walk(make_hall(100, 2.0, 1), make_model(name), warm=3, timed=2)
-    before = done.crowd.position.copy(), done.crowd.velocity.copy(), done.crowd.level.copy()
-    spent = phase_times(done)
+    walk, variant = walked(100, 2.0, name, ticks=3), make_variant(name, STEP)
+    cost = time_ticks(walk, variant.model, 2)
+    before = walk.crowd.position.copy(), walk.crowd.velocity.copy(), walk.crowd.level.copy()
+    spent = phase_times(walk, variant, cost)
     assert tuple(spent) == PHASES
     assert min(spent.values()) >= 0.0
     assert spent["contact and rest"] == pytest.approx(
-        max(0.0, done.seconds - sum(spent[phase] for phase in PHASES if phase != "contact and rest"))
+        max(0.0, cost.seconds - sum(spent[phase] for phase in PHASES if phase != "contact and rest"))
     )
-    for array, old in zip((done.crowd.position, done.crowd.velocity, done.crowd.level), before, strict=True):
+    for array, old in zip((walk.crowd.position, walk.crowd.velocity, walk.crowd.level), before, strict=True):
         assert np.array_equal(array, old)
 
 
 def test_walking_is_the_same_walk_every_time():
     hall = make_hall(100, 5.0, 1)
-    ends = [walk(hall, make_model("NSM2"), warm=2, timed=1).crowd.position for _ in range(2)]
-    assert np.array_equal(*ends)
-    assert not np.array_equal(ends[0], hall.crowd.position)
-    assert np.abs(ends[0] - hall.crowd.position).max() < 2.5 * 3 * PER_TICK * STEP
+    ends = [walked(100, 5.0, "NSM2", ticks=3) for _ in range(2)]
+    assert np.array_equal(ends[0].crowd.position, ends[1].crowd.position)
+    assert not np.array_equal(ends[0].crowd.position, hall.crowd.position)
+    assert np.abs(ends[0].crowd.position - hall.crowd.position).max() < 2.5 * ends[0].time
+    assert ends[0].time == pytest.approx(3 * TICK)
+
+
+def test_a_tick_lasts_as_long_whatever_the_step():
+    walk = Walk(make_hall(20, 2.0, 1), STEP / 4)
+    walk.freely(make_variant("DEM", STEP / 4), 2)
+    assert (walk.made, walk.time) == (80, pytest.approx(2 * TICK))
+
+
+def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
+    walk = Walk(make_hall(200, 5.0, 1), STEP)
+    assert walk.pace == 0.0
+    walk.freely(make_variant("NSM1 inertial", STEP), 5)
+    assert walk.pace > JAMMED
+    jam = Walk(make_hall(200, 5.0, 1), STEP)
+    variant = make_variant("NSM1 inertial", STEP)
+    assert jam.into_a_jam(variant) == "jam"
+    assert SETTLING * TICK < jam.time < LONGEST
+    assert jam.pace < walk.pace
+    # Walked to the jam roughly, settled and timed as shipped.
+    assert variant.rough.gap_tolerance > variant.model.gap_tolerance
+
+
+def test_a_crowd_that_walks_out_or_keeps_walking_is_no_jam(monkeypatch):
+    variant = make_variant("DEM", STEP)
+    assert Walk(make_hall(20, 2.0, 1), STEP).into_a_jam(variant) == "50 % are out"
+    monkeypatch.setattr("evac.evidence.walks.LONGEST", 0.5)
+    crowd = Walk(make_hall(500, 5.0, 1), STEP)
+    assert crowd.into_a_jam(variant) == "longest time"
+    assert crowd.time == pytest.approx(0.5 + SETTLING * TICK)
+
+
+def test_a_refusal_stands_in_the_row_with_its_time(monkeypatch):
+    def refuse(self, model, ticks=1):
+        self.made += 1
+        raise SimulationError("t = 7.070 s: person 1 at (1, 2) would pass through a wall: the contact is too soft")
+
+    monkeypatch.setattr(Walk, "advance", refuse)
+    row = scaling._row(make_hall(20, 5.0, 1), "jammed", make_variant("DEM", STEP), 1, 1)
+    assert row["walk ended by"] == "refused at t = 7.070 s"
+    assert row["ns per person-step"] is None
+    assert {row[f"{phase} [%]"] for phase in PHASES} == {None}
 
 
 def test_memory_grows_with_the_people_alone():
-    small, large = (walk(make_hall(people, 2.0, 1), make_model("DEM"), warm=1, timed=1) for people in (200, 2000))
-    assert 8 < memory(large.engine, large.crowd) / memory(small.engine, small.crowd) <= 10
+    small, large = (walked(people, 2.0, "DEM", ticks=2) for people in (200, 2000))
+    assert 8 < memory(large) / memory(small) <= 10
 
 
 def test_page_is_written(tmp_path, monkeypatch):
@@ -87,6 +150,8 @@ def test_page_is_written(tmp_path, monkeypatch):
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"README.md", "run.json", "claims.csv", "scaling.csv", "scaling.png", "phases.csv", "phases.png"}
-    rows = np.genfromtxt(tmp_path / "phases.csv", delimiter=",", names=True, usecols=range(3, 3 + len(PHASES)))
-    assert np.allclose([sum(row) for row in rows.tolist()], 100.0)
-    assert len(rows) == 2 * 2 * len(scaling.MODELS)
+    with (tmp_path / "phases.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)
+    assert len(rows) == 2 * (2 * len(scaling.MODELS) + 1)
+    assert {row["model"] for row in rows if row["state"] == "jammed"} == {*scaling.MODELS, scaling.STIFF_NAME}
