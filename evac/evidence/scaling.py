@@ -170,7 +170,8 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
         "iterations per step": cost.iterations if cost else None,
         "steps per list": 1.0 / cost.builds if cost and cost.builds else None,
         "bytes per person": memory(walk) / people,
-        "grid [MB]": 1e-6 * sum(array.nbytes for array in (hall.fields.packed.direction, hall.fields.packed.travel_time)),
+        "grid [MB]": 1e-6
+        * sum(array.nbytes for array in (hall.fields.packed.direction, hall.fields.packed.travel_time)),
     }
     spent = phase_times(walk, variant, cost) if cost else {}
     total = sum(spent.values())
