@@ -81,7 +81,7 @@ class Behaviour(Configurable):
         return True
 
     def acts_at_ticks(self) -> bool:
-        """Return False if all its work is done by `prepare`."""
+        """Return False if all its work is done by `prepare`; asked once, after that."""
         return True
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -8,7 +8,7 @@ import pytest
 import evac
 from evac.ending import INTERRUPTED
 from evac.errors import PluginError, ResultError
-from evac.running import run
+from evac.running import clear_folder, run
 from evac.simulation import Simulation, Stopped
 
 
@@ -137,6 +137,14 @@ def test_a_folder_whose_clearing_failed_is_still_known(tmp_path):
         run(case, tmp_path / "r")
     (tmp_path / "r" / "egress.csv").rmdir()
     run(case, tmp_path / "r")
+
+
+def test_everything_that_a_run_writes_is_cleared_before_the_next(tmp_path):
+    folder = tmp_path / "r"
+    run(evac.load("square_room", {"simulation.duration": 0.5}), folder)
+    assert len(list(folder.iterdir())) > 5
+    clear_folder(folder)
+    assert [path for path in folder.rglob("*") if path.is_file()] == []
 
 
 def test_a_stop_after_the_last_tick_leaves_how_it_ended():

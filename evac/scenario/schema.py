@@ -124,7 +124,7 @@ class GroupSettings(Section):
     """`[[people]]`: one group; each quantity is a number or a distribution."""
 
     name: str = key("name of the group", min_length=1)
-    number: Whole | None = key("how many people; with `positions` not needed", "", None, ge=1, le=MOST_PEOPLE)
+    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
     positions: tuple[Point, ...] | None = key(
         "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
@@ -143,19 +143,19 @@ class GroupSettings(Section):
     )
     speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
-        "desired speed up stairs, along the slope; or { factor = ... } of the own flat speed; where not given, "
+        "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed; if not given, "
         "at most the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     speed_down: StairSpeed = key(
-        "desired speed down stairs, along the slope; or { factor = ... } of the own flat speed; where not given, "
+        "desired speed down stairs, along the slope; { factor = ... } multiplies the own flat speed; if not given, "
         "at most the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     exits: tuple[str, ...] = key(
-        "names of the exits they head for; empty: any; who leaves by another one, pushed, is out and counted",
+        "names of the exits they head for; empty: any. Somebody pushed out by another exit is out as well",
         "",
         (),
     )
