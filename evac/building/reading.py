@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts
+from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
 from evac.building.levels import LevelSet, find_levels
@@ -27,10 +28,10 @@ OBSTACLE_HEIGHT = 1.2
 def read_building(
     path: str | Path,
     *,
-    weld: float = 0.001,
-    flat_angle: float = 3.0,
-    walkable_angle: float = 50.0,
-    scale: float = 1.0,
+    weld: float = WELD,
+    flat_angle: float = FLAT_ANGLE,
+    walkable_angle: float = WALKABLE_ANGLE,
+    scale: float = SCALE,
     exits: Sequence[Mapping[str, Any]] = (),
     areas: Sequence[Mapping[str, Any]] = (),
     obstacles: Sequence[Mapping[str, Any]] = (),
@@ -70,9 +71,9 @@ def read_building(
         a stair that joins nothing, an exit off the edge, no exit.
     """
     source = Path(path)
-    if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle <= walkable_angle < 90.0):
+    if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
-            f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle <= walkable_angle < 90 degrees, "
+            f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
     surface = clean_surface(read_mesh(source), weld, flat_angle, walkable_angle, scale)

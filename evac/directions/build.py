@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from evac.building.checks import measures
 from evac.building.model import Building, Exit
+from evac.directions.defaults import COMFORT, ORDER, SPACING
 from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
@@ -22,7 +23,6 @@ from evac.parameters import did_you_mean
 #: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
 BEND = 8.0
 
-
 #: Nodes of all levels: some gigabytes.
 MOST_NODES = 2e7
 
@@ -31,11 +31,11 @@ def build_fields(
     building: Building,
     routes: Sequence[Route],
     *,
-    spacing: float = 0.1,
+    spacing: float = SPACING,
     clearance: float = 0.25,
     speeds: tuple[float, float, float] = (1.0, 0.5, 0.7),
-    comfort: float = 3.0,
-    order: int = 2,
+    comfort: float = COMFORT,
+    order: int = ORDER,
     link_open: NDArray[np.uint8] | None = None,
 ) -> Fields:
     """March the travel times and directions of a building for some routes.
@@ -72,16 +72,15 @@ def build_fields(
     Raises
     ------
     ScenarioError
-        A number is out of range, or a route names an exit or a strategy that does not exist.
+        A route names an exit or a strategy that does not exist, the grid has too many nodes, or an exit is
+        narrower than two of its cells. Numbers out of range are refused with the case.
     """
-    _check(building, routes, spacing, clearance, speeds, comfort, order)
+    _check_routes(building, routes)
+    _check_spacing(building, spacing)
     opened = np.ones(building.n_links, dtype=np.uint8) if link_open is None else np.asarray(link_open, dtype=np.uint8)
     graph = build_graph(building, opened)
     grids = build_grids(building, spacing, clearance, opened)
-    cosine = np.array([math.cos(level.slope) for level in building.levels])
-    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
-    bent = 1.0 + BEND * (1.0 - near / clearance) ** 2 if clearance > 0.0 else np.ones(grids.size)
-
+    bent = _bent(grids, clearance) if clearance > 0.0 else None
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
     parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
@@ -89,13 +88,7 @@ def build_fields(
     for index, route in enumerate(routes):
         allowed = [e for e in building.exits if not route.exits or e.name in route.exits]
         exits = [e for e in allowed if opened[building.link_of(e)]]
-        rates = _rates(route.strategy, speeds, comfort)
-        slowness = rates / cosine[:, None]
-        plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
-        guide = march(grids, Metric(slowness, bent), exits, order) if clearance > 0.0 else plain
-        direction = _directions(grids, guide, exits, clearance == 0.0)
-        lengths = _lengths(grids, plain, exits, rates, cosine)
-        travel_time = _seen_from(grids, plain)
+        direction, travel_time, lengths = _solve(grids, exits, _rates(route.strategy, speeds, comfort), bent, order)
         for level in sorted(levels_reaching(graph, [e.index for e in exits])):
             nodes = grids.levels[level].packed
             field_of[level, index] = len(parts)
@@ -118,25 +111,8 @@ def build_fields(
     )
 
 
-def _check(
-    building: Building,
-    routes: Sequence[Route],
-    spacing: float,
-    clearance: float,
-    speeds: tuple[float, float, float],
-    comfort: float,
-    order: int,
-) -> None:
-    if not 0.0 < spacing < math.inf:
-        raise ScenarioError(f"directions.spacing: must be greater than 0 m, got {spacing!r}")
-    if not 0.0 <= clearance < math.inf:
-        raise ScenarioError(f"directions.clearance: must be at least 0 m, got {clearance!r}")
-    if len(speeds) != 3 or not all(0.0 < speed < math.inf for speed in speeds):
-        raise ScenarioError(f"directions: reference speeds must be three numbers greater than 0 m/s, got {speeds!r}")
-    if not 0.0 < comfort < math.inf:
-        raise ScenarioError(f"directions.comfort: must be greater than 0, got {comfort!r}")
-    if order not in (1, 2):
-        raise ScenarioError(f"directions.order: must be 1 or 2, got {order!r}")
+def _check_routes(building: Building, routes: Sequence[Route]) -> None:
+    """Refuse routes that name what does not exist."""
     names = [exit_.name for exit_ in building.exits]
     for route in routes:
         if route.strategy not in STRATEGIES:
@@ -147,6 +123,10 @@ def _check(
                     f"a route leads to exit {name!r}, which {building.source} does not have;"
                     f" {did_you_mean(name, names)}"
                 )
+
+
+def _check_spacing(building: Building, spacing: float) -> None:
+    """Refuse a grid with too many nodes, or too coarse for an exit."""
     nodes = sum(shapely.box(*level.polygon.bounds).area for level in building.levels) / spacing**2
     if nodes > MOST_NODES:
         least = spacing * math.sqrt(nodes / MOST_NODES)
@@ -162,6 +142,24 @@ def _check(
             )
 
 
+def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
+    """Return the factor (nodes,) of the slowness near walls; see `build_fields`."""
+    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
+    return np.asarray(1.0 + BEND * (1.0 - near / clearance) ** 2)
+
+
+def _solve(
+    grids: BuildingGrids, exits: list[Exit], rates: FloatArray, bent: FloatArray | None, order: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return directions (nodes, 2), travel times (nodes,) and lengths (nodes, 3) to some exits on all grids."""
+    cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
+    slowness = rates / cosine[:, None]
+    plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
+    guide = plain if bent is None else march(grids, Metric(slowness, bent), exits, order)
+    direction = _directions(grids, guide, exits, bent is None)
+    return direction, _with_halos(grids, plain), _lengths(grids, plain, exits, rates, cosine)
+
+
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
     """Return the cost (3,) of a metre along the slope in each use for a strategy [s/m]."""
     if strategy == "shortest":
@@ -172,7 +170,7 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _seen_from(grids: BuildingGrids, values: FloatArray) -> FloatArray:
+def _with_halos(grids: BuildingGrids, values: FloatArray) -> FloatArray:
     """Return packed values with those of the neighbours themselves in the halos."""
     seen = values.copy()
     for grid in grids.levels:
@@ -192,7 +190,7 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
                 x1, y1, x2, y2 = exit_.segments.sum(axis=0)
                 outward = np.array([y2 - y1, x1 - x2])
                 own[grid.sheet == 1 + grids.building.link_of(exit_)] = outward / np.linalg.norm(outward)
-    direction = _seen_from(grids, direction)
+    direction = _with_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -237,7 +235,7 @@ def _lengths(
     along = lengths[node] @ rates
     usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
     lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
-    return _seen_from(grids, lengths)
+    return _with_halos(grids, lengths)
 
 
 def _twins(grids: BuildingGrids) -> NDArray[np.int64]:

@@ -1,9 +1,12 @@
 """What a person can follow: a destination and a strategy."""
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
-#: Strategies and what they minimise.
-STRATEGIES = ("shortest", "fastest", "comfortable")
+#: What the way out is the least of: length along the slope, time at the reference speeds, or time with that on
+#: stairs weighted by the case's comfort factor.
+Strategy = Literal["shortest", "fastest", "comfortable"]
+STRATEGIES: tuple[str, ...] = get_args(Strategy)
 
 
 @dataclass(frozen=True)
@@ -15,8 +18,7 @@ class Route:
     exits : tuple of str
         Names of the exits it may end at; empty means any.
     strategy : str
-        ``"shortest"`` (length along the slope), ``"fastest"`` (time at the reference speeds) or
-        ``"comfortable"`` (time, with time on stairs weighted by the case's comfort factor).
+        One of `STRATEGIES`.
     """
 
     exits: tuple[str, ...] = ()

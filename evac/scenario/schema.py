@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
+from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
+from evac.directions.defaults import COMFORT, ORDER, SPACING
+from evac.directions.routes import Strategy
 from evac.people.distributions import Distribution
 from evac.scenario.keys import (
     Factor,
@@ -41,6 +44,13 @@ MOST_STEPS = 100_000
 MOST_PEOPLE = 1_000_000
 
 
+def _check_level(what: str, level: str | None, z: float | None) -> None:
+    """Refuse a level that is not said in exactly one of the two ways."""
+    if (z is None) == (level is None):
+        both = "and not both" if z is not None else "neither is there"
+        raise wrong("level", f"give {what} by name, or its height z: {both}")
+
+
 class Placed(Section):
     """Something that stands on one level."""
 
@@ -49,9 +59,7 @@ class Placed(Section):
 
     @model_validator(mode="after")
     def _on_one_level(self) -> Self:
-        if (self.z is None) == (self.level is None):
-            both = "and not both" if self.z is not None else "neither is there"
-            raise wrong("level", f"give the level by name, or its height z: {both}")
+        _check_level("the level", self.level, self.z)
         return self
 
 
@@ -79,10 +87,10 @@ class BuildingSettings(Section):
     """`[building]`: the mesh file, and what it does not say itself."""
 
     mesh: str = key("mesh file, relative to case.toml", min_length=1)
-    weld: Real = key("vertices closer than this become one", "m", 0.001, ge=0)
-    flat_angle: Real = key("cells less steep than this are floors and landings", "deg", 3.0, gt=0, lt=90)
-    walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", 50.0, gt=0, lt=90)
-    scale: Real = key("factor that turns the mesh's unit of length into metres", "", 1.0, gt=0)
+    weld: Real = key("vertices closer than this become one", "m", WELD, ge=0)
+    flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
+    walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
+    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, gt=0)
     exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", ())
     areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", ())
     obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
@@ -103,7 +111,7 @@ class BuildingSettings(Section):
 class DirectionSettings(Section):
     """`[directions]`: how travel times and directions are computed."""
 
-    spacing: Real = key("distance of the grid's nodes", "m", 0.1, gt=0)
+    spacing: Real = key("distance of the grid's nodes", "m", SPACING, gt=0)
     clearance: Real | None = key(
         "width kept clear of walls where there is room; if not given, the greatest body radius, at most twice the mean",
         "m",
@@ -116,8 +124,8 @@ class DirectionSettings(Section):
     stairs_down: Real | None = key(
         "reference speed down stairs over that on the flat; if not given, the people's mean", "", None, gt=0
     )
-    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", 3.0, ge=1)
-    order: Literal[1, 2] = key("order of the fast marching scheme", "", 2)
+    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1)
+    order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
 
 
 class GroupSettings(Section):
@@ -159,7 +167,7 @@ class GroupSettings(Section):
         "",
         (),
     )
-    strategy: Literal["shortest", "fastest", "comfortable"] = key("what they minimise on the way out", "", "fastest")
+    strategy: Strategy = key("what they minimise on the way out", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
     @property
@@ -194,9 +202,7 @@ class GroupSettings(Section):
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
             raise wrong("number", f"{self.number} people at {count} positions; remove number or correct it")
-        if (self.z is None) == (self.level is None):
-            both = "and not both" if self.z is not None else "neither is there"
-            raise wrong("level", f"give the level of the positions by name, or its height z: {both}")
+        _check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
             raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
 

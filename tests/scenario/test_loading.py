@@ -106,6 +106,11 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people=3", "people: must be a list, got 3"),
         ("simulation=3", "simulation: must be a table, got 3"),
         ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
+        ("directions.spacing=0", "directions.spacing: must be greater than 0, got 0"),
+        ("directions.clearance=-1", "directions.clearance: must be greater than or equal to 0, got -1"),
+        ("directions.stairs_up=0", "directions.stairs_up: must be greater than 0, got 0"),
+        ("directions.comfort=0.5", "directions.comfort: must be greater than or equal to 1, got 0.5"),
+        ("directions.order=3", "directions.order: must be 1 or 2, got 3"),
         (
             'building.exits=[{name="door", segment=[[0,0],[0,0]], z=0}]',
             "building.exits.door.segment: its two ends are the same point [0.0, 0.0]; draw it along the door",
