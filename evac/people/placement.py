@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -23,8 +23,7 @@ ROUNDS = 40
 MARGIN = 1e-9
 
 
-@dataclass(frozen=True)
-class _Cells:
+class _Cells(NamedTuple):
     """Discs hashed to square cells as wide as the greatest diameter, so that only nine cells are searched."""
 
     origin: FloatArray  # (2,) [m]
@@ -107,7 +106,7 @@ def _at_random(
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
         points = np.ascontiguousarray(points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])])
-        n_placed = _add(points, radii[order], n_placed, len(occupied), segments, *_unpacked(cells))
+        n_placed = _add(points, radii[order], n_placed, len(occupied), segments, cells)
         if n_placed == n:
             break
     positions = np.empty((n, 2))
@@ -129,7 +128,7 @@ def _on_lattice(
     def standing(points: FloatArray) -> FloatArray:
         points = points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])]
         fits = np.zeros(len(points), dtype=np.bool_)
-        _are_clear(np.ascontiguousarray(points), radius, segments, *_unpacked(cells), fits)
+        _are_clear(np.ascontiguousarray(points), radius, segments, cells, fits)
         return points[fits]
 
     closest = 2 * (radius + MARGIN)
@@ -153,7 +152,7 @@ def _on_lattice(
     angle = 2 * np.pi * generator.random(n)
     moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     fits = np.zeros(n, dtype=np.bool_)
-    _are_clear(moved, radius, segments, *_unpacked(cells), fits)
+    _are_clear(moved, radius, segments, cells, fits)
     fits &= shapely.intersects_xy(polygon, moved[:, 0], moved[:, 1])
     return np.where(fits[:, None], moved, points), n_fitting
 
@@ -185,12 +184,8 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     )
     cells.disc[: len(occupied)] = occupied
     for row in range(len(occupied)):
-        _enter(row, *_unpacked(cells))
+        _enter(row, cells)
     return cells
-
-
-def _unpacked(cells: _Cells) -> tuple[FloatArray, float, IntArray, IntArray, FloatArray]:
-    return cells.origin, cells.size, cells.head, cells.following, cells.disc
 
 
 def _touches(segments: FloatArray, box: tuple[float, float, float, float]) -> BoolArray:
@@ -235,37 +230,28 @@ def _nearest(points: FloatArray, segments: FloatArray, distances: FloatArray) ->
 
 
 @kernel
-def _enter(row: int, origin: FloatArray, size: float, head: IntArray, following: IntArray, disc: FloatArray) -> None:
+def _enter(row: int, cells: _Cells) -> None:
     """Enter a disc in its cell; those beyond the cells are of no interest."""
-    ix = math.floor((disc[row, 0] - origin[0]) / size)
-    iy = math.floor((disc[row, 1] - origin[1]) / size)
-    if 0 <= ix < head.shape[0] and 0 <= iy < head.shape[1]:
-        following[row] = head[ix, iy]
-        head[ix, iy] = row
+    ix = math.floor((cells.disc[row, 0] - cells.origin[0]) / cells.size)
+    iy = math.floor((cells.disc[row, 1] - cells.origin[1]) / cells.size)
+    if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
+        cells.following[row] = cells.head[ix, iy]
+        cells.head[ix, iy] = row
 
 
 @kernel
-def _is_clear(
-    x: float,
-    y: float,
-    radius: float,
-    segments: FloatArray,
-    origin: FloatArray,
-    size: float,
-    head: IntArray,
-    following: IntArray,
-    disc: FloatArray,
-) -> bool:
+def _is_clear(x: float, y: float, radius: float, segments: FloatArray, cells: _Cells) -> bool:
     """Return whether a disc overlaps no disc entered so far and no segment."""
-    ix = math.floor((x - origin[0]) / size)
-    iy = math.floor((y - origin[1]) / size)
-    for cx in range(max(ix - 1, 0), min(ix + 2, head.shape[0])):
-        for cy in range(max(iy - 1, 0), min(iy + 2, head.shape[1])):
-            other = head[cx, cy]
+    ix = math.floor((x - cells.origin[0]) / cells.size)
+    iy = math.floor((y - cells.origin[1]) / cells.size)
+    for cx in range(max(ix - 1, 0), min(ix + 2, cells.head.shape[0])):
+        for cy in range(max(iy - 1, 0), min(iy + 2, cells.head.shape[1])):
+            other = cells.head[cx, cy]
             while other >= 0:
-                if math.hypot(x - disc[other, 0], y - disc[other, 1]) < radius + disc[other, 2] + MARGIN:
+                x_other, y_other, radius_other = cells.disc[other, 0], cells.disc[other, 1], cells.disc[other, 2]
+                if math.hypot(x - x_other, y - y_other) < radius + radius_other + MARGIN:
                     return False
-                other = following[other]
+                other = cells.following[other]
     nearest = np.inf
     for w in range(len(segments)):
         nearest = min(nearest, _distance(x, y, segments, w))
@@ -273,43 +259,24 @@ def _is_clear(
 
 
 @kernel
-def _are_clear(
-    points: FloatArray,
-    radius: float,
-    segments: FloatArray,
-    origin: FloatArray,
-    size: float,
-    head: IntArray,
-    following: IntArray,
-    disc: FloatArray,
-    fits: BoolArray,
-) -> None:
+def _are_clear(points: FloatArray, radius: float, segments: FloatArray, cells: _Cells, fits: BoolArray) -> None:
     """Write for each point whether a disc there is clear."""
     for p in range(len(points)):
-        fits[p] = _is_clear(points[p, 0], points[p, 1], radius, segments, origin, size, head, following, disc)
+        fits[p] = _is_clear(points[p, 0], points[p, 1], radius, segments, cells)
 
 
 @kernel
 def _add(
-    points: FloatArray,
-    radii: FloatArray,
-    n_placed: int,
-    n_before: int,
-    segments: FloatArray,
-    origin: FloatArray,
-    size: float,
-    head: IntArray,
-    following: IntArray,
-    disc: FloatArray,
+    points: FloatArray, radii: FloatArray, n_placed: int, n_before: int, segments: FloatArray, cells: _Cells
 ) -> int:
     """Offer points in turn to the next disc to be placed; return how many are placed now."""
     for p in range(len(points)):
         if n_placed == len(radii):
             break
         x, y, radius = points[p, 0], points[p, 1], radii[n_placed]
-        if _is_clear(x, y, radius, segments, origin, size, head, following, disc):
+        if _is_clear(x, y, radius, segments, cells):
             row = n_before + n_placed
-            disc[row, 0], disc[row, 1], disc[row, 2] = x, y, radius
-            _enter(row, origin, size, head, following, disc)
+            cells.disc[row, 0], cells.disc[row, 1], cells.disc[row, 2] = x, y, radius
+            _enter(row, cells)
             n_placed += 1
     return n_placed
