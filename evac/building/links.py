@@ -96,7 +96,7 @@ def _tagged_exit(
 ) -> Exit:
     """Make the exit of one tag from its rows of the edge table."""
     if not len(rows):
-        raise BuildingError(f"{source}: the edges of {tag!r} have no length")
+        raise BuildingError(f"{source}: the edges of {tag!r} have no length; tag edges longer than building.weld")
     on = np.unique(level_set.level_of_cell[table.cell[rows]])
     if len(on) > 1:
         names = " and ".join(repr(level_set.levels[level].name) for level in on)

@@ -1,6 +1,5 @@
 """Exits, areas and obstacles that a case adds to a building: segments and polygons on a level."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,6 +14,7 @@ from evac.building.elevation import level_elevation
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
 from evac.errors import BuildingError
+from evac.parameters import did_you_mean
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
     """
     name, what = item["name"], f"exit {item['name']!r}"
     if any(other.name == name for other in building.exits):
-        raise BuildingError(f"{building.source}: there are two exits named {name!r}")
+        raise BuildingError(f"{building.source}: there are two exits named {name!r}; rename one")
     ends = _coordinates(building, item, what, "segment", 2)
     level = find_level(building, item, what, shapely.LineString(ends))
     kept, opened = [], []
@@ -83,7 +83,7 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     """
     name, what = item["name"], f"area {item['name']!r}"
     if any(other.name == name for other in building.areas):
-        raise BuildingError(f"{building.source}: there are two areas named {name!r}")
+        raise BuildingError(f"{building.source}: there are two areas named {name!r}; rename one")
     drawn = _polygon(building, item, what)
     level = find_level(building, item, what, drawn)
     polygon = _plane_part(drawn.intersection(level.polygon))
@@ -132,13 +132,13 @@ def find_level(building: Building, item: Mapping[str, Any], what: str, geometry:
     BuildingError
         If there is none, naming those there are.
     """
-    known = ", ".join(f"{level.name!r}" for level in building.levels)
     if item.get("level") is not None:
         found = building.level_named(item["level"])
         if found is None:
-            close = difflib.get_close_matches(item["level"], [level.name for level in building.levels], n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            raise BuildingError(f"{building.source}: {what}: no level is named {item['level']!r}{hint} Levels: {known}")
+            names = [level.name for level in building.levels]
+            raise BuildingError(
+                f"{building.source}: {what}: no level is named {item['level']!r}; {did_you_mean(item['level'], names)}"
+            )
         return found
     if item.get("z") is None:
         raise BuildingError(f"{building.source}: {what}: give its level by name (level = ...) or by height (z = ...)")
@@ -152,7 +152,11 @@ def find_level(building: Building, item: Mapping[str, Any], what: str, geometry:
         if height_error <= HEIGHT_REACH:
             near.append((max(distance - EXIT_REACH, 0.0), height_error, level.index))
     if not near:
-        raise BuildingError(f"{building.source}: {what}: no level is at the height z = {z:g} m there; levels: {known}")
+        heights = ", ".join(f"{level.name!r} z = {level.z_min:.2f} to {level.z_max:.2f}" for level in building.levels)
+        raise BuildingError(
+            f"{building.source}: {what}: no level is at the height z = {z:g} m there; correct z, or name a level: "
+            f"{heights}"
+        )
     return building.levels[min(near)[2]]
 
 
@@ -178,7 +182,9 @@ def _polygon(building: Building, item: Mapping[str, Any], what: str) -> BaseGeom
     polygon = shapely.Polygon(_coordinates(building, item, what, "polygon", 3))
     if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
         cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
-        raise BuildingError(f"{building.source}: {what}: its polygon is no simple outline: {cause}")
+        raise BuildingError(
+            f"{building.source}: {what}: its polygon is no simple outline: {cause}; draw it without crossings"
+        )
     return polygon
 
 
@@ -235,7 +241,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     """Subtract an obstacle from a level and its areas, and put walls along its outline."""
     polygon = _plane_part(level.polygon.difference(obstacle))
     if polygon.is_empty:
-        raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}")
+        raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
     new, old = _sides(polygon), level.polygon.boundary
     middle = shapely.points((new[:, :2] + new[:, 2:]) / 2)
     is_new = shapely.distance(middle, old) > COLLINEAR
@@ -249,7 +255,10 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
     ]
     gone = [area.name for area in areas if area.polygon.is_empty]
     if gone:
-        raise BuildingError(f"{building.source}: obstacles cover all of the area {gone[0]!r} on level {level.name!r}")
+        raise BuildingError(
+            f"{building.source}: obstacles cover all of the area {gone[0]!r} on level {level.name!r}; "
+            "make them smaller, or move the area"
+        )
     building = _with_walls(building, level, np.concatenate([kept, new[is_new]]))
     return replace(building, levels=tuple(levels), areas=tuple(areas))
 
@@ -280,6 +289,6 @@ def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
 
 
 def _extent(level: Level) -> str:
-    """Word the plan extent of a level."""
+    """Word the plan extent of a level, and what to do about something beside it."""
     x1, y1, x2, y2 = level.polygon.bounds
-    return f", which reaches from ({x1:.2f}, {y1:.2f}) to ({x2:.2f}, {y2:.2f})"
+    return f", which reaches from ({x1:.2f}, {y1:.2f}) to ({x2:.2f}, {y2:.2f}); move it there"

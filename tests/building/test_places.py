@@ -74,7 +74,9 @@ def test_level_by_name_and_by_height(stair_mesh, read):
     assert by_name.exits[0].level == 2
     with pytest.raises(BuildingError, match=r"no level is named 'floor z=3'; did you mean 'floor z=3.00'\?"):
         read(stair_mesh, exits=[way([26, 0], [26, 2], level="floor z=3")])
-    with pytest.raises(BuildingError, match="no level is at the height z = 6 m"):
+    with pytest.raises(BuildingError, match=r"no level is named 'roof'; known: .*floor z=0.00, floor z=3.00"):
+        read(stair_mesh, exits=[way([26, 0], [26, 2], level="roof")])
+    with pytest.raises(BuildingError, match=r"no level is at the height z = 6 m there; correct z, or name a level: "):
         read(stair_mesh, exits=[way([26, 0], [26, 2], z=6.0)])
     with pytest.raises(BuildingError, match="give its level by name"):
         read(stair_mesh, exits=[{"name": "out", "segment": [[0, 0], [0, 2]]}])
@@ -89,10 +91,10 @@ def test_area_is_clipped_to_its_level(room, read):
     assert (area.name, area.level) == ("start", 0)
     assert area.polygon.equals(shapely.box(5, 3, 6, 4))
     with pytest.raises(
-        BuildingError, match=r"area 'start' has no part on level.*from \(0.00, 0.00\) to \(6.00, 4.00\)"
+        BuildingError, match=r"area 'start' has no part on level.*from \(0.00, 0.00\) to \(6.00, 4.00\); move it there"
     ):
         read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[8, 8], [9, 8], [9, 9]]}])
-    with pytest.raises(BuildingError, match="two areas named 'start'"):
+    with pytest.raises(BuildingError, match="two areas named 'start'; rename one"):
         read(room, exits=[way([6, 1], [6, 2])], areas=[square, square])
     with pytest.raises(BuildingError, match="no simple outline: Self-intersection"):
         read(room, exits=[way([6, 1], [6, 2])], areas=[{**square, "polygon": [[0, 0], [2, 2], [2, 0], [0, 1]]}])
