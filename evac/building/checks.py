@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.building.edges import segment_lengths
+from evac.building.edges import segment_lengths, side_of
 from evac.building.elevation import level_elevation
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
@@ -183,5 +183,4 @@ def _face(a: FloatArray, b: FloatArray) -> bool:
 
 def _is_ahead(a: FloatArray, b: FloatArray) -> bool:
     """Tell whether any end of segment b is on the left of segment a."""
-    (dx, dy), to_b = a[2:] - a[:2], b.reshape(2, 2) - a[:2]
-    return bool((dx * to_b[:, 1] - dy * to_b[:, 0] > ROUNDING).any())
+    return bool((side_of(a, b[[0, 2]], b[[1, 3]]) > ROUNDING).any())

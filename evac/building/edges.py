@@ -111,6 +111,12 @@ def segment_lengths(segments: FloatArray) -> FloatArray:
     return length
 
 
+def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Twice the areas of a segment (4,) and each point [m2]: positive where the point is on its left."""
+    x1, y1, x2, y2 = segment
+    return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
+
+
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
     """Word the place of an edge."""
     return " - ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in vertices[ends])

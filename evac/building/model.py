@@ -10,6 +10,9 @@ from shapely.geometry.base import BaseGeometry
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
+#: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
+FLAT, UP, DOWN = 0, 1, 2
+
 
 @dataclass(frozen=True)
 class Level:

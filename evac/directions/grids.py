@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.model import Building, Level, Portal
+from evac.building.edges import side_of
+from evac.building.model import DOWN, FLAT, UP, Building, Level, Portal
 from evac.directions.lattice import (
     SLACK,
     BoolArray,
@@ -26,9 +27,6 @@ from evac.directions.lattice import (
 NOTHING, OWN = -1, 0
 #: Least number of nodes around a level, into its walls and behind its exits.
 MARGIN = 4
-
-#: How a level is used on the way to a link.
-FLAT, UP, DOWN = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -258,9 +256,10 @@ def _behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
     x, y = window.coordinates()
     depth = rows * window.lattice.spacing
     found = np.zeros(window.shape, dtype=np.bool_)
-    for x1, y1, x2, y2 in segments:
+    for segment in segments:
+        x1, y1, x2, y2 = segment
         length = math.hypot(x2 - x1, y2 - y1)
-        ahead = ((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1)) / length
+        ahead = side_of(segment, x, y) / length
         along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
         found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
     return found

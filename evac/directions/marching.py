@@ -9,8 +9,8 @@ import shapely
 import skfmm
 from numpy.typing import NDArray
 
-from evac.building.model import Exit, Portal
-from evac.directions.grids import DOWN, FLAT, OWN, UP, BuildingGrids, LevelGrid, use_towards
+from evac.building.model import DOWN, FLAT, UP, Exit, Portal
+from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
 from evac.directions.lattice import SLACK, FloatArray
 
 #: Greatest difference left at a portal, in the time of one cell.

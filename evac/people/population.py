@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.building.elevation import elevation
-from evac.building.model import Building
+from evac.building.model import DOWN, FLAT, UP, Building
 from evac.building.places import HEIGHT_REACH
 from evac.errors import ScenarioError
 from evac.people.distributions import Distribution, generator_for
@@ -173,8 +173,8 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
     crowd.mass[rows] = drawn("mass", people.mass)
     crowd.tau[rows] = drawn("tau", people.tau)
     flat = drawn("speed", people.speed)
-    crowd.speed[rows, 0] = flat
-    for use, quantity in ((1, "speed_up"), (2, "speed_down")):
+    crowd.speed[rows, FLAT] = flat
+    for use, quantity in ((UP, "speed_up"), (DOWN, "speed_down")):
         given = getattr(people, quantity)
         own = isinstance(given, Distribution)
         speed = drawn(quantity, given) if own else flat * drawn(quantity, given.factor)

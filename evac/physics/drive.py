@@ -2,6 +2,7 @@
 
 import math
 
+from evac.building.model import DOWN, FLAT, UP
 from evac.directions.sampling import sample_direction
 from evac.jit import call_pair_force, inner
 from evac.physics.seams import reaches
@@ -12,12 +13,12 @@ def desired_speed(world, bodies, i, ex, ey):
     """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
     level = bodies.level[i]
     climb = ex * world.uphill[level, 0] + ey * world.uphill[level, 1]
-    kind = 0
+    use = FLAT
     if climb > 0.0:
-        kind = 1
+        use = UP
     elif climb < 0.0:
-        kind = 2
-    return bodies.speed[i, kind] * bodies.speed_factor[i] * world.cosine[level]
+        use = DOWN
+    return bodies.speed[i, use] * bodies.speed_factor[i] * world.cosine[level]
 
 
 @inner

@@ -5,7 +5,7 @@ import math
 from evac.jit import inner
 from evac.physics.contacts import normal_velocity, tangential_velocity, wall_acts
 from evac.physics.neighbours import segment_distance
-from evac.physics.seams import crossing
+from evac.physics.seams import crossing, side_of
 
 EVENTS_FULL = 5
 WALL_CROSSED = 6
@@ -49,13 +49,9 @@ def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
         x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
-        start = (x2 - x1) * (ay - y1) - (y2 - y1) * (ax - x1)
-        end = (x2 - x1) * (by - y1) - (y2 - y1) * (bx - x1)
-        if start * end >= 0.0:
+        if side_of(x1, y1, x2, y2, ax, ay) * side_of(x1, y1, x2, y2, bx, by) >= 0.0:
             continue
-        one = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
-        two = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
-        if one * two > 0.0:
+        if side_of(ax, ay, bx, by, x1, y1) * side_of(ax, ay, bx, by, x2, y2) > 0.0:
             continue
         _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
         if wall_acts(world, bodies.level[i], ax, ay, w, px, py):
