@@ -159,6 +159,29 @@ def _assemble(
             f"{path}: there are no surface cells (triangles, quads or polygons) in this file; "
             "export the walkable surface with its faces"
         )
+    _check_vertices(path, points, blocks)
+    try:
+        pieces = [triangulate(points, blocks[number]) for number in surfaces]
+    except ValueError as error:
+        raise BuildingError(f"{path}: {error}; repair this face or triangulate the mesh") from error
+    cell_tags, edge_tags, notes = {}, {}, []
+    for name, masks in tags.items():
+        kind = name.partition(":")[0]
+        if kind in SURFACE_TAGS:
+            cell_tags[name] = np.concatenate(
+                [masks[number][owner] for number, (_, owner) in zip(surfaces, pieces, strict=True)]
+            )
+        elif kind in EDGE_TAGS:
+            edge_tags[name] = _tagged_edges(path, name, blocks, masks)
+        else:
+            known = ", ".join(f"{kind}:NAME" for kind in (*SURFACE_TAGS, *EDGE_TAGS))
+            notes.append(f"the tag {name!r} is not known and means nothing; known tags are {known}")
+    triangles = np.concatenate([piece for piece, _ in pieces])
+    return SurfaceMesh(path, points, triangles, cell_tags, edge_tags, tuple(notes))
+
+
+def _check_vertices(path: Path, points: FloatArray, blocks: list[IndexArray]) -> None:
+    """Refuse cells with vertices that are not there, and vertices that lie nowhere or too far off."""
     outside = [corner for block in blocks for corner in (block.min(), block.max()) if not 0 <= corner < len(points)]
     if outside:
         raise BuildingError(
@@ -176,24 +199,11 @@ def _assemble(
             "origin; repair its coordinates or draw the building in metres"
         )
 
-    try:
-        pieces = [triangulate(points, blocks[number]) for number in surfaces]
-    except ValueError as error:
-        raise BuildingError(f"{path}: {error}; repair this face or triangulate the mesh") from error
-    cell_tags, edge_tags, notes = {}, {}, []
-    for name, masks in tags.items():
-        kind = name.partition(":")[0]
-        if kind in SURFACE_TAGS:
-            cell_tags[name] = np.concatenate(
-                [masks[number][owner] for number, (_, owner) in zip(surfaces, pieces, strict=True)]
-            )
-        elif kind in EDGE_TAGS:
-            edges = [block[mask] for block, mask in zip(blocks, masks, strict=True) if block.shape[1] == 2]
-            edge_tags[name] = np.concatenate(edges) if edges else np.empty((0, 2), dtype=np.int64)
-            if not len(edge_tags[name]):
-                raise BuildingError(f"{path}: the tag {name!r} is on no edge: put it on line cells, not on surfaces")
-        else:
-            known = ", ".join(f"{kind}:NAME" for kind in (*SURFACE_TAGS, *EDGE_TAGS))
-            notes.append(f"the tag {name!r} is not known and means nothing; known tags are {known}")
-    triangles = np.concatenate([piece for piece, _ in pieces])
-    return SurfaceMesh(path, points, triangles, cell_tags, edge_tags, tuple(notes))
+
+def _tagged_edges(path: Path, name: str, blocks: list[IndexArray], masks: list[BoolArray]) -> IndexArray:
+    """Return the edges (e, 2) that carry a tag, or refuse one that is on none."""
+    edges = [block[mask] for block, mask in zip(blocks, masks, strict=True) if block.shape[1] == 2]
+    tagged = np.concatenate([np.empty((0, 2), dtype=np.int64), *edges])
+    if not len(tagged):
+        raise BuildingError(f"{path}: the tag {name!r} is on no edge: put it on line cells, not on surfaces")
+    return tagged
