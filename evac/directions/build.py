@@ -11,7 +11,7 @@ from scipy import ndimage
 from evac.building.checks import measures
 from evac.building.model import Building, Exit
 from evac.directions.defaults import COMFORT, ORDER, SPACING
-from evac.directions.descent import add_lengths, descend
+from evac.directions.descent import Ways, add_lengths, descend
 from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
@@ -219,23 +219,26 @@ def _lengths(
     own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
     node = np.flatnonzero(own & np.isfinite(cost))
     node = node[np.argsort(cost[node], kind="stable")]
-    add_lengths(
-        node,
-        np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
-        np.concatenate([grid.source.ravel() for grid in grids.levels]),
-        _twins(grids),
-        cost,
-        np.array([level.uphill for level in building.levels], dtype=np.float64),
-        cosine,
-        grids.lattice.spacing,
-        lengths,
-    )
+    add_lengths(node, _ways(grids, cost, cosine), lengths)
     # The lengths are of first order; their sum must give the cost, which is of second.
     along = lengths[node] @ rates
     usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
     lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
     return _with_halos(grids, lengths)
+
+
+def _ways(grids: BuildingGrids, cost: FloatArray, cosine: FloatArray) -> Ways:
+    """Return what the ways of steepest descent of a cost lead over."""
+    return Ways(
+        level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
+        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
+        twin=_twins(grids),
+        cost=cost,
+        stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
+        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
+        cosine=cosine,
+        spacing=grids.lattice.spacing,
+    )
 
 
 def _twins(grids: BuildingGrids) -> NDArray[np.int64]:

@@ -1,11 +1,13 @@
 """Kernels on marched fields: directions of steepest descent, and the lengths of the way down."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.directions.fields import FloatArray, IntArray
+from evac.building.model import DOWN, FLAT, UP
+from evac.directions.fields import FloatArray, IntArray, OffsetArray
 from evac.jit import kernel
 
 
@@ -139,19 +141,21 @@ def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, is_plai
                 direction[i, j, 1] = along_y / length
 
 
+class Ways(NamedTuple):
+    """What the ways of steepest descent lead over: the nodes of all grids, packed, and their levels."""
+
+    level_of: IntArray  # (nodes,)
+    source: OffsetArray  # (nodes,) the node that each node stands for; -1 for none
+    twin: OffsetArray  # (nodes,) for a node on a portal the one at its place on the other level, else -1
+    cost: FloatArray  # (nodes,)
+    stride: IntArray  # (levels,) distance in packed arrays of two neighbours along x
+    uphill: FloatArray  # (levels, 2)
+    cosine: FloatArray  # (levels,)
+    spacing: float  # [m]
+
+
 @kernel
-def add_lengths(
-    order: NDArray[np.int64],
-    level_of: IntArray,
-    stride: IntArray,
-    source: NDArray[np.int64],
-    twin: NDArray[np.int64],
-    cost: FloatArray,
-    uphill: FloatArray,
-    cosine: FloatArray,
-    spacing: float,
-    lengths: FloatArray,
-) -> None:
+def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
     """Add up the flat, up and down lengths along the ways of steepest descent.
 
     Solves grad T . grad F = |grad T| c by first order upwind differences, node by node from the exit
@@ -161,16 +165,7 @@ def add_lengths(
     ----------
     order : (n,) int64
         Own nodes with a finite cost, cheapest first.
-    level_of : (nodes,) int32
-    stride : (levels,) int32
-        Distance in packed arrays of two neighbours along x.
-    source : (nodes,) int64
-        The node that each node stands for; -1 for none.
-    twin : (nodes,) int64
-        For a node on a portal the one at its place on the other level, else -1.
-    cost : (nodes,) float64
-    uphill : (levels, 2) float64
-    cosine : (levels,) float64
+    ways : Ways
     lengths : (nodes, 3) float64 [m]
         Written at the nodes of `order`; inf before.
     """
@@ -182,41 +177,21 @@ def add_lengths(
         before = found
         found = 0
         for node in order:
-            _add_lengths_at(node, level_of, stride, source, twin, cost, uphill, cosine, spacing, lengths)
+            _add_lengths_at(node, ways, lengths)
             found += lengths[node, 0] < math.inf
 
 
 @kernel
-def _add_lengths_at(
-    node: int,
-    level_of: IntArray,
-    stride: IntArray,
-    source: NDArray[np.int64],
-    twin: NDArray[np.int64],
-    cost: FloatArray,
-    uphill: FloatArray,
-    cosine: FloatArray,
-    spacing: float,
-    lengths: FloatArray,
-) -> None:
-    total = 0.0
-    greatest = 0.0
-    squares = 0.0
+def _add_lengths_at(node: int, ways: Ways, lengths: FloatArray) -> None:
+    """Write the lengths of one node: the mean of its lower neighbours', weighted by the drop, and a step."""
+    total, greatest, squares = 0.0, 0.0, 0.0
     flat, up, down = 0.0, 0.0, 0.0
     step_x, step_y = 0.0, 0.0
     # The cell walked through counts as the level it leads to: a node on a portal stands on two.
-    level = level_of[node]
+    level = ways.level_of[node]
     for axis in range(2):
-        step = stride[level_of[node]] if axis == 0 else 1
-        sign = 1.0
-        if cost[node - step] < cost[node + step]:
-            step = -step
-            sign = -1.0
-        drop = cost[node] - cost[node + step]
-        if not (drop > 0.0 and drop < math.inf):
-            continue
-        origin = source[node + step]
-        if lengths[origin, 0] == math.inf:
+        lower, drop, sign = _lower_neighbour(node, ways.stride[ways.level_of[node]] if axis == 0 else 1, ways)
+        if lower < 0 or lengths[lower, 0] == math.inf:
             continue
         if axis == 0:
             step_x = sign * drop
@@ -224,24 +199,34 @@ def _add_lengths_at(
             step_y = sign * drop
         if drop > greatest:
             greatest = drop
-            level = level_of[origin]
+            level = ways.level_of[lower]
         total += drop
         squares += drop * drop
-        flat += drop * lengths[origin, 0]
-        up += drop * lengths[origin, 1]
-        down += drop * lengths[origin, 2]
+        flat += drop * lengths[lower, 0]
+        up += drop * lengths[lower, 1]
+        down += drop * lengths[lower, 2]
     if total == 0.0:
         # The way may go on beside the portal, where only the other level's grid has nodes.
-        if twin[node] >= 0:
-            lengths[node] = lengths[twin[node]]
+        if ways.twin[node] >= 0:
+            lengths[node] = lengths[ways.twin[node]]
         return
-    walked = spacing * math.sqrt(squares) / cosine[level]
-    if uphill[level, 0] == 0.0 and uphill[level, 1] == 0.0:
-        flat += walked
-    elif step_x * uphill[level, 0] + step_y * uphill[level, 1] > 0.0:
-        up += walked
-    else:
-        down += walked
-    lengths[node, 0] = flat / total
-    lengths[node, 1] = up / total
-    lengths[node, 2] = down / total
+    lengths[node, FLAT], lengths[node, UP], lengths[node, DOWN] = flat, up, down
+    climb = step_x * ways.uphill[level, 0] + step_y * ways.uphill[level, 1]
+    is_flat = ways.uphill[level, 0] == 0.0 and ways.uphill[level, 1] == 0.0
+    use = FLAT if is_flat else UP if climb > 0.0 else DOWN
+    lengths[node, use] += ways.spacing * math.sqrt(squares) / ways.cosine[level]
+    for k in range(3):
+        lengths[node, k] /= total
+
+
+@kernel
+def _lower_neighbour(node: int, step: int, ways: Ways) -> tuple[int, float, float]:
+    """Return the lower neighbour along an axis (-1 for none), how much lower it is, and the direction to it (1, -1)."""
+    sign = 1.0
+    if ways.cost[node - step] < ways.cost[node + step]:
+        step = -step
+        sign = -1.0
+    drop = ways.cost[node] - ways.cost[node + step]
+    if not (drop > 0.0 and drop < math.inf):
+        return -1, 0.0, sign
+    return ways.source[node + step], drop, sign
