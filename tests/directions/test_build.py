@@ -199,4 +199,4 @@ def test_same_bits_again(drawing):
     building = two_storeys(drawing)
     first, second = (build_fields(building, ANY) for _ in range(2))
     assert np.array_equal(first.packed.travel_time, second.packed.travel_time)
-    assert np.array_equal(first.direction, second.direction)
+    assert np.array_equal(first.packed.direction, second.packed.direction)
