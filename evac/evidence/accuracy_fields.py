@@ -12,8 +12,10 @@ from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.accuracy_data import order_of
 from evac.evidence.accuracy_plans import PLANS, Plan
+from evac.evidence.accuracy_sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.reference import FloatArray
 from evac.evidence.report import Evidence, new_figure
+from evac.scenario.schema import Directions
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
 WHATS = ("mean", "greatest")
@@ -25,6 +27,9 @@ RANGES = {"below 0.2 m of a wall": (0.0, 0.2), "0.2 to 0.4 m": (0.2, 0.4), "beyo
 #: Directions are compared where no other way is shorter than this many cells more, and this far from the exit [m].
 CLEAR_CELLS = 3.0
 CLEAR_EXIT = 0.5
+
+#: How far people keep clear of walls here: the greatest radius of the paper's crowds [m].
+CLEARANCE = 0.25
 
 WALKED = Route(strategy="shortest")
 
@@ -45,8 +50,13 @@ def run(evidence: Evidence) -> None:
     rows = [row for plan in plans for order in ORDERS for row in _time_rows(plan, spacings, order)]
     evidence.table("fields", rows, "Errors of travel times [mm at 1 m/s], and time of a build.")
     evidence.table("fields_order", _order_rows(rows), "Measured orders of the errors, over all spacings.")
-    evidence.plot("fields", draw(rows), "Error of travel times over the time it takes to build them.")
-    angles = [row for plan in plans if plan.direction is not None for row in _angle_rows(plan, spacings)]
+    evidence.plot(
+        "fields",
+        draw(rows),
+        "Error of travel times over the time it takes to build them; numbers: spacing [m], of the points above.",
+    )
+    clean = {plan.name: _clean_ways(plan, evidence.quick) for plan in plans}
+    angles = [row for plan in plans for row in _angle_rows(plan, spacings, clean[plan.name][0])]
     evidence.text(
         f"""Angles between the directions people get and the exact ones, by distance to the nearest wall; no body's
         centre comes nearer than its radius, some 0.2 m. "ours" is what `build_fields` gives without clearance:
@@ -54,12 +64,18 @@ def run(evidence: Evidence) -> None:
         fitted to the lower nodes around; "np.gradient" the central
         differences of the same travel times, continued into the walls by the nearest value, as a plain
         implementation does. Places where another way is nearly as short, and those within {CLEAR_EXIT:g} m of the
-        exit, are left out. With clearance, directions leave the geodesics on purpose, to keep bodies off walls: its
-        columns say by how much at 0.25 m. No direction at all counts as 180 degrees."""
+        exit, are left out. No direction at all counts as 180 degrees. By default people get other directions, "with
+        clearance": they leave the geodesics on purpose, to keep bodies off walls, by as much as the last column says.
+        These are compared with the ways of least cost for the same slowness near walls, found by another method (fast
+        sweeping of first order, central differences) on a grid of {1e3 * _finest(evidence.quick):g} mm."""
     )
-    evidence.text(_angles_in_words(angles))
-    evidence.table("angles", angles, "Angle errors [degrees]: mean and greatest.")
-    evidence.plot("angles", draw_angles(angles), "Mean (full) and greatest (dashed) angle errors over the spacing.")
+    evidence.text(f"{_angles_in_words(angles)} {_clean_in_words(angles, plans, clean)}")
+    evidence.table("angles", angles, "Angle errors [degrees]: mean and greatest; places are those for geodesics.")
+    evidence.plot(
+        "angles",
+        draw_angles(angles),
+        "Mean (full) and greatest (dashed) angle errors over the spacing; each line against its own exact directions.",
+    )
 
 
 def _angles_in_words(rows: Sequence[dict[str, Any]]) -> str:
@@ -74,8 +90,43 @@ def _angles_in_words(rows: Sequence[dict[str, Any]]) -> str:
         )
     return (
         f'In {nearer["mean"]} of {len(rows)} rows "ours" is nearer to the exact directions in the mean, in '
-        f"{nearer['greatest']} at the worst place.{told} By default people walk on the bent directions of the last "
-        "columns."
+        f"{nearer['greatest']} at the worst place.{told}"
+    )
+
+
+def _finest(is_quick: bool) -> float:
+    """Return the spacing of the independent solution [m]."""
+    return 2.0 * FINE if is_quick else FINE
+
+
+def _clean_ways(plan: Plan, is_quick: bool) -> tuple[CleanWays, CleanWays]:
+    """Return the independent ways that keep clear of walls, and those of a grid half as fine."""
+    finest = _finest(is_quick)
+    one, other = (clean_ways(plan.building, plan.points, CLEARANCE, spacing) for spacing in (finest, 2.0 * finest))
+    return one, other
+
+
+def _clean_in_words(
+    rows: Sequence[dict[str, Any]], plans: Sequence[Plan], clean: dict[str, tuple[CleanWays, CleanWays]]
+) -> str:
+    """Say how far the directions that people get are from the independent ones, and how sure those are."""
+    default = Directions().spacing
+    spacing = min({row["spacing [m]"] for row in rows}, key=lambda one: abs(one - default))
+    parts = []
+    for where in RANGES:
+        here = [row for row in rows if row["where"] == where and row["spacing [m]"] == spacing]
+        means = [row["with clearance, mean"] for row in here]
+        worst = max(row["with clearance, greatest"] for row in here)
+        parts.append(f"{min(means):.2g} to {max(means):.2g} degrees {where} (at worst {worst:.0f})")
+    left = []
+    for plan in plans:
+        one, other = clean[plan.name]
+        sure = (one.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
+        left.append(float(angles_between(one.direction, other.direction)[sure].mean()))
+    return (
+        f"At a spacing of {spacing:g} m the directions with clearance are, in the mean of a plan,"
+        f" {', '.join(parts)} from the independent ones, which themselves change by {min(left):.1g} to"
+        f" {max(left):.1g} degrees when their grid is made twice as coarse."
     )
 
 
@@ -151,28 +202,32 @@ def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(is_missing, 180.0, np.degrees(np.abs(np.arctan2(cross, along))))
 
 
-def _angle_rows(plan: Plan, spacings: Sequence[float]) -> list[dict[str, Any]]:
+def _angle_rows(plan: Plan, spacings: Sequence[float], clean: CleanWays) -> list[dict[str, Any]]:
     """Return a row per spacing and place and range of the distance to walls."""
-    assert plan.direction is not None
     rows = []
     for spacing in spacings:
         fields = _fields(plan, spacing, 2)
-        kept = _fields(plan, spacing, 2, clearance=0.25)
+        kept = _fields(plan, spacing, 2, CLEARANCE).directions_at(plan.level, plan.points, 0)
+        away = plan.time > CLEAR_EXIT
+        # Two ways whose meeting is some cells away differ by up to twice as many in length.
+        single = away & (clean.to_meeting > 0.5 * CLEAR_CELLS * spacing)
+        compared = away & (plan.lead > CLEAR_CELLS * spacing)
+        ours = fields.directions_at(plan.level, plan.points, 0)
         found = {
-            "ours": angles_between(fields.directions_at(plan.level, plan.points, 0), plan.direction),
-            "np.gradient": angles_between(plain_directions(fields, plan), plan.direction),
-            "with clearance": angles_between(kept.directions_at(plan.level, plan.points, 0), plan.direction),
+            "ours": (angles_between(ours, plan.direction), compared),
+            "np.gradient": (angles_between(plain_directions(fields, plan), plan.direction), compared),
+            "with clearance": (angles_between(kept, clean.direction), single),
         }
-        compared = (plan.lead > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
+        bent = angles_between(kept, plan.direction)
         for where, (low, high) in RANGES.items():
-            chosen = compared & (plan.wall_distance >= low) & (plan.wall_distance < high)
-            if not chosen.any():
+            near = (plan.wall_distance >= low) & (plan.wall_distance < high)
+            if not all((near & chosen).any() for _, chosen in found.values()):
                 continue
-            rows.append(
-                {"plan": plan.name, "spacing [m]": spacing, "where": where, "places": int(chosen.sum())}
-                | {f"{name}, mean": float(angle[chosen].mean()) for name, angle in found.items()}
-                | {f"{name}, greatest": float(angle[chosen].max()) for name, angle in found.items()}
-            )
+            row: dict[str, Any] = {"plan": plan.name, "spacing [m]": spacing, "where": where}
+            row["places"] = int((near & compared).sum())
+            row |= {f"{name}, mean": float(angle[near & chosen].mean()) for name, (angle, chosen) in found.items()}
+            row |= {f"{name}, greatest": float(angle[near & chosen].max()) for name, (angle, chosen) in found.items()}
+            rows.append({**row, "clearance from geodesics, mean": float(bent[near & compared].mean())})
     return rows
 
 
@@ -187,32 +242,33 @@ def draw(rows: Sequence[dict[str, Any]]) -> Any:
             for key, style in (("mean error [mm]", "o-"), ("greatest error [mm]", "s--")):
                 label = f"order {order}, {key[:-11]}"
                 axis.loglog(times, [r[key] for r in line], style, color=f"C{order}", label=label)
-            for row in line:
-                axis.annotate(
-                    f"{row['spacing [m]']:g} m", (row["time [ms]"], row["mean error [mm]"]), fontsize=6,
-                    textcoords="offset points", xytext=(3, -8),
-                )  # fmt: skip
+        for row in line:
+            axis.annotate(
+                f"{row['spacing [m]']:g}", (row["time [ms]"], row["mean error [mm]"]), fontsize=7,
+                textcoords="offset points", xytext=(0, -11), ha="center",
+            )  # fmt: skip
+        axis.margins(x=0.12, y=0.12)
         axis.set_title(plan, fontsize=9)
         axis.xaxis.set_minor_formatter("")
         axis.set_xlabel("time of a build [ms]")
     axes[0].set_ylabel("error [mm]")
-    axes[0].legend(fontsize=7)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 
 def draw_angles(rows: Sequence[dict[str, Any]]) -> Any:
     """Draw angle errors over spacing, a panel per plan and place."""
     plans = list(dict.fromkeys(row["plan"] for row in rows))
-    figure, axes = new_figure(10.0, 8.0, len(RANGES), len(plans), sharex=True, sharey=True)
+    figure, axes = new_figure(11.5, 8.0, len(RANGES), len(plans), sharex=True, sharey=True)
     for r, where in enumerate(RANGES):
         for axis, plan in zip(axes[r], plans, strict=True):
             line = [row for row in rows if row["plan"] == plan and row["where"] == where]
-            for k, name in enumerate(("ours", "np.gradient")):
-                for what, style in (("mean", "o-"), ("greatest", "s--")):
+            for k, (name, marker) in enumerate((("ours", "o"), ("np.gradient", "s"), ("with clearance", "^"))):
+                for what, style in (("mean", "-"), ("greatest", "--")):
                     axis.loglog(
-                        [row["spacing [m]"] for row in line],
-                        [max(row[f"{name}, {what}"], 1e-3) for row in line],
-                        style, color=f"C{k}", label=f"{name}, {what}",
+                        [row["spacing [m]"] for row in line], [row[f"{name}, {what}"] for row in line], style,
+                        color=f"C{k}", marker=marker, markersize=8.0 - 1.5 * k, markerfacecolor="none",
+                        label=f"{name}, {what}",
                     )  # fmt: skip
             axis.set_title(f"{plan}, {where}", fontsize=9)
     for axis in axes[-1]:
@@ -221,5 +277,5 @@ def draw_angles(rows: Sequence[dict[str, Any]]) -> Any:
         axis.set_xlabel("spacing [m]")
     for axis in axes[:, 0]:
         axis.set_ylabel("angle error [degrees]")
-    axes[0, 0].legend(fontsize=7)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
     return figure

@@ -28,10 +28,10 @@ class Plan:
         Where people stand.
     points : (p, 2) [m]
     time : (p,) [s]
-    direction : (p, 2) or None
-        Unit directions of the shortest ways; None where only times are compared.
+    direction : (p, 2)
+        Unit directions of the shortest ways.
     lead : (p,) [m]
-        See `evac.evidence.reference.geodesics`; inf without directions.
+        See `evac.evidence.reference.geodesics`; inf where there is one way only.
     wall_distance : (p,) [m]
     """
 
@@ -40,7 +40,7 @@ class Plan:
     level: int
     points: FloatArray
     time: FloatArray
-    direction: FloatArray | None
+    direction: FloatArray
     lead: FloatArray
     wall_distance: FloatArray
 
@@ -86,9 +86,9 @@ def stair(points: int, generator: np.random.Generator) -> Plan:
     exits = (Exit(0, "exit", 2, np.array([door]), 1.2),)
     building = _put_together(levels, portals, exits)
     places = _places(levels[0].polygon, points, generator)
-    time = refracted(places, [np.array(line) for line in (*seams, door)], [1.0, 1.0 / math.cos(slope), 1.0])
-    nothing = np.full(len(places), np.inf)
-    return Plan("over a stair", building, 0, places, time, None, nothing, _wall_distance(building, 0, places))
+    time, direction = refracted(places, [np.array(line) for line in (*seams, door)], [1.0, 1.0 / math.cos(slope), 1.0])
+    one_way = np.full(len(places), np.inf)
+    return Plan("over a stair", building, 0, places, time, direction, one_way, _wall_distance(building, 0, places))
 
 
 PLANS = (l_corner, pillar, school_floor, stair)

@@ -308,11 +308,14 @@ def _nearest_on(target: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(start + share[:, None] * along)
 
 
-def refracted(points: FloatArray, seams: Sequence[FloatArray], slowness: Sequence[float]) -> FloatArray:
+def refracted(
+    points: FloatArray, seams: Sequence[FloatArray], slowness: Sequence[float]
+) -> tuple[FloatArray, FloatArray]:
     """Return least travel times (p,) through convex plans one after another, each with its slowness [s/m].
 
     Each seam (4,) is the line between two plans, the last one the target; the way is straight between
     them, and where it crosses is found by minimising the time, which is convex in the crossing points.
+    Also returns the unit directions (p, 2) of the first pieces.
     """
     from scipy.optimize import minimize
 
@@ -328,7 +331,7 @@ def refracted(points: FloatArray, seams: Sequence[FloatArray], slowness: Sequenc
         pull[:-1] -= pull[1:].copy()
         return float(rates @ lengths), np.einsum("sk,sk->s", pull, along)
 
-    found = []
+    times, aims = [], []
     for point in points:
         best = minimize(
             time_of,
@@ -339,5 +342,7 @@ def refracted(points: FloatArray, seams: Sequence[FloatArray], slowness: Sequenc
             method="L-BFGS-B",
             options={"ftol": 1e-15, "gtol": 1e-12, "maxiter": 500},
         )
-        found.append(best.fun)
-    return np.array(found)
+        times.append(best.fun)
+        aims.append(starts[0] + best.x[0] * along[0])
+    away = np.array(aims) - points
+    return np.array(times), away / np.maximum(np.hypot(*away.T), 1e-300)[:, None]

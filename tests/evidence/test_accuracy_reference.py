@@ -70,10 +70,17 @@ def test_geodesics_know_the_second_best_way_round_a_pillar():
 def test_refraction_obeys_snell_and_equals_a_straight_line_at_equal_speeds():
     seam, door = np.array([4.0, 0.0, 4.0, 5.0]), np.array([7.0, 1.0, 7.0, 1.0 + 1e-9])
     point = np.array([[0.0, 4.0]])
-    assert refracted(point, [seam, door], [1.0, 1.0])[0] == pytest.approx(math.hypot(7.0, 3.0), abs=1e-7)
+    time, direction = refracted(point, [seam, door], [1.0, 1.0])
+    assert time[0] == pytest.approx(math.hypot(7.0, 3.0), abs=1e-7)
+    assert direction[0] == pytest.approx(np.array([7.0, -3.0]) / math.hypot(7.0, 3.0), abs=1e-4)
     shares = np.linspace(0.0, 5.0, 200_001)
     scanned = np.hypot(4.0, shares - 4.0) + 1.2 * np.hypot(3.0, shares - 1.0)
-    assert refracted(point, [seam, door], [1.0, 1.2])[0] == pytest.approx(scanned.min(), abs=1e-7)
+    time, direction = refracted(point, [seam, door], [1.0, 1.2])
+    assert time[0] == pytest.approx(scanned.min(), abs=1e-7)
+    crossing = np.array([4.0, shares[scanned.argmin()]])
+    assert direction[0] == pytest.approx((crossing - point[0]) / np.hypot(*(crossing - point[0])), abs=1e-4)
+    beyond = np.array([7.0, 1.0]) - crossing
+    assert direction[0, 1] == pytest.approx(1.2 * beyond[1] / np.hypot(*beyond), abs=1e-4)
 
 
 def test_no_direction_counts_as_the_opposite_one():
