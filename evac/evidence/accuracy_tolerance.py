@@ -10,7 +10,7 @@ from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.physics.bundles import FloatArray
 from evac.scenario.loading import load_case
 from evac.scenario.schema import Case
-from evac.scenario.tolerance import ERROR_PER_PATH, settings_for
+from evac.scenario.tolerance import ERROR_PER_PATH, LONGEST, RELAXATION, SHORTEST, SOLVER_SHARE, settings_for
 from evac.simulation import Simulation
 
 #: The checked cases and when [s]: people meet each other, walls, posts and desks; later they begin to jam.
@@ -26,20 +26,36 @@ def run(evidence: Evidence) -> None:
     cases = CASES[:2] if evidence.quick else CASES
     evidence.heading("f. The rule of --tolerance, on scenes it was not found on")
     evidence.text(
-        f"""`evac run --tolerance` takes the step h = tolerance / ({ERROR_PER_PATH:g} v), v the greatest desired speed:
-        part b finds errors of at most about that many times v h. Here it is applied to shipped cases that part b
-        does not use. The error is the distance to the positions at a step {FINER} times smaller than the smallest,
-        for everybody still inside at the end."""
+        f"""`evac run --tolerance` takes the step h = tolerance / ({ERROR_PER_PATH:g} v), v the greatest speed that
+        somebody wants or starts with, at most {LONGEST:g} s and shortened to a divisor of the tick: part b finds errors
+        of at most about that many times v h. Steps below {SHORTEST:g} s are refused. A model that has tolerances of its
+        own gets {SOLVER_SHARE:g} of the tolerance for gaps [m], and {SOLVER_SHARE:g} of it per {RELAXATION:g} s for
+        velocities [m/s], at most its default: an error of velocity is forgotten within the relaxation time. Here the
+        rule is applied to shipped cases that part b does not use. The error is the distance to the positions at a
+        step, and at tolerances of the solver, {FINER} times smaller than the smallest, for everybody still inside at
+        the end."""
     )
     rows = [row for name, duration in cases for model in MODELS for row in _check(name, duration, model, tolerances)]
     evidence.table("tolerance", rows, "Errors of positions [mm] over the tolerance.")
     evidence.plot("tolerance", draw(rows), "Full: median error, dashed: greatest; the rule holds below the black line.")
-    kept = sum(row["greatest error [mm]"] <= row["tolerance [mm]"] for row in rows)
     evidence.text(
-        f"""In {kept} of {len(rows)} runs everybody is within the tolerance; over all runs
-        {100.0 * float(np.mean([row["share within"] for row in rows])):.1f} % of the people are. Runs beyond it:
-        {_beyond(rows)}. The rule controls the error of the step. It does not control what a crowd in contact makes of
-        that: there small differences grow from collision to collision, and who passes first is chance."""
+        f"""{_kept_in_words(rows)} Runs beyond it: {_beyond(rows)}. The rule controls the error of the step. It does not
+        control what a crowd in contact makes of that: there small differences grow from collision to collision, and
+        who passes first is chance."""
+    )
+
+
+def _kept_in_words(rows: list[dict[str, Any]]) -> str:
+    """Say how many runs and people are within the tolerance, and at which times those that are not are."""
+    kept: dict[float, list[bool]] = {}
+    for row in rows:
+        kept.setdefault(row["until [s]"], []).append(row["greatest error [mm]"] <= row["tolerance [mm]"])
+    told = ", ".join(f"{len(some) - sum(some)} of {len(some)} runs to {until:g} s" for until, some in kept.items())
+    people = sum(row["people"] for row in rows)
+    within = sum(row["share within"] * row["people"] for row in rows) / people
+    return (
+        f"In {sum(map(sum, kept.values()))} of {len(rows)} runs everybody is within the tolerance; of the {people}"
+        f" people of all runs {100.0 * within:.1f} % are. Beyond it are {told}."
     )
 
 
@@ -69,7 +85,8 @@ def _check(name: str, duration: float, model: str, tolerances: tuple[float, ...]
         error = np.hypot(*(places - truth)[both].T)
         rows.append(
             {
-                "case": f"{name}, {duration:g} s",
+                "case": name,
+                "until [s]": duration,
                 "model": model,
                 "tolerance [mm]": 1e3 * tolerance,
                 "h [s]": chosen["simulation.step"],
@@ -96,18 +113,18 @@ def walked(case: Case, duration: float) -> tuple[FloatArray, np.ndarray, float]:
 
 def draw(rows: list[dict[str, Any]]) -> Any:
     """Draw error over tolerance, a panel per case."""
-    cases = list(dict.fromkeys(row["case"] for row in rows))
+    cases = list(dict.fromkeys((row["case"], row["until [s]"]) for row in rows))
     figure, axes = new_figure(3.4 * len(cases) + 1.0, 4.2, 1, len(cases), sharey=True, squeeze=False)
     for axis, case in zip(axes[0], cases, strict=True):
         for model in MODELS:
-            line = [row for row in rows if row["case"] == case and row["model"] == model]
+            line = [row for row in rows if (row["case"], row["until [s]"]) == case and row["model"] == model]
             across = [row["tolerance [mm]"] for row in line]
             for key, style in (("median error [mm]", "o-"), ("greatest error [mm]", "s--")):
                 label = f"{model}, {key[:-11]}"
                 axis.loglog(across, [r[key] for r in line], style, color=MODEL_COLOURS[model], label=label)
         axis.loglog(across, across, color="black", linewidth=1.0)
-        axis.set_title(case, fontsize=9)
+        axis.set_title("{}, {:g} s".format(*case), fontsize=9)
         axis.set_xlabel("tolerance [mm]")
     axes[0, 0].set_ylabel("error of positions [mm]")
-    axes[0, 0].legend(fontsize=6)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(MODELS), fontsize=8)
     return figure

@@ -18,6 +18,7 @@ from evac.evidence.accuracy_overlap import draw as draw_overlap
 from evac.evidence.accuracy_plans import l_corner
 from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy_solvers import TOLERANCES, measure
+from evac.evidence.accuracy_tolerance import _kept_in_words
 from evac.evidence.accuracy_trajectories import GOLDEN, LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, walked
 from evac.evidence.report import Evidence
 from evac.physics.solvers import SOLVERS
@@ -267,6 +268,23 @@ def test_plain_gradients_point_straight_where_no_wall_is_near():
     clear = (plan.points[:, 0] > 3.0) & (plan.wall_distance > 0.5)
     assert clear.any()
     assert plain_directions(fields, plan)[clear, 0] == pytest.approx(1.0, abs=0.01)
+
+
+def tolerance_rows():
+    """Two runs to 0.5 s, in which all 30 people are within it, and one to 1 s, in which 5 of 10 are."""
+    head = {"case": "room", "model": "NSM2", "tolerance [mm]": 1.0}
+    return [
+        {**head, "until [s]": 0.5, "greatest error [mm]": 0.5, "share within": 1.0, "people": 30},
+        {**head, "until [s]": 0.5, "greatest error [mm]": 0.5, "share within": 1.0, "people": 30},
+        {**head, "until [s]": 1.0, "greatest error [mm]": 9.0, "share within": 0.5, "people": 10},
+    ]
+
+
+def test_people_within_the_tolerance_are_counted_as_people_and_failures_by_when():
+    said = _kept_in_words(tolerance_rows())
+    assert "In 2 of 3 runs everybody is within the tolerance" in said
+    assert "of the 70 people of all runs 92.9 % are" in said
+    assert "0 of 2 runs to 0.5 s, 1 of 1 runs to 1 s" in said
 
 
 def test_data_is_written_with_full_precision(tmp_path):
