@@ -1,4 +1,4 @@
-"""What the parts of the accuracy page share: long tables, colours of variants, measured orders."""
+"""What the parts of the accuracy page share: long tables, how variants are drawn, measured orders."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.report import MODEL_COLOURS, Evidence
+
+#: Where lines lie on each other the first ones show behind the next: marker, its size, width of the line.
+STYLES = (("o", 9.0, 4.0), ("s", 6.5, 2.6), ("^", 5.5, 1.8), ("D", 4.0, 1.3), (".", 4.0, 0.8))
 
 
 def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], words: str) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.accuracy_data import colour_of, order_of
+from evac.evidence.accuracy_data import STYLES, colour_of, order_of
 from evac.evidence.report import new_figure
 from evac.scenario.schema import SimulationSettings
 
@@ -19,9 +19,6 @@ EXACT = 1e-8
 
 #: Orders that differ by no more than this count as equal.
 CLOSE = 0.3
-
-#: Where lines lie on each other the first ones show behind the next: marker, its size, width of the line.
-STYLES = (("o", 9.0, 4.0), ("s", 6.5, 2.6), ("^", 5.5, 1.8), ("D", 4.0, 1.3), (".", 4.0, 0.8))
 
 
 def order_rows(rows: Sequence[Row]) -> list[Row]:

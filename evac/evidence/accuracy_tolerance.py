@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.evidence.accuracy_data import STYLES
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.physics.bundles import FloatArray
@@ -116,12 +117,14 @@ def draw(rows: list[dict[str, Any]]) -> Any:
     cases = list(dict.fromkeys((row["case"], row["until [s]"]) for row in rows))
     figure, axes = new_figure(3.4 * len(cases) + 1.0, 4.2, 1, len(cases), sharey=True, squeeze=False)
     for axis, case in zip(axes[0], cases, strict=True):
-        for model in MODELS:
+        for model, (marker, size, width) in zip(MODELS, STYLES, strict=False):
             line = [row for row in rows if (row["case"], row["until [s]"]) == case and row["model"] == model]
             across = [row["tolerance [mm]"] for row in line]
-            for key, style in (("median error [mm]", "o-"), ("greatest error [mm]", "s--")):
-                label = f"{model}, {key[:-11]}"
-                axis.loglog(across, [r[key] for r in line], style, color=MODEL_COLOURS[model], label=label)
+            for key, style in (("median error [mm]", "-"), ("greatest error [mm]", "--")):
+                axis.loglog(
+                    across, [row[key] for row in line], style, color=MODEL_COLOURS[model], marker=marker,
+                    markersize=size, markerfacecolor="none", linewidth=width, label=f"{model}, {key[:-11]}",
+                )  # fmt: skip
         axis.loglog(across, across, color="black", linewidth=1.0)
         axis.set_title("{}, {:g} s".format(*case), fontsize=9)
         axis.set_xlabel("tolerance [mm]")
