@@ -1,58 +1,85 @@
 """What leaving out saves: each part forced in on scenes that do not need it, and the start-up of each command."""
 
-import subprocess
-import sys
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from evac.directions.routes import STRATEGIES
+from evac.evidence import unused_route
+from evac.evidence.lean_commands import report_commands, report_output
 from evac.evidence.models import model_overrides
-from evac.evidence.report import Evidence, new_figure, timed
-from evac.running import run as run_case
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
 MODELS = ("DEM", "NSM1 inertial", "NSM2")
+SCENES = ("square_room", "primary_school")
 
 #: Arrays of the crowd that must be the same to the last bit, at every tick.
 COMPARED = ("position", "velocity", "level", "distance", "exit_time")
 
+#: K_T [kg] with which NSM2 needs its tangential law, so that the crossing tests can be forced in alone.
+TANGENTIAL = 1.0
+
 
 @dataclass(frozen=True)
 class Part:
-    """A part that can be left out: what names it in a case that does not need it."""
+    """A part that can be left out, and how it is forced in.
+
+    Attributes
+    ----------
+    name : str
+        As `evac explain` lists it.
+    overrides : mapping
+        What names it in a case that does not need it.
+    full : bool
+        Whether unused fields, forces and behaviours are forced in (``evac run --full``).
+    tests : bool
+        Whether the compiled step is told to do what it need not (``evac run --full``, too).
+    base : Part, optional
+        The run that it is compared with, which has everything else; None compares with nothing.
+    """
 
     name: str
-    overrides: Mapping[str, Any]
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    full: bool = False
+    tests: bool = False
+    base: "Part | None" = None
 
 
-#: What ``full`` forces in always, and what it forces in besides if a case names it without needing it.
-ALWAYS = Part("unused strategies, all crossing tests", {})
+LEAN = Part("nothing")
+FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
+
+#: What a case can name without needing it.
 NAMED = (
-    Part("social force of strength 0", {"forces.social": {"strength": 0.0}}),
-    Part("response time of 0 s", {"behaviours.response_time": {"time": 0.0}}),
-    Part("teacher following without teachers", {"behaviours.teacher_following": {}}),
-    Part("route choice with one route", {"behaviours.route_choice": {}}),
+    Part("force: social, of strength 0", {"forces.social": {"strength": 0.0}}, full=True, base=FIELDS),
+    Part("behaviour: response_time, of 0 s", {"behaviours.response_time": {"time": 0.0}}, full=True, base=FIELDS),
+    Part("behaviour: teacher_following, no teachers", {"behaviours.teacher_following": {}}, full=True, base=FIELDS),
+    Part("behaviour: route_choice, one route", {"behaviours.route_choice": {}}, full=True, base=FIELDS),
 )
 
-#: Commands whose start-up is measured.
-COMMANDS = {
-    "python alone": ["-c", "pass"],
-    "import evac": ["-c", "import evac"],
-    "evac --help": ["-m", "evac", "--help"],
-    "evac list": ["-m", "evac", "list"],
-    "evac plugins": ["-m", "evac", "plugins"],
-    "evac check square_room": ["-m", "evac", "check", "square_room"],
-    "evac explain square_room": ["-m", "evac", "explain", "square_room"],
-    "evac check primary_school": ["-m", "evac", "check", "primary_school"],
-    "evac explain primary_school": ["-m", "evac", "explain", "primary_school"],
-}
+
+def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
+    """Return the parts that can be forced into a shipped case under a model, which needs none of them."""
+    used = {route.strategy for route in Simulation(load_case(name)).fields.routes}
+    parts = [
+        Part(f"fields: {strategy}", {"behaviours.unused_route": {"strategy": strategy}}, base=LEAN)
+        for strategy in STRATEGIES
+        if strategy not in used
+    ]
+    parts.append(FIELDS)
+    tests = "portals: tests for walls, portals and exits"
+    if model == "NSM2":
+        sticky = Part("tangential law", {"contact.nsm2.tangential_dissipation": TANGENTIAL})
+        parts.append(Part(tests, sticky.overrides, tests=True, base=sticky))
+        parts.append(Part("tangential contact, with these tests", tests=True, base=LEAN))
+    else:
+        parts.append(Part(tests, tests=True, base=LEAN))
+    return [*parts, *named]
 
 
 @dataclass(frozen=True)
@@ -70,56 +97,56 @@ def run(evidence: Evidence) -> None:
     rows = scene_rows("square_room", 10.0, NAMED, rounds)
     rows += scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
     _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
-    _report_output(evidence, rounds)
-    _report_commands(evidence)
+    report_output(evidence, rounds)
+    report_commands(evidence)
     evidence.write_page("Leaving out what a scene does not need")
 
 
-def scene_rows(name: str, duration: float, parts: tuple[Part, ...], rounds: int) -> list[dict[str, Any]]:
+def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
     """Return a row for each model and part: what it costs when forced in, and whether every bit is the same.
 
-    Variants run in turns, round after round, and the least time of each counts: what disturbs a run only
-    ever makes it slower.
+    All variants run in turns, round after round; a cost is the difference to the part's base in the same round.
     """
+    registry = Registry([unused_route.__file__])
     rows = []
     for model in MODELS:
         shared = {"simulation.duration": duration, "simulation.seed": 1} | model_overrides(model)
-        cases = {part.name: load_case(name, {**shared, **part.overrides}) for part in (ALWAYS, *parts)}
-        without = [trial(cases[ALWAYS.name], False)]
-        forced: dict[str, list[Trial]] = {part: [] for part in cases}
-        for _ in range(rounds):
-            without.append(trial(cases[ALWAYS.name], False))
-            for part, case in cases.items():
-                forced[part].append(trial(case, True))
-        for part, trials in forced.items():
-            before = without if part == ALWAYS.name else forced[ALWAYS.name]
-            setup = _least(trials, "setup") - _least(before, "setup")
-            loop = _least(trials, "loop") - _least(before, "loop")
-            rows.append(
-                {
-                    "scene": name,
-                    "model": model,
-                    "part forced in": part,
-                    "set-up [ms]": 1e3 * setup,
-                    "loop [ms]": 1e3 * loop,
-                    "of the lean loop's [ms]": 1e3 * _least(without, "loop"),
-                    "loop [%]": 100.0 * loop / _least(without, "loop"),
-                    "same bits": "yes" if all(same_bits(without[0], one) for one in trials) else "NO",
-                }
-            )
+        parts = parts_of(name, model, named)
+        variants = {part.name: part for part in [LEAN, *(part.base for part in parts if part.base), *parts]}
+        cases = {key: load_case(name, {**shared, **part.overrides}, (), registry) for key, part in variants.items()}
+        for key, part in variants.items():  # not counted: the kernels are loaded
+            trial(cases[key], part)
+        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds)]
+        for part in parts:
+            rows.append({"scene": name, "model": model} | _part_row(part, trials))
     return rows
 
 
-def _least(trials: list[Trial], phase: str) -> float:
-    """Return the least time of a phase [s]."""
-    return float(min(getattr(one, phase) for one in trials))
+def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, Any]:
+    """Return what a part has cost over some rounds: median, least and greatest."""
+    assert part.base is not None
+    pairs = [(one[part.name], one[part.base.name]) for one in trials]
+    setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
+    loop = [100.0 * (forced.loop - base.loop) / base.loop for forced, base in pairs]
+    return {
+        "part forced in": part.name,
+        "set-up [ms]": float(np.median(setup)),
+        "set-up, least [ms]": min(setup),
+        "set-up, greatest [ms]": max(setup),
+        "loop without it [ms]": 1e3 * float(np.median([base.loop for _, base in pairs])),
+        "loop [%]": float(np.median(loop)),
+        "loop, least [%]": min(loop),
+        "loop, greatest [%]": max(loop),
+        "same bits": "yes" if all(same_bits(*pair) for pair in pairs) else "NO",
+    }
 
 
-def trial(case: Any, full: bool) -> Trial:
-    """Run a case tick by tick, with or without everything forced in."""
+def trial(case: Any, part: Part) -> Trial:
+    """Run a case tick by tick with a part forced in."""
     start = time.perf_counter()
-    simulation = Simulation(case, full=full)
+    simulation = Simulation(case, full=part.full)
     ready = time.perf_counter()
+    simulation.engine.full = part.tests
     spent, states = 0.0, []
     while not simulation.ended:
         tick = time.perf_counter()
@@ -142,80 +169,62 @@ def same_bits(one: Trial, other: Trial) -> bool:
 def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
     """Add what the parts cost."""
     same = sum(row["same bits"] == "yes" for row in rows)
-    always = [row for row in rows if row["part forced in"] == ALWAYS.name]
-    costs = [
-        f"{row['loop [%]']:+.0f} % and {row['set-up [ms]']:+.0f} ms ({row['scene']}, {row['model']})" for row in always
-    ]
-    told = f"What every scene can leave out costs, in the loop and in the set-up: {'; '.join(costs)}."
-    if evidence.quick:
-        told = "A quick run is too short to tell what it costs."
+    told = "A quick run is too short to tell what it costs."
+    if not evidence.quick:
+        told = f"Greatest costs: {'; '.join(_greatest(rows, scene) for scene in SCENES)}."
     evidence.text(
         f"""Forcing in what a scene does not need leaves the trajectories the same to the last bit in {same} of
         {len(rows)} comparisons. {told}"""
     )
     evidence.heading("Parts forced in")
     evidence.text(
-        f"""The same people run with and without the switch `--full`, in turns; the least time of all rounds counts
-        ({rounds}), and after every tick {", ".join(COMPARED)} of everybody are compared byte by byte with the lean run.
-        The switch forces in everything at once. The first row of a scene has the parts that every case can leave out:
-        directions for the strategies that nobody takes (set-up), and in the loop the test of every body in every step
-        for walls, portals and exits on its path, with NSM2 also the tangential law at K_T = 0; the switch cannot tell
-        these apart. Each further row adds one part that the case names without needing it, and shows what is added to
-        the first row. Not measured is what no switch forces in: a contact solve in a step without contacts."""
+        f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
+        in turns ({rounds}). A cost is the difference to the run without the part in the same round: the median, and the
+        least and the greatest, between which noise may lie on both sides of zero. After every tick
+        {", ".join(COMPARED)} of everybody are compared byte by byte with that run. A field is forced in by a behaviour
+        that offers its route to nobody; forces and behaviours are named by the case without being needed, and are
+        compared with a run that has the fields of all strategies. The tests of every body in every step for walls,
+        portals and exits on its path are switched on in the compiled step; the same switch turns on NSM2's tangential
+        law at K_T = 0, so that there the tests alone are measured at K_T = {TANGENTIAL:g} kg, where both runs need the
+        law. Stair speeds and a contact solve in a step without contacts cannot be forced in, and a position correction
+        would change the trajectories."""
     )
-    evidence.table("parts", rows, "What each part adds when forced in.", {"loop [%]": "+.1f"})
-    figure, axis = new_figure(8.0, 0.6 + 0.26 * len(rows))
-    place = np.arange(len(rows))[::-1]
-    colours = ["#0072B2" if row["scene"] == "square_room" else "#009E73" for row in rows]
-    axis.barh(place, [row["loop [%]"] for row in rows], color=colours)
-    axis.set_yticks(place, [f"{row['model']}: {row['part forced in']}" for row in rows], fontsize=7)
-    axis.axvline(0.0, color="0.3", linewidth=0.8)
-    axis.set(xlabel="added to the lean loop [%]")
-    evidence.plot("parts", figure, "What each part adds to the loop: square room (blue), school (green).")
+    formats = {"loop [%]": "+.1f", "loop, least [%]": "+.1f", "loop, greatest [%]": "+.1f"}
+    evidence.table("parts", rows, "What each part adds when forced in.", formats)
+    _plot_parts(evidence, rows)
 
 
-def _report_output(evidence: Evidence, repeats: int) -> None:
-    """Add what picture and animation cost."""
-    rows: list[dict[str, Any]] = []
-    for picture, animation in ((False, False), (True, False), (False, True)):
-        switches = {"output.picture": picture, "output.animation": animation}
-        case = load_case("square_room", switches)
-        spans = []
-        for _ in range(repeats + 1):
-            with TemporaryDirectory() as folder:
-                spans.append(run_case(case, Path(folder) / "result").phases["output"])
-        rows.append(
-            {
-                "picture": "in" if picture else "out",
-                "animation": "in" if animation else "out",
-                "first time, with imports [ms]": 1e3 * spans[0],
-                "afterwards [ms]": 1e3 * float(np.median(spans[1:])),
-            }
-        )
-    evidence.heading("Picture and animation")
-    evidence.table("output", rows, "Time of the output of the square room; matplotlib and VTK are loaded when needed.")
-
-
-def _report_commands(evidence: Evidence) -> None:
-    """Add the start-up time of each command; a quick run leaves out the school."""
-    repeats = 1 if evidence.quick else 9
-    rows: list[dict[str, Any]] = []
-    for name, arguments in COMMANDS.items():
-        if evidence.quick and "primary_school" in arguments:
-            continue
-        start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
-        timing = timed(start, repeats)
-        rows.append(
-            {
-                "command": name,
-                "median [s]": timing.median,
-                "least [s]": timing.least,
-                "greatest [s]": timing.greatest,
-                "without python itself [s]": timing.median - rows[0]["median [s]"] if rows else None,
-                "reference run [ms]": 1e3 * timing.reference,
-            }
-        )
-    evidence.heading("Start-up of each command")
-    evidence.table(
-        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
+def _greatest(rows: Sequence[dict[str, Any]], scene: str) -> str:
+    """Return which parts cost most in a scene, in the loop and in the set-up."""
+    own = [row for row in rows if row["scene"] == scene]
+    loop = max(own, key=lambda row: float(row["loop [%]"]))
+    setup = max(own, key=lambda row: float(row["set-up [ms]"]))
+    return (
+        f"{scene}: {loop['loop [%]']:+.0f} % of the loop ({loop['part forced in']}, {loop['model']}) and "
+        f"{setup['set-up [ms]']:+.0f} ms of set-up ({setup['part forced in']}, {setup['model']})"
     )
+
+
+def _plot_parts(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
+    """Draw what each part adds to the loop, with its range, a column for each scene and a bar for each model."""
+    names = list(dict.fromkeys(row["part forced in"] for row in rows))
+    figure, axes = new_figure(10.0, 1.0 + 0.5 * len(names), 1, len(SCENES), sharey=True)
+    height = 0.8 / len(MODELS)
+    for axis, scene in zip(axes, SCENES, strict=True):
+        for shift, model in enumerate(MODELS):
+            own = [row for row in rows if row["scene"] == scene and row["model"] == model]
+            place = [names.index(row["part forced in"]) + height * (shift - 0.5 * (len(MODELS) - 1)) for row in own]
+            middle = [row["loop [%]"] for row in own]
+            ends = [
+                [row["loop [%]"] - row["loop, least [%]"] for row in own],
+                [row["loop, greatest [%]"] - row["loop [%]"] for row in own],
+            ]
+            axis.barh(place, middle, height, color=MODEL_COLOURS[model], label=model)
+            axis.errorbar(middle, place, xerr=ends, fmt="none", ecolor="0.4", elinewidth=0.8)
+        axis.axvline(0.0, color="0.3", linewidth=0.8)
+        axis.set(xlabel="added to the loop [%]", title=scene)
+    axes[0].set_yticks(range(len(names)), names, fontsize=8)
+    axes[0].invert_yaxis()
+    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, ncols=len(MODELS), loc="outside upper center")
+    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
+    evidence.plot("parts", figure, caption)

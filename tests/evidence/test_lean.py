@@ -5,9 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from evac.evidence import lean
-from evac.evidence.lean import ALWAYS, NAMED, Trial, same_bits, scene_rows, trial
+from evac.cli.main import COMMANDS
+from evac.evidence import lean, lean_commands, unused_route
+from evac.evidence.lean import FIELDS, LEAN, NAMED, Part, Trial, parts_of, same_bits, scene_rows, trial
+from evac.registry import Registry
 from evac.scenario.loading import load_case
+from evac.simulation import Simulation
 
 
 def state(value):
@@ -24,33 +27,70 @@ def test_bits_are_compared_in_every_tick():
 
 def test_another_seed_is_not_the_same():
     case = load_case("square_room", {"simulation.duration": 0.5})
-    assert same_bits(trial(case, False), trial(case, True))
-    assert not same_bits(trial(case, False), trial(case.change({"simulation.seed": 2}), False))
+    assert same_bits(trial(case, LEAN), trial(case, Part("all", full=True, tests=True)))
+    assert not same_bits(trial(case, LEAN), trial(case.change({"simulation.seed": 2}), LEAN))
 
 
 @pytest.mark.parametrize("part", NAMED, ids=lambda part: part.name)
 def test_each_part_is_out_until_it_is_forced_in(part):
     case = load_case("square_room", dict(part.overrides))
-    kind, name = next(iter(part.overrides)).split(".")
-    label = f"{'force' if kind == 'forces' else 'behaviour'}: {name}"
-    from evac.simulation import Simulation
-
+    label = part.name.partition(",")[0]
     lean_run, full_run = Simulation(case), Simulation(case, full=True)
     assert next(entry.is_in for entry in lean_run.plan if entry.name == label) is False
     assert len(full_run.forces) + len(full_run.behaviours) == 1 + len(lean_run.forces) + len(lean_run.behaviours)
 
 
+@pytest.mark.parametrize("model", lean.MODELS)
+def test_every_part_that_explain_lists_as_out_has_a_row_or_cannot_be_forced_in(model):
+    case = load_case("square_room", lean.model_overrides(model))
+    out = {part.name for part in Simulation(case).plan if not part.is_in}
+    have = {part.name.partition(":")[0] if part.name.startswith("portals") else part.name.partition(",")[0]
+            for part in parts_of("square_room", model, ())}  # fmt: skip
+    # What explain says of forces and behaviours when none is named stands for those of NAMED.
+    assert out - have == {"stair speeds", "forces at a distance", "behaviours"} | (
+        {"position correction"} if model == "NSM2" else set()
+    )
+
+
+def test_an_unused_strategy_costs_its_field_and_nothing_else():
+    registry = Registry([unused_route.__file__])
+    part = next(part for part in parts_of("square_room", "DEM") if part.name == "fields: comfortable")
+    plain = Simulation(load_case("square_room", {}, (), registry))
+    forced = Simulation(load_case("square_room", dict(part.overrides), (), registry))
+    assert [route.strategy for route in forced.fields.routes] == [
+        *(route.strategy for route in plain.fields.routes),
+        "comfortable",
+    ]
+    assert len(forced.behaviours) == len(plain.behaviours) == 0
+
+
 def test_rows_name_every_part_and_model():
-    rows = scene_rows("square_room", 0.5, NAMED[:1], rounds=1)
+    rows = scene_rows("square_room", 0.5, NAMED[:1], rounds=2)
     assert [(row["model"], row["part forced in"]) for row in rows] == [
-        (model, part) for model in lean.MODELS for part in (ALWAYS.name, NAMED[0].name)
+        (model, part.name) for model in lean.MODELS for part in parts_of("square_room", model, NAMED[:1])
     ]
     assert {row["same bits"] for row in rows} == {"yes"}
-    assert all(row["of the lean loop's [ms]"] > 0.0 for row in rows)
+    assert FIELDS.name in {row["part forced in"] for row in rows}
+    for row in rows:
+        assert row["loop without it [ms]"] > 0.0
+        assert row["set-up, least [ms]"] <= row["set-up [ms]"] <= row["set-up, greatest [ms]"]
+        assert row["loop, least [%]"] <= row["loop [%]"] <= row["loop, greatest [%]"]
+
+
+def test_every_command_is_timed(tmp_path):
+    timed = {arguments[2] for arguments in lean_commands.commands(tmp_path).values() if "evac" in arguments}
+    assert timed >= set(COMMANDS)
+
+
+def test_output_of_a_fresh_process_counts_the_imports():
+    switches = {"output.picture": True, "output.animation": False}
+    lean_commands._again(switches)
+    assert lean_commands._fresh(switches) > lean_commands._again(switches)
 
 
 def test_page_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(lean, "COMMANDS", {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]})
+    few = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
+    monkeypatch.setattr(lean_commands, "commands", lambda folder: few)
     monkeypatch.setattr(lean, "MODELS", ("DEM",))
     evidence = lean.Evidence("lean", tmp_path, quick=True)
     lean.run(evidence)
@@ -58,4 +98,4 @@ def test_page_is_written(tmp_path, monkeypatch):
         "README.md", "run.json", "parts.csv", "parts.png", "output.csv", "commands.csv",
     }  # fmt: skip
     assert "NO" not in (tmp_path / "parts.csv").read_text()
-    assert "7 of 7" in json.loads((tmp_path / "run.json").read_text())["summary"]
+    assert "13 of 13" in json.loads((tmp_path / "run.json").read_text())["summary"]

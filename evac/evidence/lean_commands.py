@@ -1,0 +1,110 @@
+"""What picture and animation cost, and how long each command takes to start."""
+
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.report import Evidence, timed
+from evac.running import run as run_case
+from evac.scenario.loading import load_case
+
+#: Runs the square room into a folder with some switches, in a process of its own, and prints the time of its output.
+OUTPUT_PROBE = """
+import sys
+import evac
+print(evac.run(evac.load("square_room", sys.argv[2:]), sys.argv[1]).phases["output"])
+"""
+
+
+def report_output(evidence: Evidence, repeats: int) -> None:
+    """Add what picture and animation cost: the first time in a fresh process, and afterwards."""
+    fresh = 1 if evidence.quick else 5
+    rows: list[dict[str, Any]] = []
+    for picture, animation in ((False, False), (True, False), (False, True)):
+        switches = {"output.picture": picture, "output.animation": animation}
+        rows.append(
+            {
+                "picture": "in" if picture else "out",
+                "animation": "in" if animation else "out",
+                "fresh process, with imports [ms]": 1e3 * float(np.median([_fresh(switches) for _ in range(fresh)])),
+                "afterwards [ms]": 1e3 * float(np.median([_again(switches) for _ in range(repeats + 1)][1:])),
+            }
+        )
+    evidence.heading("Picture and animation")
+    evidence.table(
+        "output",
+        rows,
+        f"Time of the output of the square room; medians of {fresh} fresh processes and of {repeats} runs in this one, "
+        "which has loaded matplotlib and VTK.",
+    )
+
+
+def _fresh(switches: dict[str, bool]) -> float:
+    """Return the time of the output of a run in a process of its own [s]."""
+    words = [f"{key}={str(value).lower()}" for key, value in switches.items()]
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", OUTPUT_PROBE, str(Path(folder) / "result"), *words]
+        return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def _again(switches: dict[str, bool]) -> float:
+    """Return the time of the output of a run in this process [s]."""
+    with TemporaryDirectory() as folder:
+        return run_case(load_case("square_room", switches), Path(folder) / "result").phases["output"]
+
+
+def commands(folder: Path) -> dict[str, list[str]]:
+    """Return what is timed, in order: arguments of Python, by what the table calls them; results go to a folder."""
+    result = str(folder / "result")
+    more = {
+        "evac --help": [],
+        "evac list": [],
+        "evac plugins": [],
+        "evac check square_room": [],
+        "evac explain square_room": [],
+        "evac run square_room": ["--out", result],
+        "evac repeat square_room --runs 2 --jobs 1": ["--out", str(folder / "runs")],
+        "evac export --vtk": [result],
+        "evac render": [result, "--out", str(folder / "picture.png")],
+        "evac evidence --help": [],
+        "evac check primary_school": [],
+        "evac explain primary_school": [],
+    }
+    found = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
+    return found | {name: ["-m", *name.split(), *words] for name, words in more.items()}
+
+
+def report_commands(evidence: Evidence) -> None:
+    """Add the start-up time of each command; a quick run leaves out the school."""
+    repeats = 1 if evidence.quick else 9
+    rows: list[dict[str, Any]] = []
+    with TemporaryDirectory() as folder:
+        for name, arguments in commands(Path(folder)).items():
+            if evidence.quick and "primary_school" in arguments:
+                continue
+            start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
+            timing = timed(start, repeats)
+            rows.append(
+                {
+                    "command": name,
+                    "median [s]": timing.median,
+                    "least [s]": timing.least,
+                    "greatest [s]": timing.greatest,
+                    "without python itself [s]": timing.median - rows[0]["median [s]"] if rows else None,
+                    "reference run [ms]": 1e3 * timing.reference,
+                }
+            )
+    evidence.heading("Start-up of each command")
+    evidence.text(
+        """Run, repeat, export and render include the work that they are called for, on the square room with its
+        picture and animation as shipped; render draws one picture. Of evidence, which takes minutes, only the help is
+        timed."""
+    )
+    evidence.table(
+        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
+    )

@@ -1,0 +1,31 @@
+"""A behaviour that offers a route and gives it to nobody: what the field of an unused strategy costs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.directions.routes import STRATEGIES, Route
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter
+
+
+class UnusedRoute(Behaviour):
+    """Names a route to any exit by one strategy, for which a field is computed; nobody ever takes it."""
+
+    name = "unused_route"
+
+    strategy: Any = Parameter(STRATEGIES[0], "strategy of the route", choices=STRATEGIES)
+
+    def routes(self) -> tuple[Route, ...]:
+        """Return the route."""
+        return (Route((), self.strategy),)
+
+    def is_needed(self, scene: BehaviourScene) -> bool:
+        """Say that it has nothing to do."""
+        return False
+
+
+@hookimpl
+def evac_behaviours() -> Sequence[type[Behaviour]]:
+    """Register the behaviour."""
+    return [UnusedRoute]
