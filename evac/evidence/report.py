@@ -12,10 +12,12 @@ plain dicts, figures and sentences in the order of the page:
 import csv
 import json
 import platform
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from os import cpu_count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -32,8 +34,12 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Row = Mapping[str, Any]
 
-#: Packages whose versions matter to what comes out.
+#: Packages whose versions matter to what comes out, and those that only some evidence uses: named where loaded.
 PACKAGES = ("evac", "numpy", "scipy", "numba", "scikit-fmm", "shapely", "matplotlib")
+OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "pyvista", "vtk")
+
+#: What of a checkout decides what comes out.
+CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
 #: Never more processes than this, however many cores there are: a run states times per core.
 WORKERS = 2
@@ -153,13 +159,15 @@ class Evidence:
         return path
 
     def conditions(self) -> dict[str, str]:
-        """Return machine, versions, seed and duration."""
-        versions = ", ".join(f"{package} {version(package)}" for package in PACKAGES)
+        """Return machine, commit, versions, seed and duration."""
+        used = [package for package in OPTIONAL_PACKAGES if package in sys.modules]
+        versions = ", ".join(f"{package} {_version(package)}" for package in (*PACKAGES, *used))
         return {
             "command": f"evac evidence {self.kind}{' --quick' if self.quick else ''}",
             "seed": str(self.seed),
             "machine": machine(),
             "python": platform.python_version(),
+            "commit": commit() or "no checkout",
             "versions": versions,
             "reference run, at start and end [ms]": f"{1e3 * self._reference:.1f}, {1e3 * reference_time():.1f}",
             "wall time [s]": f"{time.perf_counter() - self._start:.0f}",
@@ -238,13 +246,43 @@ def reference_time(repeats: int = 5) -> float:
 
 
 def machine() -> str:
-    """Return processor, cores and system in one line."""
+    """Return processor and its clock as far as the platform tells them, cores and system in one line."""
     name = platform.processor() or platform.machine()
+    clock = ""
     information = Path("/proc/cpuinfo")
     if information.is_file():
-        models = [line.split(":")[1].strip() for line in information.read_text().splitlines() if "model name" in line]
-        name = models[0] if models else name
-    return f"{name}, {cpu_count()} cores, {platform.system()} {platform.machine()}"
+        told: dict[str, str] = {}
+        for line in information.read_text().splitlines():
+            key, _, value = line.partition(":")
+            told.setdefault(key.strip(), value.strip())
+        name = told.get("model name", name)
+        clock = f" at {float(told['cpu MHz']):.0f} MHz" if "cpu MHz" in told else ""
+    return f"{name}{clock}, {cpu_count()} cores, {platform.system()} {platform.machine()}"
+
+
+def commit(file: Path = Path(__file__)) -> str:
+    """Return the commit that a file is checked out from, with ``-dirty`` where code has changed since; or nothing.
+
+    An installed package may lie inside the checkout of something else: only a file that git knows counts. Pages
+    that are being recomputed are no code.
+    """
+    git = ["git", "-C", str(file.resolve().parent)]
+    try:
+        subprocess.run([*git, "ls-files", "--error-unmatch", file.name], check=True, capture_output=True)
+        described = [*git, "describe", "--always", "--abbrev=12"]
+        found = subprocess.run(described, check=True, capture_output=True, text=True).stdout.strip()
+        changed = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True).returncode
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return f"{found}-dirty" if changed else found
+
+
+def _version(package: str) -> str:
+    """Return the version of a package; of one that is not installed as a package, what its module says."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return str(getattr(sys.modules.get(package), "__version__", "of unknown version"))
 
 
 def new_figure(

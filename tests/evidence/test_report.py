@@ -2,7 +2,10 @@
 
 import csv
 import json
+import subprocess
+import sys
 import time
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -10,9 +13,9 @@ import pytest
 from evac.cli import evidence as command
 from evac.cli import main
 from evac.errors import ScenarioError
-from evac.evidence import KINDS
+from evac.evidence import KINDS, report
 from evac.evidence.command import run_evidence, write_index
-from evac.evidence.report import Evidence, claim, markdown_table, new_figure, timed
+from evac.evidence.report import Evidence, claim, commit, machine, markdown_table, new_figure, timed
 
 
 def test_table_is_written_in_full_and_shown_rounded(tmp_path):
@@ -138,3 +141,51 @@ def test_claims_say_whether_they_are_met():
     assert claim("a", "at most", 150.0, 151.0)["met"] == "no"
     assert claim("a", "at least", 300.0, 299.0)["met"] == "no"
     assert claim("a", "at least", 300.0, None)["met"] == "no"
+
+
+def test_conditions_name_what_was_loaded_and_nothing_else(tmp_path, monkeypatch):
+    for package in report.OPTIONAL_PACKAGES:
+        monkeypatch.delitem(sys.modules, package, raising=False)
+    evidence = Evidence("accuracy", tmp_path)
+    assert "cromosim" not in evidence.conditions()["versions"]
+    peer = ModuleType("cromosim")
+    peer.__version__ = "2.1"
+    monkeypatch.setitem(sys.modules, "cromosim", peer)
+    monkeypatch.setattr(report, "version", _not_installed(report.version, "cromosim"))
+    versions = evidence.conditions()["versions"]
+    assert versions.endswith("cromosim 2.1")
+    assert "clarabel" not in versions
+
+
+def _not_installed(version, package):
+    def found(name):
+        if name == package:
+            raise report.PackageNotFoundError(name)
+        return version(name)
+
+    return found
+
+
+def test_commit_is_that_of_a_file_that_git_knows(tmp_path, monkeypatch):
+    known, other = tmp_path / "known.py", tmp_path / "other.py"
+    for file in (known, other):
+        file.write_text("")
+    assert commit(known) == ""  # no checkout
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@example.org"]
+    for words in (["init", "-q"], ["add", "known.py"], ["commit", "-q", "-m", "One"]):
+        subprocess.run([*git, *words], check=True)
+    head = subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True).stdout
+    assert head.startswith(commit(known))
+    assert len(commit(known)) == 12
+    assert commit(other) == ""
+    (tmp_path / "page.md").write_text("")
+    subprocess.run([*git, "add", "page.md"], check=True)
+    assert len(commit(known)) == 12  # a page is no code
+    known.write_text("changed")
+    assert commit(known).endswith("-dirty")
+    monkeypatch.setenv("PATH", "")
+    assert commit(known) == ""  # no git
+
+
+def test_machine_tells_cores_and_system():
+    assert "cores" in machine()
