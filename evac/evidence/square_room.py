@@ -47,18 +47,25 @@ class SetTask:
 
 
 @dataclass(frozen=True)
-class Flow:
-    """What the runs of one model at one step say about the flow [people per minute].
+class Estimate:
+    """A value and its interval by bootstrap over position sets [people per minute]."""
 
-    ``pooled`` is the slope of the linear regression of the number out on time over the pooled exits of all
-    runs that were not stopped, ``low`` and ``high`` its interval by bootstrap over position sets, ``median`` the
-    median of the slopes of single runs; ``stopped`` of ``runs`` runs were counted apart.
-    """
-
-    pooled: float
+    value: float
     low: float
     high: float
-    median: float
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What the runs of one model at one step say about the flow, by two definitions.
+
+    ``pooled`` is the slope of the linear regression of the number out on time over the pooled exits of all
+    runs that were not stopped, ``mean`` the mean of the slopes of single runs; ``stopped`` of ``runs`` runs were
+    counted apart.
+    """
+
+    pooled: Estimate
+    mean: Estimate
     runs: int
     stopped: int
 
@@ -133,22 +140,74 @@ def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
         Draws the resamples of position sets.
     """
     whole = [times[~stopped(times)] for times in sets]
-    sums = np.array([_sums(times) for times in whole])
-    picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
-    slopes = _slope(sums[picks].sum(axis=1))
-    tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.nanpercentile(slopes, [tail, 100.0 - tail])
-    runs = np.concatenate(whole)
-    single = _slope(np.array([_sums(times[None]) for times in runs])) if len(runs) else np.array([np.nan])
+    pooled, mean = _estimates([[times] for times in whole], np.array([1.0]), generator)
     count = sum(len(times) for times in sets)
-    return Flow(
-        60.0 * float(_slope(sums.sum(axis=0))),
-        60.0 * float(low),
-        60.0 * float(high),
-        60.0 * float(np.median(single)),
-        count,
-        count - len(runs),
+    return Flow(pooled, mean, count, count - sum(len(times) for times in whole))
+
+
+def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
+    """Return by how much the flow changes from one step to another, for the same people.
+
+    Position sets and runs are those that both steps have, from the first on; a run that was stopped at either
+    step is counted apart at both.
+
+    Parameters
+    ----------
+    coarse, fine : sequences of (runs, people) [s]
+        Sorted exit times of each position set at the two steps.
+    generator : numpy Generator
+        Draws the resamples of position sets, the same for both steps.
+    """
+    shared = []
+    count = 0
+    for one, other in zip(coarse, fine, strict=False):
+        runs = min(len(one), len(other))
+        keep = ~(stopped(one[:runs]) | stopped(other[:runs]))
+        shared.append([one[:runs][keep], other[:runs][keep]])
+        count += runs
+    pooled, mean = _estimates(shared, np.array([-1.0, 1.0]), generator)
+    return Flow(pooled, mean, count, count - sum(len(one) for one, _ in shared))
+
+
+def _estimates(
+    sets: Sequence[Sequence[FloatArray]], weight: FloatArray, generator: np.random.Generator
+) -> tuple[Estimate, Estimate]:
+    """Return the weighted sum of the flows of some groups of runs, by both definitions.
+
+    Parameters
+    ----------
+    sets : sequence of position sets, each a sequence of groups (runs, people) [s]
+    weight : (groups,)
+    generator : numpy Generator
+    """
+    picks = generator.integers(len(sets), size=(RESAMPLES, len(sets)))
+    sums = np.array([[_sums(times) for times in groups] for groups in sets])
+    slopes = np.array([[_slopes_of(times) for times in groups] for groups in sets])
+    by_pool = _slope(sums[picks].sum(axis=1)) @ weight
+    by_run = _mean(slopes[picks].sum(axis=1)) @ weight
+    return (
+        _estimate(float(_slope(sums.sum(axis=0)) @ weight), by_pool),
+        _estimate(float(_mean(slopes.sum(axis=0)) @ weight), by_run),
     )
+
+
+def _estimate(value: float, resampled: FloatArray) -> Estimate:
+    """Return an estimate in people per minute from slopes [people per s]."""
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.nanpercentile(resampled, [tail, 100.0 - tail])
+    return Estimate(60.0 * value, 60.0 * float(low), 60.0 * float(high))
+
+
+def _slopes_of(times: FloatArray) -> FloatArray:
+    """Return the sum of the slopes of single runs (runs, people), and their number."""
+    return np.array([sum(float(_slope(_sums(run[None]))) for run in times), float(len(times))])
+
+
+def _mean(sums: FloatArray) -> FloatArray:
+    """Return means (...,) from sums and numbers (..., 2)."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean: FloatArray = sums[..., 0] / sums[..., 1]
+    return mean
 
 
 def stopped(times: FloatArray) -> NDArray[np.bool_]:

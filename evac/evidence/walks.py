@@ -51,7 +51,8 @@ class Variant:
 def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> Variant:
     """Return a variant by the model's name in `models.MODELS`, with other parameters and a label where given."""
     model = make_model(name, **parameters)
-    rough = make_model(name, **{**parameters, **COARSE}) if name.startswith("NSM1") else model
+    coarse: dict[str, Any] = {**parameters, **COARSE}
+    rough = make_model(name, **coarse) if name.startswith("NSM1") else model
     return Variant(label or name, model, rough, step)
 
 

@@ -8,7 +8,7 @@ from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.paper_figures import draw_figure_2, draw_figure_3
 from evac.evidence.report import Evidence
 from evac.evidence.school import SchoolTask, curve, longest_pause, run_school
-from evac.evidence.square_room import GAP, SetTask, crowd_at, flow, run_set, start_positions, stopped
+from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
 from evac.evidence.table3 import PUBLISHED, report_flow
 from evac.scenario.loading import load_case
 
@@ -25,19 +25,53 @@ def test_flow_is_the_slope_of_the_regression_over_all_exits():
     pooled = np.concatenate([times.ravel() for times in sets])
     number = np.tile(np.arange(1, 21), 12)
     found = flow(sets, generator())
-    assert found.pooled == pytest.approx(60.0 * np.polyfit(pooled, number, 1)[0], rel=1e-10)
+    assert found.pooled.value == pytest.approx(60.0 * np.polyfit(pooled, number, 1)[0], rel=1e-10)
     single = [60.0 * np.polyfit(times, np.arange(1, 21), 1)[0] for part in sets for times in part]
-    assert found.median == pytest.approx(np.median(single), rel=1e-10)
+    assert found.mean.value == pytest.approx(np.mean(single), rel=1e-10)
     assert (found.runs, found.stopped) == (12, 0)
 
 
 def test_interval_holds_the_flow_and_vanishes_where_all_sets_are_alike():
     even = np.tile(np.arange(1, 21) / 3.0, (4, 1))
     found = flow([even] * 5, generator())
-    assert (found.low, found.pooled, found.high) == pytest.approx((180.0, 180.0, 180.0))
+    for estimate in (found.pooled, found.mean):
+        assert (estimate.low, estimate.value, estimate.high) == pytest.approx((180.0, 180.0, 180.0))
     mixed = flow([even, 1.1 * even, 0.9 * even], generator())
-    assert mixed.low < mixed.pooled < mixed.high
-    assert (mixed.low, mixed.high) == pytest.approx((180.0 / 1.1, 200.0), rel=1e-3)
+    for estimate in (mixed.pooled, mixed.mean):
+        assert estimate.low < estimate.value < estimate.high
+        assert (estimate.low, estimate.high) == pytest.approx((180.0 / 1.1, 200.0), rel=1e-3)
+
+
+def test_pooling_runs_that_start_at_different_times_makes_the_line_flatter():
+    even = np.tile(np.arange(1, 21) / 3.0, (4, 1))
+    found = flow([even, even + 2.0, even + 4.0], generator())
+    assert found.mean.value == pytest.approx(180.0)
+    assert found.pooled.value < 160.0
+
+
+def test_change_is_paired_on_the_runs_that_both_steps_have():
+    random = generator()
+    coarse = [np.sort(random.uniform(0.0, 9.0, (6, 20)), axis=1) for _ in range(5)]
+    fine = [times[:2] / 1.05 for times in coarse]
+    found = change(coarse, fine, generator())
+    kept = [times[:2] for times in coarse]
+    base = flow(kept, generator())
+    assert (found.runs, found.stopped) == (10, 0)
+    assert found.pooled.value == pytest.approx(0.05 * base.pooled.value)
+    assert found.mean.value == pytest.approx(0.05 * base.mean.value)
+    # The interval is that of the difference, far narrower than those of the flows themselves.
+    assert found.mean.high - found.mean.low == pytest.approx(0.05 * (base.mean.high - base.mean.low))
+    same = change(coarse, [times[:2] for times in coarse], generator())
+    assert (same.pooled.low, same.pooled.value, same.pooled.high) == (0.0, 0.0, 0.0)
+
+
+def test_a_run_stopped_at_one_step_is_left_out_at_both():
+    good = np.tile(np.arange(1.0, 21.0), (3, 1))
+    late = good.copy()
+    late[1, 12:] += GAP
+    found = change([good], [late], generator())
+    assert (found.runs, found.stopped) == (3, 1)
+    assert found.pooled.value == pytest.approx(0.0)
 
 
 def test_runs_with_a_long_gap_or_people_left_are_counted_apart():
@@ -49,7 +83,7 @@ def test_runs_with_a_long_gap_or_people_left_are_counted_apart():
     assert stopped(times).tolist() == [False, True, True, True]
     found = flow([times], generator())
     assert (found.runs, found.stopped) == (4, 3)
-    assert found.pooled == pytest.approx(60.0)
+    assert found.pooled.value == pytest.approx(60.0)
 
 
 def test_positions_belong_to_the_set_and_parameters_to_the_run():
@@ -79,12 +113,14 @@ def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_r
 
 
 def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.evidence.table3.QUICK_RUNS", {0.01: (2, 2)})
+    monkeypatch.setattr("evac.evidence.table3.QUICK_RUNS", {0.01: (2, 2), 0.005: (2, 1)})
+    monkeypatch.setattr("evac.evidence.table3.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
     evidence = Evidence("table3", tmp_path, quick=True)
     report_flow(evidence)
     page = evidence.write_page("Flow").read_text()
     for name in PUBLISHED:
         assert f"| {name} | 0.01 | 2 | 4 |" in page
+        assert f"| {name} | 0.01 | 0.005 | 2 |" in page
 
 
 def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):
