@@ -112,7 +112,8 @@ def _definitions(flows: FlowTable, step: float) -> str:
     return (
         "The flow of a run is the slope of the linear regression of the number out, 1 to 20, on the exit times. Of "
         "many runs two flows can be made. Q pooled, which stands first on this page, is the slope of one regression "
-        "over the exits of all runs together: one line for a model, as the paper gives one number for it. Q of runs is the mean of the slopes of single runs, as part e of the accuracy page has it. Runs differ in "
+        "over the exits of all runs together: one line for a model, as the paper gives one number for it. Q of runs "
+        "is the mean of the slopes of single runs, as part e of the accuracy page has it. Runs differ in "
         "when their exits come, which spreads the times at the same number and makes the pooled line flatter: at "
         f"h = {step:g} s the mean of runs is off the pooled flow by {', '.join(apart)}."
     )

@@ -1,9 +1,12 @@
 """The flow of the square room, the figures of the paper, classroom and school."""
 
+import csv
+
 import numpy as np
 import pytest
 
-from evac.evidence.classroom import ClassTask, run_class, share_interval
+from evac.evidence import classroom
+from evac.evidence.classroom import ClassTask, median_last, report_classroom, run_class, share_interval
 from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.paper_figures import draw_figure_2, draw_figure_3
 from evac.evidence.report import Evidence
@@ -147,6 +150,35 @@ def test_classroom_blocks_the_same_runs_whoever_computes_them():
     assert np.array_equal(times[1], alone[0], equal_nan=True)
     assert times.shape == (2, 30)
     assert np.array_equal(np.isnan(times).any(axis=1), blocked)
+
+
+def test_a_blocked_run_is_endless_in_the_median():
+    out, blocked = np.array([1.0, 4.0]), np.array([1.0, np.nan])
+    assert median_last(np.array([out, out, blocked])) == 4.0
+    assert median_last(np.array([out, blocked, blocked])) == np.inf
+
+
+def test_classroom_says_how_many_runs_each_mean_is_of_and_compares_all_runs(tmp_path, monkeypatch):
+    def half_blocked(task):
+        times = np.tile(np.linspace(1.0, 9.0, 30), (len(task.seeds), 1))
+        blocked = np.array([seed % 2 == 0 for seed in task.seeds])
+        if task.model == "NSM2":
+            blocked[:] = True
+        times[blocked, 20:] = np.nan
+        return times, blocked
+
+    monkeypatch.setattr(classroom, "run_class", half_blocked)
+    evidence = Evidence("table3", tmp_path, quick=True)
+    report_classroom(evidence)
+    page = evidence.write_page("Classroom").read_text()
+    assert "DEM 3 of 6, NSM1 inertial 3 of 6, NSM1 overdamped 3 of 6, NSM2 0 of 6" in page
+    assert "different selections" in page
+    with (tmp_path / "classroom_all.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["model"] for row in rows] == list(MODELS)
+    assert {row["out by 5 s"] for row in rows} == {"15.0"}  # the same for all: nobody is left out of it
+    assert [float(row["out by 10 s"]) for row in rows] == [25.0, 25.0, 25.0, 20.0]
+    assert rows[-1]["last out, median [s]"] == ""
 
 
 def test_school_is_run_with_and_without_teachers():
