@@ -78,11 +78,12 @@ def _report_without_selection(evidence: Evidence, times: dict[str, FloatArray]) 
             out = (all_times <= moment).sum(axis=1)
             row |= {f"out by {moment:g} s": float(out.mean()), f"+- by {moment:g} s": _standard_error(out)}
         rows.append(row)
+    pupils = next(iter(times.values())).shape[1]
     endless = [row["model"] for row in rows if row["last out, median [s]"] is None]
     evidence.text(
         f"""Times to leave exist only for runs that did not block, and which runs block depends on the model: to compare
-        models by the times at the desks below is to compare different selections of runs. Without a selection, over all runs, compare the number
-        of the {len(next(iter(times.values()))[0])} pupils who are out by a given time, and the median of the last
+        models by the times at the desks below is to compare different selections of runs. Without a selection, over
+        all runs, compare the number of the {pupils} pupils who are out by a given time, and the median of the last
         exit, where a blocked run counts as endless
         ({"it is endless for " + ", ".join(endless) if endless else "it is finite for every model"})."""
     )
