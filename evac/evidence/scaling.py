@@ -44,7 +44,7 @@ DEEPEST = 50.0
 
 #: DEM's jam is measured with stiffer contacts too, at a step that they are stable at, up to so many people.
 STIFFER, FINER, STIFFEST_PEOPLE = 10.0, 4, 10_000
-STIFF_NAME = f"DEM, {STIFFER:g} k"
+STIFF_NAME = f"DEM, {STIFFER:g} times stiffer"
 
 #: Ticks that free crowds walk before the timing, and ticks timed, by number of people.
 QUICK_SIZES = {20: (10, 5), 100: (10, 5), 1_000: (10, 3)}
@@ -145,10 +145,10 @@ def _each(call: Callable[[int], Any]) -> float:
 def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dict[str, Any]:
     """Return the row of a walk; of one that the model refuses to go on with, without what was not measured."""
     walk = Walk(hall, variant.step)
-    cost, pace, time = None, None, None
+    cost, pace, walked = None, None, None
     try:
         ended = walk.into_a_jam(variant) if state == "jammed" else walk.freely(variant, warm)
-        time, pace = walk.time, walk.pace
+        walked, pace = walk.time, walk.pace
         cost = time_ticks(walk, variant.model, timed)
     except SimulationError as refusal:
         ended = f"refused at {str(refusal).partition(':')[0]}"
@@ -161,7 +161,7 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
         "hall [m]": f"{hall.depth:.1f} x {hall.length:.1f}",
         "grid [m]": hall.fields.packed.spacing,
         "walk ended by": ended,
-        "walked [s]": time,
+        "walked [s]": walked,
         "median speed [% of desired]": None if pace is None else 100.0 * pace,
         "greatest overlap [m]": walk.engine.report()["greatest_overlap"],
         "ns per person-step": 1e9 * cost.per_person if cost else None,
@@ -253,7 +253,7 @@ def _jams(rows: list[dict[str, Any]]) -> str:
     return (
         f"What ended the walk into the jam: {'; '.join(told)}. A crowd that has not jammed in time is one whose bodies "
         "give way, as the greatest overlap says: its numbers are those of people pressed into each other. Refused is "
-        f"what the model cannot go on with, a person pressed through a wall; {STIFF_NAME} has {STIFFER:g} times the "
+        f"what the model cannot go on with, a person pressed through a wall; the stiffer DEM has {STIFFER:g} times the "
         f"stiffness and 1/{FINER} of the step, and shows DEM's cost where the contacts bear the load."
     )
 
