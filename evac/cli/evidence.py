@@ -1,4 +1,4 @@
-"""evac evidence: recompute tables, plots and pages on accuracy, stability and speed."""
+"""evac evidence: recompute tables, plots and pages on accuracy, stability, speed and validation."""
 
 import argparse
 import sys
