@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from evac.evidence.validation_buildings import rectangle, straight_stair
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
-from tests.validation.buildings import crossing_times, rectangle, simulate, straight_stair, track
+from tests.validation.buildings import crossing_times, simulate, track
 
 MODELS = ["dem", "nsm1", "nsm2"]
 

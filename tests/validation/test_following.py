@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from evac.evidence.validation_buildings import rectangle
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
-from tests.validation.buildings import rectangle, simulate, track
+from tests.validation.buildings import simulate, track
 
 SECOND = 1.0  # of travel time
 

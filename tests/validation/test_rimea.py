@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.validation.buildings import crossing_times, rectangle, simulate, straight_stair, track
+from evac.evidence.validation_buildings import corner, rectangle, straight_stair
+from tests.validation.buildings import crossing_times, simulate, track
 
 MODELS = ["dem", "nsm1", "nsm2"]
 
@@ -71,10 +72,9 @@ def test_5_nobody_moves_before_its_response_time(tmp_path):
 @pytest.mark.parametrize("model", MODELS)
 def test_6_round_a_corner(tmp_path, model):
     """Twenty people walk along x = 0 to 12 and turn left into y = 2 to 12: nobody beyond the corner's walls."""
-    faces = [rectangle(0, 0, 10, 2), rectangle(10, 0, 12, 2), rectangle(10, 2, 12, 12)]
     places = [[0.5 + x, 0.4 + 0.6 * y] for x in np.arange(0.0, 5.6, 0.8) for y in range(3)][:20]
     people = [{"positions": places, "z": 0.0, "speed": {"uniform": [1.2, 2.0]}}]
-    simulation = simulate(tmp_path, faces, [("end", [[10, 12], [12, 12]], 0.0)], people, model)
+    simulation = simulate(tmp_path, corner(), [("end", [[10, 12], [12, 12]], 0.0)], people, model)
     for _, crowd in track(simulation):
         x, y = crowd.position[crowd.level >= 0].T
         assert not ((x < 10.0) & (y > 2.0)).any()
