@@ -129,7 +129,10 @@ def rooms_along_a_corridor() -> tuple[list[Face], list[tuple[str, Segment, float
         rooms.append((left, 6.2, 3 * k + 2.95, 11.0))
         faces.append(rectangle(door, 6, door + 0.9, 6.2))
     faces += [rectangle(*room) for room in rooms]
-    exits = [("main", [[6, 11], [7.2, 11]], 0.0), ("secondary", across(18, 5, 6), 0.0)]
+    exits: list[tuple[str, Segment, float]] = [
+        ("main", [[6, 11], [7.2, 11]], 0.0),
+        ("secondary", across(18, 5, 6), 0.0),
+    ]
     return faces, exits, rooms
 
 

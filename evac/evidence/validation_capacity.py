@@ -13,8 +13,6 @@ from evac.evidence.validation_trial import Check, Criterion, Outcome, Trial, mea
 
 FloatArray = NDArray[np.float64]
 
-INFINITE = float("inf")
-
 STAIR_WIDTHS = (1.0, 1.2, 1.8)  # m
 WAYS = ("down", "up")
 DOOR_WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.2)  # m
@@ -121,17 +119,17 @@ def stair_checks(stairs: Sequence[Stair]) -> list[Check]:
         check = own[0].trial.check
         widths = ", ".join(f"{stair.width:g}" for stair in own)
         words = f"flow {way}, on a wider stair over on the next narrower, the least ({widths} m)"
-        wider = Criterion("ISO 12", words, 1.0, INFINITE, "ISO 20414")
+        wider = Criterion("ISO 12", words, "ISO 20414", low=1.0)
         checks.append(check(wider, (flows[1:] / flows[:-1]).min(axis=0)))
         words = f"flow {way} a stair of {own[0].width:g} m [1/s/m]"
-        checks.append(check(Criterion("stair flow", words, *STAIR_FLOW, "IMO, SFPE"), flows[0] / own[0].width))
+        checks.append(check(Criterion("stair flow", words, "IMO, SFPE", *STAIR_FLOW), flows[0] / own[0].width))
     return checks
 
 
 def door_checks(doors: Sequence[Door]) -> list[Check]:
     """IMO 4, from the doors of its width."""
     words = f"flow of {PEOPLE} people through a door of {IMO_DOOR:g} m, whole time [1/s]"
-    criterion = Criterion("IMO 4, NIST 5.2, ISO 11", words, -INFINITE, IMO_FLOW, "IMO")
+    criterion = Criterion("IMO 4, NIST 5.2, ISO 11", words, "IMO", high=IMO_FLOW)
     return [door.trial.check(criterion, door.flows) for door in doors if door.width == IMO_DOOR]
 
 

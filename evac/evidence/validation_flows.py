@@ -1,16 +1,15 @@
 """Tests of crowds against published flows and densities: corridors, bottlenecks, a stair's foot, counterflow."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.evidence.validation_buildings import CROWD_SPEED, across, rectangle, straight_stair, two_rooms
+from evac.evidence.validation_buildings import CROWD_SPEED, Face, across, rectangle, straight_stair, two_rooms
 from evac.evidence.validation_trial import Check, Criterion, Outcome, Trial, steady_flow
 
 FloatArray = NDArray[np.float64]
-
-INFINITE = float("inf")
 
 #: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
 DENSITIES = (0.5, 1.0, 2.0, 3.0)
@@ -53,9 +52,9 @@ def fundamental_diagram(trial: Trial) -> list[Check]:
         criterion = Criterion(
             "RiMEA 4",
             f"speed over Weidmann's at the density found, corridor filled with {density:g} /m²",
-            1.0 - WEIDMANN_BAND,
-            1.0 + WEIDMANN_BAND,
             "Weidmann (1993) ± one standard deviation of the free speed",
+            low=1.0 - WEIDMANN_BAND,
+            high=1.0 + WEIDMANN_BAND,
         )
         checks.append(trial.check(criterion, [_over_weidmann(outcome) for outcome in runs]))
     return checks
@@ -75,11 +74,7 @@ def wider_bottlenecks(trial: Trial) -> list[Check]:
     """RiMEA 12d: the flow through a bottleneck grows with its width."""
     flows = np.array([_bottleneck_flows(trial, width) for width in (0.8, 1.0, 1.2)])
     criterion = Criterion(
-        "RiMEA 12d",
-        "flow at 1.0 over 0.8 m, or 1.2 over 1.0 m width, the lesser",
-        1.0,
-        INFINITE,
-        "RiMEA, annex 1",
+        "RiMEA 12d", "flow at 1.0 over 0.8 m, or 1.2 over 1.0 m width, the lesser", "RiMEA, annex 1", low=1.0
     )
     return [trial.check(criterion, (flows[1:] / flows[:-1]).min(axis=0))]
 
@@ -118,20 +113,19 @@ def foot_of_a_stair(trial: Trial) -> list[Check]:
             Criterion(
                 "RiMEA 13, IMO 11",
                 "flow into the corridor over the flow onto the stair: jam at its foot",
-                1.0,
-                INFINITE,
                 "RiMEA, annex 1; IMO",
+                low=1.0,
             ),
             gains,
         ),
         trial.check(
-            Criterion("RiMEA 13, IMO 11", "flow up the stair [1/s/m]", *STAIR_FLOW, "IMO, SFPE"),
+            Criterion("RiMEA 13, IMO 11", "flow up the stair [1/s/m]", "IMO, SFPE", *STAIR_FLOW),
             flows,
         ),
     ]
 
 
-def _moved(faces: list, x: float, y: float) -> list:
+def _moved(faces: Sequence[Face], x: float, y: float) -> list[Face]:
     """Return faces moved in plan [m]."""
     return [[(px + x, py + y, pz) for px, py, pz in face] for face in faces]
 
@@ -160,9 +154,8 @@ def counterflow(trial: Trial) -> list[Check]:
             Criterion(
                 "IMO 8, NIST 2.8",
                 f"last arrival of 100 people against {more} over against {fewer}",
-                1.0,
-                INFINITE,
                 "IMO, NIST TN 1822",
+                low=1.0,
             ),
             last[k + 1] / last[k],
         )

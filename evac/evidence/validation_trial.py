@@ -38,17 +38,17 @@ class Criterion:
         As the field calls it, "RiMEA 2".
     quantity : str
         What is measured, with its unit.
-    low, high : float
-        The band; infinite where it is open.
     source : str
         Where the band comes from.
+    low, high : float
+        The band; infinite where it is open.
     """
 
     test: str
     quantity: str
-    low: float
-    high: float
     source: str
+    low: float = -np.inf
+    high: float = np.inf
 
     @property
     def band(self) -> str:
@@ -79,8 +79,7 @@ class Check:
     @cached_property
     def found(self) -> FloatArray:
         """The values of the runs that did not block."""
-        values = np.array(self.values, dtype=float)
-        return values[~np.isnan(values)]
+        return np.array([value for value in self.values if not np.isnan(value)])
 
     @property
     def blocked(self) -> int:
@@ -102,6 +101,17 @@ class Check:
         """Whether no run blocked and the mean lies in the band."""
         mean = self.mean
         return not self.blocked and mean is not None and self.criterion.low <= mean <= self.criterion.high
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is passed, and if not, by how much it is missed."""
+        if self.is_passed:
+            return "yes"
+        if self.mean is None or self.blocked:
+            return f"NO: {self.blocked} of {len(self.values)} runs block"
+        bound = self.criterion.high if self.mean > self.criterion.high else self.criterion.low
+        times = f", {self.mean / bound:.2g} times the bound" if bound else ""
+        return f"NO: {self.mean:.3g}{times}"
 
 
 @dataclass(frozen=True)
