@@ -15,7 +15,7 @@ from evac.evidence.accuracy_plans import PLANS, Plan
 from evac.evidence.accuracy_sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.reference import FloatArray
 from evac.evidence.report import Evidence, new_figure
-from evac.scenario.schema import Directions
+from evac.scenario.schema import DirectionSettings
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
 WHATS = ("mean", "greatest")
@@ -24,7 +24,7 @@ ORDERS = (1, 2)
 #: Ranges of the distance to the nearest wall [m]: where no body's centre comes, beside walls, elsewhere.
 RANGES = {"below 0.2 m of a wall": (0.0, 0.2), "0.2 to 0.4 m": (0.2, 0.4), "beyond 0.4 m": (0.4, np.inf)}
 
-#: Directions are compared where no other way is shorter than this many cells more, and this far from the exit [m].
+#: DirectionSettings are compared where no other way is shorter than this many cells more, and this far from the exit [m].
 CLEAR_CELLS = 3.0
 CLEAR_EXIT = 0.5
 
@@ -110,7 +110,7 @@ def _clean_in_words(
     rows: Sequence[dict[str, Any]], plans: Sequence[Plan], clean: dict[str, tuple[CleanWays, CleanWays]]
 ) -> str:
     """Say how far the directions that people get are from the independent ones, and how sure those are."""
-    default = Directions().spacing
+    default = DirectionSettings().spacing
     spacing = min({row["spacing [m]"] for row in rows}, key=lambda one: abs(one - default))
     parts = []
     for where in RANGES:
