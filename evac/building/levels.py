@@ -20,6 +20,10 @@ IndexArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+#: Cells of a flight may rise so far aside from its mean direction [degrees]: at 90 their up would be its down.
+MOST_TURN = 60.0
+
+
 @dataclass(frozen=True)
 class LevelSet:
     """The levels of a surface, and the level of each of its cells."""
@@ -39,7 +43,7 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
     Raises
     ------
     BuildingError
-        If a cell carries two tags of floors or stairs.
+        If a cell carries two tags of floors or stairs, or a flight turns too far.
     """
     names = sorted(name for name in surface.cell_tags if name.startswith(("floor:", "stair:")))
     group = _groups(source, surface, names)
@@ -65,7 +69,7 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
         if level.stair is not None:
             stairs[level.stair] = (*stairs.get(level.stair, ()), level.index)
     stairs = {name: stairs[name] for name in sorted(stairs, key=lambda name: (min(stairs[name]), name))}
-    return LevelSet(tuple(levels), label, stairs, _uneven_flights(surface, label, levels))
+    return LevelSet(tuple(levels), label, stairs, _check_flights(source, surface, label, levels))
 
 
 def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
@@ -137,9 +141,10 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
     is_sloped = bool(surface.is_sloped[cells[0]])
     if is_sloped:
         plan_area = shapely.area(shapely.polygons(corners[:, :, :2]))
-        gradient = (plan_area[:, None] * surface.gradient[cells]).sum(axis=0) / plan_area.sum()
-        rise = float(np.hypot(*gradient))
-        uphill, slope = gradient / rise, float(np.arctan(rise))
+        gradient = surface.gradient[cells]
+        mean = plan_area @ gradient
+        # Of a flight that turns, the steepness of its cells counts, not what is left of it where they cancel.
+        uphill, slope = mean / np.hypot(*mean), float(np.arctan(np.average(np.hypot(*gradient.T), weights=plan_area)))
     stair = tag.removeprefix("stair:") if tag and tag.startswith("stair:") else None
     return Level(
         index=index,
@@ -209,16 +214,24 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
     return named
 
 
-def _uneven_flights(surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[str, ...]:
-    """Warn of flights whose cells differ from the one slope and direction a level has."""
+def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[str, ...]:
+    """Refuse flights that turn, for a level rises in one direction; warn of those that are not plane."""
     notes = []
     for level in levels:
         if level.kind == "flight":
             gradient = surface.gradient[label == level.index]
+            along = gradient @ level.uphill / np.hypot(*gradient.T)
+            turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
+            if turn > MOST_TURN:
+                raise BuildingError(
+                    f"{source}: level {level.name!r} turns: parts of it rise up to {turn:.0f} degrees aside from its "
+                    f"mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up or down; "
+                    "divide it into flights that turn less, with flat landings at least 1 m deep between them"
+                )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:
                 notes.append(
-                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise from "
-                    "its mean slope, which stands for all of it"
+                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise and "
+                    f"{turn:.0f} degrees in direction from its mean, which stands for all of it"
                 )
     return tuple(notes)

@@ -102,15 +102,30 @@ def test_cell_of_two_floors_is_refused(mesh, tmp_path):
         read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
 
 
-def test_warped_flight_is_a_warning(mesh, read):
+def winding_ramp(mesh, steps):
+    """A ramp about (4, 4) that turns by 15 degrees and rises by 0.25 m in each step, from a floor to another one."""
     mesh.rectangle(0, 0, 4, 2)
-    for step in range(6):  # a winding ramp about (4, 4)
+    for step in range(steps):
         angle = np.deg2rad(np.array([15 * step, 15 * step + 15]) - 90)
         inner, outer = (np.column_stack([4 + r * np.cos(angle), 4 + r * np.sin(angle)]) for r in (2, 4))
         z = np.array([step, step + 1]) * 0.25
         corners = [(*inner[0], z[0]), (*outer[0], z[0]), (*outer[1], z[1]), (*inner[1], z[1])]
         mesh.face(*[tuple(np.round(corner, 9).tolist()) for corner in corners])
-    mesh.rectangle(6, 4, 8, 8, 1.5)
+    return mesh
+
+
+def test_warped_flight_is_a_warning(mesh, read):
+    winding_ramp(mesh, 6).rectangle(6, 4, 8, 8, 1.5)
     building = read(mesh, exits=[EXIT])
     assert [level.kind for level in building.levels] == ["floor", "flight", "floor"]
-    assert any("'flight z=0.00..1.50' is not plane" in warning for warning in building.warnings)
+    (warning,) = (text for text in building.warnings if "not plane" in text)
+    assert "'flight z=0.00..1.50'" in warning
+    assert "degrees in direction" in warning
+    # its cells rise 0.25 m over 15 degrees of a circle; at 3 m from its centre that is 0.25 / 0.785
+    assert np.tan(building.levels[1].slope) == pytest.approx(0.25 / np.deg2rad(15) / 3, rel=0.05)
+
+
+def test_flight_that_turns_back_is_refused(mesh, read):
+    winding_ramp(mesh, 12).rectangle(2, 8, 4, 10, 3.0).rectangle(0, 6, 4, 8, 3.0)
+    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' turns: .* 60, .* flat landings"):
+        read(mesh, exits=[EXIT])
