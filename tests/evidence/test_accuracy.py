@@ -19,7 +19,7 @@ from evac.evidence.accuracy_plans import l_corner
 from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy_solvers import TOLERANCES, measure
 from evac.evidence.accuracy_tolerance import _kept_in_words
-from evac.evidence.accuracy_trajectories import GOLDEN, LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, walked
+from evac.evidence.accuracy_trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
 from evac.evidence.report import Evidence
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
@@ -191,7 +191,7 @@ def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant
 
 def test_places_of_starts_fall_everywhere_in_a_step_whatever_the_step():
     """Not all into the same part of it, as places at whole parts of a distance do."""
-    shifts = np.array([SPREAD * math.modf(0.5 + k * GOLDEN)[0] for k in range(PHASES)])
+    shifts = np.array(shifts_of(PHASES[1]))
     assert 0.0 <= shifts.min() < shifts.max() <= SPREAD
     for k in range(7):
         path = SPEED * LARGEST / 2**k
