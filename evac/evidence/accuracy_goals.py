@@ -1,5 +1,6 @@
 """Accuracy, part a: which solver is the first to a goal, by residual and by true error; what both have in common."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -67,16 +68,14 @@ def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
     table = []
     for where in problems_of(rows):
         lines = lines_of(rows, where)
-        for start in STARTS:
-            for measure in MEASURES:
-                for goal in WIN_GOALS:
-                    found = {solver: time_to(lines[solver, start], goal, measure) for solver in SOLVERS}
-                    times = {solver: time for solver, time in found.items() if time is not None}
-                    if times:
-                        first = min(times, key=lambda solver: times[solver])
-                        share = times[default] / times[first] if default in times else None
-                        head = {**where, "start": start, "by": measure, "goal": goal}
-                        table.append({**head, "first": first, f"{default} / first": share})
+        for start, measure, goal in itertools.product(STARTS, MEASURES, WIN_GOALS):
+            found = {solver: time_to(lines[solver, start], goal, measure) for solver in SOLVERS}
+            times = {solver: time for solver, time in found.items() if time is not None}
+            if times:
+                first = min(times, key=lambda solver: times[solver])
+                share = times[default] / times[first] if default in times else None
+                head = {**where, "start": start, "by": measure, "goal": goal}
+                table.append({**head, "first": first, f"{default} / first": share})
     return table
 
 
@@ -134,7 +133,8 @@ def default_finding(races: Sequence[Row], wins: Sequence[Row], default: str) -> 
             )
         sentence += "."
     missed = sum(row["never there"] for row in by_error)
-    return sentence + (f" In {missed} of these races it never got there." if missed else "")
+    late = f" In {missed} of these races its time or its finest tolerance ended before it was there."
+    return sentence + (late if missed else "")
 
 
 def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
