@@ -22,6 +22,9 @@ FAILED = "failed"
 #: A person makes progress when its remaining travel time changes by this much [s].
 PROGRESS = 0.25
 
+#: Who is inside when a run ends, and has made no progress for so long, is stuck [s].
+STANDING = 10.0
+
 #: How often progress is looked at [s].
 PROGRESS_EVERY = 1.0
 
@@ -63,6 +66,15 @@ class Ending:
         if step % self._steps_per_look == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
             return NO_PROGRESS
         return ""
+
+    def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
+        """Return the rows of who is inside after `step` steps and has made no progress for `STANDING` or `no_progress`.
+
+        Who has yet to set off is not stuck.
+        """
+        time = step * self._settings.step
+        standing = time - self._moved_at >= min(STANDING, self._settings.no_progress)
+        return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
         """Return what the next answer depends on, (2, people) [s]."""

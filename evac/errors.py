@@ -50,9 +50,14 @@ def noting(warnings: Iterable[str]) -> Iterator[None]:
     try:
         yield
     except EvacError as error:
-        for warning in warnings:
-            error.add_note(f"warning: {warning}")
+        note(error, warnings)
         raise
+
+
+def note(error: EvacError, warnings: Iterable[str]) -> None:
+    """Add warnings to an error as notes."""
+    for warning in warnings:
+        error.add_note(f"warning: {warning}")
 
 
 @contextmanager

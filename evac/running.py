@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.ending import FAILED
-from evac.errors import EvacError, ResultError
+from evac.errors import EvacError, ResultError, note
 from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
 from evac.output.results import Results
 from evac.output.trajectory import MAGIC, read_trajectory
@@ -91,7 +91,8 @@ def run_into(
     clear_folder(folder)
     try:
         results = simulation.run(progress)
-    except EvacError:
+    except EvacError as error:
+        note(error, simulation.warnings())
         if simulation.step:
             simulation.ended = simulation.ended or FAILED
             with suppress(ResultError):  # the first failure is the one to tell

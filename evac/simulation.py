@@ -15,7 +15,7 @@ from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.ending import INTERRUPTED, NO_PROGRESS, Ending
+from evac.ending import INTERRUPTED, Ending
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.output.results import Results
 from evac.people.distributions import generator_for, generator_state, restore_generator
@@ -245,7 +245,8 @@ class Simulation:
             time=self.time,
             steps=self.step,
             seed=self.seed,
-            stuck=tuple(np.flatnonzero(self.population.crowd.level >= 0)) if self.ended == NO_PROGRESS else (),
+            stuck=tuple(self._ending.stuck(self.step, self.population.crowd).tolist()),
+            warnings=self.warnings(),
             report=self._report(),
             phases=dict(self.phases),
             plan=[part.as_row() for part in self.plan],

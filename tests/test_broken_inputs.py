@@ -80,7 +80,7 @@ def test_people_who_cannot_move_are_reported_and_kept(name, capsys, tmp_path):
     out, err = capsys.readouterr()
     assert re.search(WARNED[name], err), err
     assert "5 of 5 people are still inside (no progress)" in err
-    assert "Can no longer move" in out
+    assert "Without progress at the end" in out
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["exit_status"] == 3
     assert [stuck["person"] for stuck in summary["stuck"]] == [0, 1, 2, 3, 4]

@@ -176,6 +176,17 @@ def test_ends_when_nobody_gets_on():
     assert len(results.stuck) == 20
 
 
+def test_who_stands_is_stuck_however_the_run_ends():
+    """Ten seconds without progress, after the response time."""
+    changes = {"people.people.speed": 1e-6, "simulation.duration": 12.0}
+    results = Simulation(load_case("square_room", changes)).run()
+    assert (results.ended, len(results.stuck)) == (DURATION_OVER, 20)
+    short = Simulation(load_case("square_room", changes | {"simulation.duration": 9.0})).run()
+    assert (short.ended, len(short.stuck)) == (DURATION_OVER, 0)
+    late = {"behaviours.response_time.time": {"constant": 60.0}}
+    assert len(Simulation(load_case("square_room", changes | late)).run().stuck) == 0
+
+
 def test_waiting_for_the_response_time_is_no_lack_of_progress():
     changes = {"behaviours.response_time.time": {"constant": 8.0}, "simulation.no_progress": 3.0}
     simulation = Simulation(load_case("square_room", changes | model_of("dem")))

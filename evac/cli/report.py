@@ -97,4 +97,4 @@ def _show_left(summary: dict[str, Any], results: Results) -> None:
         )
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
         more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
-        show_table(f"Can no longer move{more}", ("person", "level", "x [m]", "y [m]"), rows)
+        show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)

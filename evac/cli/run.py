@@ -55,7 +55,6 @@ def execute(arguments: argparse.Namespace) -> int:
         check_folder(folder)
         display.phase("reading the building, computing directions")
         simulation = Simulation(case, folder, arguments.full)
-        warnings = simulation.warnings()
         display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
         with _Interrupt(display) as progress:
 
@@ -64,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 display.phase("writing the results")
 
             results = run_into(simulation, folder, progress, writing)
-    show_warnings(warnings)
+    show_warnings(results.warnings)
     show_facts({f"{key} (from --tolerance)": value for key, value in chosen.items()})
     show_results(results, folder)
     return INTERRUPTED_STATUS if results.ended == INTERRUPTED else results.exit_status

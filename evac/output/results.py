@@ -36,6 +36,12 @@ PEOPLE_COLUMNS = (
     "start_x",
     "start_y",
     "start_level",
+    "radius",
+    "mass",
+    "tau",
+    "speed",
+    "speed_up",
+    "speed_down",
     "response_time",
     "route",
     "exit",
@@ -79,7 +85,9 @@ class Results:
         Steps of the clock.
     seed : int
     stuck : sequence of int
-        People who made no progress when the run ended.
+        People inside when the run ended who had made no progress for 10 s, or for ``no_progress`` where that is less.
+    warnings : sequence of str
+        What `Simulation.warnings` tells of building and people.
     report : mapping
         Numbers of the contact model, by the names that docs/results.md lists.
     phases : mapping of str to float
@@ -106,6 +114,7 @@ class Results:
     steps: int
     seed: int
     stuck: Sequence[int] = ()
+    warnings: Sequence[str] = ()
     report: Mapping[str, Any] = field(default_factory=dict)
     phases: Mapping[str, float] = field(default_factory=dict)
     plan: Sequence[tuple[str, str, str]] = ()
@@ -172,6 +181,10 @@ class Results:
                 float(self.start_position[p, 0]),
                 float(self.start_position[p, 1]),
                 self.building.levels[self.start_level[p]].name,
+                float(crowd.radius[p]),
+                float(crowd.mass[p]),
+                float(crowd.tau[p]),
+                *crowd.speed[p].tolist(),
                 float(crowd.start_time[p]),
                 str(self.routes[crowd.route[p]]),
                 self.building.exits[crowd.exit_used[p]].name if out else None,
@@ -199,6 +212,7 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "stuck": self._stuck_places(),
+            "warnings": self.warnings,
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self._exit_table(),

@@ -45,6 +45,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     assert (summary["ended"], summary["exit_status"], summary["seed"]) == ("no progress", 3, 7)
     assert (summary["simulated_time"], summary["steps"]) == (20.0, 2000)
     assert summary["stuck"] == [{"person": 3, "level": "floor 2", "x": 2.0, "y": 2.0}]
+    assert summary["warnings"] == ["a narrow place"]
     assert summary["exits"] == {"door": {"people": 2, "last_out": 9.0}}
     assert summary["contact"] == {"greatest_overlap": 1e-4, "residual": None, "unconverged_steps": 0}
     assert summary["wall_time"] == {"contact": 1.5}
@@ -58,12 +59,23 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["person"] for row in rows] == ["0", "1", "2", "3", "4"]
     assert [row["group"] for row in rows] == ["low", "low", "high", "", "high"]
+    crowd = results.crowd
+    for column, values in (("radius", crowd.radius), ("mass", crowd.mass), ("tau", crowd.tau)):
+        assert [float(row[column]) for row in rows] == values.tolist()
+    for k, column in enumerate(("speed", "speed_up", "speed_down")):
+        assert [float(row[column]) for row in rows] == crowd.speed[:, k].tolist()
     assert rows[1] == {
         "person": "1",
         "group": "low",
         "start_x": "2.0",
         "start_y": "3.0",
         "start_level": "floor 1",
+        "radius": "0.2",
+        "mass": "80.0",
+        "tau": "0.5",
+        "speed": "1.0",
+        "speed_up": "0.6",
+        "speed_down": "0.8",
         "response_time": "1.5",
         "route": "shortest to door",
         "exit": "door",
