@@ -1,0 +1,180 @@
+"""The standard tests of the field: buildings, criteria, verdicts, and the page."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from evac.building.reading import read_building
+from evac.evidence import validation_capacity as capacity
+from evac.evidence.report import Evidence
+from evac.evidence.validation import MODELS, in_one_sentence, run, verdict_rows
+from evac.evidence.validation_buildings import (
+    across,
+    corner,
+    hall_and_stair,
+    rectangle,
+    rooms_along_a_corridor,
+    two_rooms,
+    two_ways,
+    write_case,
+    write_obj,
+)
+from evac.evidence.validation_flows import weidmann
+from evac.evidence.validation_trial import Check, Criterion, Trial, mean_interval, steady_flow
+
+ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)
+PERSON = {"positions": [[1.0, 1.0]], "z": 0.0, "speed": 1.0, "tau": 0.5}
+
+
+def test_a_band_is_told_in_words_and_has_a_middle():
+    assert (ASKED.band, ASKED.reference) == ("26 to 34", 30.0)
+    assert Criterion("a", "b", "c", low=1.0).band == "at least 1"
+    assert Criterion("a", "b", "c", high=1.33).band == "at most 1.33"
+    assert Criterion("a", "b", "c", high=1.33).reference == 1.33
+    assert Criterion("a", "b", "c", low=20, high=20).band == "20"
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [
+        ((26.0,), "yes"),
+        ((30.0, 36.0), "yes"),
+        ((34.0, 34.2), "NO: 34.1, 1 times the bound"),
+        ((68.0,), "NO: 68, 2 times the bound"),
+        ((13.0,), "NO: 13, 0.5 times the bound"),
+        ((30.0, np.nan, 30.0), "NO: 1 of 3 runs block"),
+        ((np.nan,), "NO: 1 of 1 runs block"),
+    ],
+)
+def test_a_check_is_passed_by_its_mean_and_by_no_blocked_run(values, verdict):
+    check = Check(ASKED, "DEM", values)
+    assert check.verdict == verdict
+    assert check.is_passed == (verdict == "yes")
+
+
+def test_blocked_runs_are_left_out_of_the_mean_and_counted():
+    check = Check(ASKED, "DEM", (28.0, np.nan, 32.0))
+    assert (check.mean, check.blocked) == (30.0, 1)
+    assert check.interval == mean_interval(np.array([28.0, 32.0]))
+    assert Check(ASKED, "DEM", (np.nan,)).mean is None
+
+
+def test_interval_of_a_mean_is_students():
+    low, high = mean_interval(np.array([1.0, 2.0, 3.0]))
+    assert (low, high) == pytest.approx((2.0 - 4.302653 / 3**0.5, 2.0 + 4.302653 / 3**0.5), rel=1e-6)
+    assert mean_interval(np.array([1.0])) is None
+
+
+def test_steady_flow_leaves_out_both_ends():
+    times = np.concatenate([[0.0, 50.0], 100.0 + 0.5 * np.arange(6), [200.0, 300.0]])
+    assert steady_flow(times) == pytest.approx(6 / (200.0 - 100.0))
+    assert steady_flow(0.25 * np.arange(100)) == pytest.approx(4.0)
+    assert np.isnan(steady_flow(np.array([1.0])))
+
+
+def test_weidmanns_curve_has_its_published_values():
+    assert [weidmann(density) for density in (0.5, 1.0, 2.0, 3.0)] == pytest.approx(
+        [1.298, 1.058, 0.606, 0.331], abs=1e-3
+    )
+    assert weidmann(5.4) == pytest.approx(0.0)
+
+
+def test_a_written_case_is_read_back_with_exits_areas_and_groups(tmp_path):
+    case = write_case(
+        tmp_path,
+        [rectangle(0, 0, 4, 2), rectangle(4, 0, 8, 2, 0.0, 3.0), rectangle(8, 0, 12, 2, 3.0)],
+        [("end", across(12, 0, 2), 3.0)],
+        [PERSON, {"area": "below", "number": 2}],
+        [("below", (2, 0, 3.5, 2), 0.0)],
+        {"contact.model": "dem", "simulation": {"duration": 5.0}},
+    )
+    assert [group.name for group in case.people] == ["group 0", "group 1"]
+    assert case.simulation.duration == 5.0
+    outcome = Trial("NSM2", (1,)).run_case(case)[0]
+    assert [level.kind for level in outcome.results.building.levels] == ["floor", "flight", "floor"]
+    assert len(outcome.people) == 3
+
+
+@pytest.mark.parametrize(
+    ("faces", "way_out", "kinds", "portals"),
+    [
+        (hall_and_stair(1.2), across(23, 0, 10), ["flight", "floor", "floor"], 2),
+        (two_ways(), [[27, 0], [29, 0]], ["flight", "flight", "floor", "floor"], 4),
+        (rooms_along_a_corridor()[0], across(18, 5, 6), ["floor"], 0),
+        (corner(), [[10, 12], [12, 12]], ["floor"], 0),
+        (two_rooms(0.8, 0.2, 1.0)[0], two_rooms(0.8, 0.2, 1.0)[1], ["floor"], 0),
+    ],
+)
+def test_buildings_hang_together(tmp_path, faces, way_out, kinds, portals):
+    exits = [{"name": "end", "segment": way_out, "z": 0.0}]
+    building = read_building(write_obj(tmp_path / "building.obj", faces), exits=exits)
+    assert sorted(level.kind for level in building.levels) == kinds
+    assert len(building.portals) == portals
+
+
+def test_an_outcome_is_what_the_folder_holds():
+    runs = Trial("DEM", (1, 2)).runs([rectangle(0, 0, 6, 2)], [("end", across(6, 0, 2), 0.0)], [PERSON])
+    assert len(runs) == 2
+    for outcome in runs:
+        assert outcome.last_out == pytest.approx(5.0 + 0.5, abs=0.01)
+        assert outcome.numbers("response_time").tolist() == [0.0]
+        assert outcome.trajectory.position.shape[1] == 1
+
+
+def test_people_left_make_a_run_blocked():
+    (outcome,) = Trial("DEM", (1,)).runs(
+        [rectangle(0, 0, 6, 2)], [("end", across(6, 0, 2), 0.0)], [PERSON], **{"simulation.duration": 2.0}
+    )
+    assert outcome.is_blocked
+    assert np.isnan(outcome.last_out)
+
+
+@pytest.mark.parametrize("way", capacity.WAYS)
+def test_a_few_on_a_wide_stair_walk_at_their_own_speed(monkeypatch, way):
+    monkeypatch.setattr(capacity, "PEOPLE", 4)
+    stair = capacity.run_stair(Trial("NSM2", (1, 2)), 1.8, way)
+    assert np.median(stair.ratios) == pytest.approx(1.0, abs=0.05)
+    assert stair.flows.shape == (2,)
+
+
+def test_doors_tell_the_share_of_blocked_runs_and_the_flow_of_the_others():
+    trial = Trial("NSM2", (1, 2, 3, 4))
+    door = capacity.Door(trial, 1.0, np.array([2.0, np.nan, 3.0, np.nan]))
+    row = capacity.door_row(door)
+    assert (row["blocked"], row["share blocked"], row["flow [1/s]"]) == (2, 0.5, 2.5)
+    (check,) = capacity.door_checks([door, capacity.Door(trial, 0.8, np.array([2.0]))])
+    assert check.blocked == 2
+    assert capacity.door_row(capacity.Door(trial, 0.6, np.array([np.nan])))["flow [1/s]"] is None
+
+
+def test_a_test_is_passed_if_all_its_checks_are():
+    other = Criterion("RiMEA 2", "time [s]", "RiMEA", low=1.0)
+    checks = [
+        Check(ASKED, "DEM", (30.0,)),
+        Check(ASKED, "NSM2", (30.0,)),
+        Check(other, "DEM", (2.0,)),
+        Check(other, "NSM2", (0.5,)),
+        Check(Criterion("RiMEA 2", "speed [m/s]", "RiMEA", low=1.0), "DEM", (0.5,)),
+        Check(Criterion("RiMEA 2", "speed [m/s]", "RiMEA", low=1.0), "NSM2", (1.5,)),
+        Check(Criterion("IMO 4", "flow [1/s]", "IMO", high=1.33), "DEM", (1.0,)),
+        Check(Criterion("IMO 4", "flow [1/s]", "IMO", high=1.33), "NSM2", (2.66,)),
+    ]
+    words = in_one_sentence(checks)
+    assert "Of 3 standard tests DEM passes 2, NSM2 passes 1. No model passes: RiMEA 2." in words
+    assert "NSM2 does not pass either: IMO 4." in words
+    row = verdict_rows(checks)[-1]
+    assert (row["test"], row["DEM"], row["NSM2"]) == ("IMO 4", "yes", "NO: 2.66, 2 times the bound")
+
+
+def test_quick_run_writes_verdicts_stairs_and_doors(tmp_path):
+    run(Evidence("validation", tmp_path, quick=True))
+    page = (tmp_path / "README.md").read_text()
+    assert "](validation.png)" in page
+    with (tmp_path / "verdicts.csv").open() as file:
+        verdicts = list(csv.DictReader(file))
+    for test in ("RiMEA 1", "RiMEA 2", "RiMEA 3", "RiMEA 6", "RiMEA 14"):
+        assert {row["NSM2"] for row in verdicts if row["test"] == test} == {"yes"}, test
+    for name in ("tests", "stairs", "doors"):
+        with (tmp_path / f"{name}.csv").open() as file:
+            assert {row["model"] for row in csv.DictReader(file)} <= set(MODELS), name
