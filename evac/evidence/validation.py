@@ -30,7 +30,7 @@ TESTS: Mapping[Callable[[Trial], list[Check]], int] = {
     choices.four_and_two_doors: 3,
     choices.assigned_exits: 3,
     choices.nearer_exit: 3,
-    choices.rooms_in_a_row: 3,
+    choices.rooms_in_a_row: 5,
     flows.wider_bottlenecks: 5,
     flows.foot_of_a_stair: 3,
     choices.route: 1,
@@ -265,6 +265,7 @@ def draw(checks: Sequence[Check]) -> Any:
         axis.plot([], [], "o", color=MODEL_COLOURS[model], label=model)
     axis.set_yticks(range(len(criteria)), [_label(criterion) for criterion in criteria], fontsize=7)
     axis.set(xscale="log", xlim=edges, ylim=(len(criteria) - 0.5, -0.5), xlabel="found over expected")
+    axis.minorticks_off()
     axis.set_xticks([0.2, 0.5, 1.0, 2.0, 5.0], ["0.2", "0.5", "1", "2", "5"])
     axis.legend(frameon=False, ncols=len(models), loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
