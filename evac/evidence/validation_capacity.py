@@ -87,6 +87,7 @@ def stair_row(stair: Stair) -> dict[str, Any]:
         "flow per metre [1/s/m]": float(flows.mean()),
         "from": low,
         "to": high,
+        "published [1/s/m]": "{:g} to {:g}".format(*STAIR_FLOW),
         "over the greatest published": float(flows.mean()) / STAIR_FLOW[1],
         "speed over own stair speed, median": float(np.median(stair.ratios)),
         f"share above {PUSHED:g}": float((stair.ratios > PUSHED).mean()),
@@ -122,7 +123,9 @@ def stair_checks(stairs: Sequence[Stair]) -> list[Check]:
         wider = Criterion("ISO 12", words, "ISO 20414", low=1.0)
         checks.append(check(wider, (flows[1:] / flows[:-1]).min(axis=0)))
         words = f"flow {way} a stair of {own[0].width:g} m [1/s/m]"
-        checks.append(check(Criterion("stair flow", words, "IMO, SFPE", *STAIR_FLOW), flows[0] / own[0].width))
+        checks.append(
+            check(Criterion("stair flow (IMO, SFPE)", words, "IMO, SFPE", *STAIR_FLOW), flows[0] / own[0].width)
+        )
     return checks
 
 

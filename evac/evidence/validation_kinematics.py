@@ -103,7 +103,7 @@ def response(trial: Trial) -> list[Check]:
         "RiMEA, annex 1: two frames of 1/8 s",
         high=0.25,
     )
-    pushed = "greatest way anybody is moved before the own response, "
+    pushed = "greatest way anybody is pushed before the own response, "
     return [
         trial.check(late, [_lag(outcome) for outcome in favourable]),
         *(
@@ -200,7 +200,7 @@ def speeds_by_age(trial: Trial) -> list[Check]:
 
 
 def response_distributions(trial: Trial) -> list[Check]:
-    """NIST 1.1 and ISO 1: response times drawn from five distributions."""
+    """NIST 1.1 and ISO 1: response times drawn from five distributions, each by the same quantiles for a seed."""
     checks = []
     for name, (settings, distribution) in RESPONSES.items():
         distances = [

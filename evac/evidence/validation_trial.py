@@ -110,7 +110,7 @@ class Check:
         if self.mean is None or self.blocked:
             return f"NO: {self.blocked} of {len(self.values)} runs block"
         bound = self.criterion.high if self.mean > self.criterion.high else self.criterion.low
-        times = f", {self.mean / bound:.3g} times the bound" if bound else ""
+        times = f", {self.mean / bound:.3g} times the bound" if bound not in (0.0, 1.0) else ""
         return f"NO: {self.mean:.3g}{times}"
 
 
