@@ -83,18 +83,21 @@ def test_time_and_lengths_over_a_stair_are_sums_of_straight_pieces(drawing):
     assert fields.travel_time_at(level, points, 0) == pytest.approx([9 + 5 / 0.7, 6 + 2.5 / 0.7, 4.0], abs=0.05)
 
 
-def test_a_stair_is_slower_up_and_as_long_for_the_shortest_route(drawing):
+@pytest.mark.parametrize(
+    ("uphill", "speed", "lengths"), [(1, 0.5, [9, 5, 0]), (-1, 0.7, [9, 0, 5])], ids=["up", "down"]
+)
+def test_a_stair_has_its_own_speeds_and_is_as_long_for_the_shortest_route(drawing, uphill, speed, lengths):
     drawing.level((0, 0, 6, 5))
-    drawing.level((6, 2, 10, 3.5), uphill=(1, 0), slope=SLOPE)
-    drawing.level((10, 0, 16, 5), z=3.0)
+    drawing.level((6, 2, 10, 3.5), uphill=(uphill, 0), slope=SLOPE)
+    drawing.level((10, 0, 16, 5), z=3.0 * uphill)
     drawing.portal(0, 1, (6, 2), (6, 3.5))
     drawing.portal(1, 2, (10, 2), (10, 3.5))
     drawing.exit("A", 2, (16, 2), (16, 3.5))
     routes = [Route(strategy=strategy) for strategy in ("fastest", "shortest", "comfortable")]
     fields = build_fields(drawing.build(), routes, speeds=(1.25, 0.5, 0.7), comfort=3.0)
     times = [fields.travel_time_at(0, [[3.0, 2.75]], route)[0] for route in range(3)]
-    assert times == pytest.approx([9 / 1.25 + 5 / 0.5, 9 + 5, 9 / 1.25 + 3 * 5 / 0.5], abs=0.1)
-    assert fields.lengths_at(0, [[3.0, 2.75]], 1)[0] == pytest.approx([9, 5, 0], abs=0.05)
+    assert times == pytest.approx([9 / 1.25 + 5 / speed, 9 + 5, 9 / 1.25 + 3 * 5 / speed], abs=0.1)
+    assert fields.lengths_at(0, [[3.0, 2.75]], 1)[0] == pytest.approx(lengths, abs=0.05)
 
 
 @pytest.mark.parametrize("spacing", [0.2, 0.1])

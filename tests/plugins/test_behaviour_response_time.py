@@ -14,7 +14,10 @@ from evac_plugins.behaviour_response_time import ResponseTime
 UNIFORM = {"uniform": [0.0, 10.0]}
 
 
-def scene(*groups, positions=None, seed=1):
+AREAS = (Area("left", 0, box(0, 0, 4, 4)), Area("right", 0, box(4, 0, 8, 4)), Area("above", 1, box(0, 0, 20, 4)))
+
+
+def scene(*groups, positions=None, levels=0, areas=AREAS, seed=1):
     """Return a scene of groups, given as (name, number, settings), in two rooms side by side on level 0."""
     made, count = [], 0
     for name, number, settings in groups:
@@ -23,11 +26,10 @@ def scene(*groups, positions=None, seed=1):
         count += number
     crowd = SimpleNamespace(
         position=np.zeros((count, 2)) if positions is None else np.array(positions, dtype=np.float64),
-        level=np.zeros(count, dtype=np.int32),
+        level=np.array(np.broadcast_to(np.asarray(levels, dtype=np.int32), count)),
         group=np.repeat(np.arange(len(groups), dtype=np.int32), [number for _, number, _ in groups]),
         start_time=np.zeros(count),
     )
-    areas = (Area("left", 0, box(0, 0, 4, 4)), Area("right", 0, box(4, 0, 8, 4)), Area("above", 1, box(0, 0, 20, 4)))
     return BehaviourScene(
         crowd, SimpleNamespace(areas=areas), SimpleNamespace(), tuple(made), np.random.default_rng(seed), 0.1
     )
@@ -56,6 +58,25 @@ def test_a_place_draws_once_and_a_level_is_the_place_outside_of_areas():
     left, right, outside = times[:2], times[2:4], times[4:]
     assert [len(set(place)) for place in (left, right, outside)] == [1, 1, 1]
     assert len({left[0], right[0], outside[0]}) == 3
+
+
+def units(positions, **given):
+    """Return a number for each person, in order of first appearance, the same for those who share a place's draw."""
+    times = start_times(
+        ResponseTime(time=UNIFORM, per="place"), scene(("all", len(positions), {}), positions=positions, **given)
+    ).tolist()
+    seen = list(dict.fromkeys(times))
+    return [seen.index(time) for time in times]
+
+
+def test_places_of_one_storey_are_apart_from_those_of_another_in_the_same_plan():
+    positions = [(1, 1), (1, 1), (15, 1), (15, 1), (15, 5), (15, 5)]
+    assert units(positions, levels=[0, 1, 0, 1, 0, 1]) == [0, 1, 2, 1, 2, 3]
+
+
+def test_where_areas_overlap_the_first_is_the_place():
+    areas = (Area("hall", 0, box(0, 0, 4, 4)), Area("corner", 0, box(2, 2, 6, 6)))
+    assert units([(1, 1), (3, 3), (5, 5)], areas=areas) == [0, 0, 1]
 
 
 def test_a_groups_own_time_replaces_the_shared_one():

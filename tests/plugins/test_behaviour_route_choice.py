@@ -1,6 +1,7 @@
 """Route choice: least cost by own speeds, within what the case allows, and changes during a run."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -92,6 +93,53 @@ def test_costs_weigh_lengths_with_own_speeds(building):
     assert costs["shortest"] == pytest.approx(np.array([[4.0, 12.0], [4.0, 12.0]]), abs=0.05)
     assert costs["fastest"] == pytest.approx(np.array([[4.0, 17.0], [4.0, 12.0]]), abs=0.05)
     assert costs["comfortable"] == pytest.approx(np.array([[4.0, 37.0], [4.0, 22.0]]), abs=0.2)
+
+
+def test_a_way_down_costs_what_the_speed_and_the_comfort_factor_say(building):
+    """From the upper floor the flat exit is 10.5 m and 5 m down a stair away."""
+    behaviour = RouteChoice(exits=["flat"])
+    of = scene(building, behaviour, [([14.5], [0.5], {})])
+    of.crowd.level[:] = 2
+    of.crowd.speed[:] = (1.0, 0.5, 0.7)
+    routes = [of.fields.routes.index(route) for route in behaviour.routes()]
+    rows = np.arange(1, dtype=np.int32)
+    costs = [route_costs(of.fields, of.crowd, rows, routes, m)[0, 0] for m in ("shortest", "fastest", "comfortable")]
+    assert costs == pytest.approx([10.5 + 5, 10.5 + 5 / 0.7, 10.5 + 3 * 5 / 0.7], abs=0.05)
+
+
+def test_who_cannot_climb_takes_the_way_that_does_not(building):
+    behaviour = RouteChoice(exits=["stair", "flat"])
+    of = scene(building, behaviour, [([9.0], [0.0], {})])
+    behaviour.prepare(of)
+    assert [route.exits for route in chosen(of)] == [("flat",)]
+
+
+def test_between_strategies_seconds_decide(building):
+    """At x = 9 the stair is 7 m and 17 s away for somebody slow on it, the flat exit 9 m and 9 s."""
+    behaviour = RouteChoice(exits=["flat", "stair"], strategies=["shortest", "fastest"])
+    of = scene(building, behaviour, [([9.0, 9.0], [0.5, 1.0], {})])
+    behaviour.prepare(of)
+    assert [route.exits for route in chosen(of)] == [("flat",), ("stair",)]
+
+
+def test_who_is_out_chooses_no_more(building):
+    """Level -1 would be read as the last level, where the exit "stair" is the nearer one."""
+    behaviour = RouteChoice(exits=["flat", "stair"], every=5.0)
+    of = scene(building, behaviour, [([1.0, 1.0], [1.0, 1.0], {})])
+    behaviour.prepare(of)
+    of.crowd.position[:, 0] = 14.5
+    of.crowd.level[:] = [2, -1]
+    behaviour.act(of.crowd, 5.0)
+    assert [route.exits for route in chosen(of)] == [("stair",), ("flat",)]
+
+
+def test_who_has_no_way_keeps_the_route(building):
+    island = replace(building, levels=(*building.levels, level(3, (20, 0, 22, 2))))
+    behaviour = RouteChoice(exits=["flat", "stair"])
+    of = scene(island, behaviour, [([9.0, 21.0], [1.0, 1.0], {})])
+    of.crowd.level[1] = 3
+    behaviour.prepare(of)
+    assert chosen(of) == [Route(("stair",)), Route()]
 
 
 def test_people_slow_on_stairs_take_the_other_exit(building):

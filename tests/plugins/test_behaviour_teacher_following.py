@@ -10,7 +10,7 @@ from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
 from evac.physics.bundles import make_crowd
-from evac_plugins.behaviour_teacher_following import TeacherFollowing
+from evac_plugins.behaviour_teacher_following import WAITED, TeacherFollowing
 
 LENGTH = 100.0
 TICK = 0.1
@@ -183,6 +183,72 @@ def test_a_teacher_waits_as_long_as_its_last_member_gets_nearer():
     assert class_.x[0] == 60.0
     class_.run(30.0)
     assert class_.x[0] > 60.0
+
+
+def waiting(straggler=10.0, **parameters):
+    """Return a teacher at x = 50 whose class is one pupil who does not come nearer; D_0 = 4 s."""
+    given = {"lag": 3.0, "spacing": 1.0, "patience": 10.0, **parameters}
+    class_ = Corridor(("teacher", [50.0], [1.0], {}), ("class", [straggler], [1.0], FOLLOWS), **given)
+    class_.blocked[1] = True
+    return class_
+
+
+def test_half_a_pace_is_half_the_time_waited():
+    """A lag of 3/4 D_0 halves the pace: 15 s of it are 7.5 s of waiting, within the patience."""
+    class_ = waiting(straggler=47.0, stuck=100.0)
+    class_.blocked[0] = True
+    class_.run(15.0 + TICK)  # the first tick sees where everybody is
+    assert class_.behaviour.state()["memory"][0, WAITED] == pytest.approx(7.5, abs=1e-9)
+    assert class_.crowd.speed_factor[0] == pytest.approx(0.5)
+
+
+def test_a_teacher_that_waits_is_not_hindered():
+    """While it stands for a straggler, those ahead of it do not go on alone."""
+    class_ = Corridor(
+        ("teacher", [50.0], [1.0], {}),
+        ("class", [10.0, 51.0], [1.0] * 2, FOLLOWS),
+        patience=np.inf,
+        stuck=10.0,
+    )
+    class_.blocked[1] = True
+    class_.run(20.0)
+    assert class_.x.tolist() == [50.0, 10.0, 51.0]
+    assert not class_.behaviour.state()["goes_alone"].any()
+
+
+def test_waiting_counts_from_the_start_of_the_teacher():
+    class_ = waiting()
+    class_.crowd.start_time[0] = 30.0
+    class_.run(29.0)
+    assert not class_.behaviour.state()["memory"].any()
+    class_.run(10.0)
+    assert class_.x[0] == 50.0
+
+
+def test_a_teacher_waits_again_once_its_class_has_caught_up():
+    class_ = waiting()
+    class_.run(11.0)
+    assert class_.crowd.speed_factor[0] == 1.0  # it waits no more
+    class_.x[1] = class_.crowd.position[1, 0] = class_.x[0]
+    class_.tick()
+    class_.x[1] = class_.crowd.position[1, 0] = 10.0
+    class_.tick()
+    assert class_.crowd.speed_factor[0] == 0.0
+
+
+def test_who_is_under_way_keeps_its_start_time():
+    class_ = Corridor(("teacher", [10.0], [1.0], {}), ("class", [5.0, 6.0], [1.0] * 2, FOLLOWS), start_time=[30, 1, 6])
+    class_.behaviour.act(class_.crowd, 5.0)
+    assert class_.crowd.start_time.tolist() == [30.0, 1.0, 30.0]
+
+
+def test_a_wait_goes_on_from_its_state():
+    first, second = waiting(), waiting()
+    first.run(9.0)
+    second.behaviour.restore(first.behaviour.state())
+    np.testing.assert_array_equal(second.behaviour.state()["memory"], first.behaviour.state()["memory"])
+    second.run(2.0)
+    assert second.x[0] > 50.0
 
 
 def test_two_classes_in_each_others_way_get_out():
