@@ -38,7 +38,7 @@ class Distribution:
     kind : str
         ``constant`` (value), ``uniform`` (low, high), ``normal`` (mean, standard deviation), ``lognormal``
         (mu and sigma of the logarithm), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
-        (values, taken in order; there must be one for each person).
+        (values, taken in order; there must be one for each person, and for a group's quantities no more).
     numbers : tuple of float
     minimum, maximum : float
         What lies outside is drawn again.

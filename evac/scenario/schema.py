@@ -186,7 +186,7 @@ class GroupSettings(Section):
         for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
-            if values.kind == "list" and len(values.numbers) < self.count:
+            if values.kind == "list" and len(values.numbers) != self.count:
                 raise wrong(
                     quantity, f"a list of {len(values.numbers)} values for {self.count} people; give one for each"
                 )

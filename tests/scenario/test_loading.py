@@ -97,6 +97,10 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
             "people.pupils.mass={list=[60.0, 70.0]}",
             "people.pupils.mass: a list of 2 values for 5 people; give one for each",
         ),
+        (
+            "people.pupils.speed_up={factor={list=[1, 1, 1, 1, 1, 1]}}",
+            "people.pupils.speed_up: a list of 6 values for 5 people; give one for each",
+        ),
         ("people.teacher.number=2", "people.teacher.number: 2 people at 1 positions; remove number or correct it"),
         ("people.teacher.velocity=[[1,0],[0,1]]",
          "people.teacher.velocity: 2 velocities for 1 positions; give one for each"),
