@@ -4,6 +4,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from evac.errors import ScenarioError
+from evac.people.distributions import Distribution
+from evac.scenario.keys import Factor
 
 if TYPE_CHECKING:
     from evac.scenario.schema import Case
@@ -27,7 +29,7 @@ def settings_for(case: "Case", tolerance: float) -> dict[str, Any]:
     """Return the overrides of a case that keep the numerical error of positions below a tolerance.
 
     All models are of first order wherever contacts open and close: in one step a person walks v h, and when in
-    the step a contact falls is not known. So, with v the greatest desired speed in the case,
+    the step a contact falls is not known. So, with v the greatest speed in the case,
 
     - step: ``h = tolerance / (ERROR_PER_PATH v)``, at most `LONGEST`, shortened to a divisor of the tick;
     - gap tolerance (where the model has one): ``SOLVER_SHARE tolerance``; overlaps, which can add up
@@ -76,10 +78,18 @@ def settings_for(case: "Case", tolerance: float) -> dict[str, Any]:
 
 
 def greatest_speed(case: "Case") -> float:
-    """Return the greatest speed that somebody in a case wants or starts with [m/s]."""
+    """Return the greatest speed that somebody in a case wants, on the flat or on stairs, or starts with [m/s]."""
     speeds = [0.0]
     for group in case.people:
-        bound = group.speed.support()[1]
-        speeds.append(bound if bound < math.inf else UNBOUNDED * group.speed.mean())
+        flat = _greatest(group.speed)
+        speeds.append(flat)
+        for quantity in {"speed_up", "speed_down"} & group.model_fields_set:  # by default at most that on the flat
+            given = getattr(group, quantity)
+            speeds.append(flat * _greatest(given.factor) if isinstance(given, Factor) else _greatest(given))
         speeds += [math.hypot(x, y) for x, y in group.velocity or ()]
     return max(speeds)
+
+
+def _greatest(values: Distribution) -> float:
+    bound = values.support()[1]
+    return bound if bound < math.inf else UNBOUNDED * values.mean()

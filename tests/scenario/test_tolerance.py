@@ -43,9 +43,27 @@ def test_only_parameters_that_the_model_has_are_set(room):
     assert chosen["contact.nsm1.gap_tolerance"] == pytest.approx(SOLVER_SHARE * 0.001)
 
 
-def test_initial_velocities_and_unbounded_speeds_count(room):
+def test_unbounded_speeds_count_as_a_multiple_of_their_mean(room):
     fast = room.change({"people.people.speed": {"normal": [1.0, 0.2], "minimum": 0.1}})
-    assert 2.9 < greatest_speed(fast) < 3.1
+    assert greatest_speed(fast) == pytest.approx(3.0, rel=1e-4)
+
+
+def test_initial_velocities_count(room):
+    group = {"name": "people", "positions": [[1.0, 1.0]], "velocity": [[3.0, 4.0]], "level": "room", "speed": 1.3}
+    assert greatest_speed(room.change({"people": [group]})) == 5.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "greatest"),
+    [
+        ({"speed_down": 4.0}, 4.0),
+        ({"speed_up": {"factor": {"uniform": [1.0, 2.5]}}}, 2.5),
+        ({"speed": 0.4}, 0.4),  # the default on stairs is at most that on the flat
+    ],
+)
+def test_speeds_on_stairs_count(room, changes, greatest):
+    group = {"name": "people", "number": 2, "area": "room", "speed": 1.0}
+    assert greatest_speed(room.change({"people": [group | changes]})) == greatest
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, math.inf, math.nan, 1e-9])
