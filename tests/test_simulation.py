@@ -315,6 +315,26 @@ def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
+def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
+    text = """
+        from evac import ContactModel, hookimpl
+
+        class Failing(ContactModel):
+            '''Fails at once.'''
+            name = "failing"
+
+            def run(self, engine, clock):
+                raise ValueError("oops")
+
+        @hookimpl
+        def evac_contact_models():
+            return [Failing]
+        """
+    case = in_the_room(tmp_path, text, **model_of("failing"))
+    with pytest.raises(PluginError, match=r"^contact model 'failing': ValueError: oops \(.*odd\.py, line"):
+        Simulation(case).run()
+
+
 FORCES = """
     from evac import Force, hookimpl
     from evac.jit import pair_force

@@ -94,7 +94,8 @@ class Engine:
     def load(self, model: "ContactModel", crowd: Crowd, step: float, explicit: bool) -> None:
         """Load the kernels of a model, or compile them; no step is made."""
         if stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts):
-            model.run(self, Clock(0, 0, step, explicit, False, self.cutoff, self.full))
+            with plugin_code(f"contact model {model.name!r}"):
+                model.run(self, Clock(0, 0, step, explicit, False, self.cutoff, self.full))
         stepping.scatter(crowd, self.bodies)
 
     def state(self) -> dict[str, np.ndarray]:
