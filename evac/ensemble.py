@@ -1,6 +1,7 @@
 """Many runs of one case, each with a seed of its own: how certain a result is."""
 
 import json
+import math
 import signal
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
@@ -107,11 +108,11 @@ class Ensemble:
         Returns
         -------
         dict of str to (k,) float64
-            ``time`` [s], every ``output.every`` seconds, ``mean``, and ``percentile_5``, ``percentile_50`` and
+            ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean``, and ``percentile_5``, ``percentile_50`` and
             ``percentile_95``.
         """
-        end = max(run.time for run in self.runs)
-        time = np.arange(0.0, end + self.case.output.every, self.case.output.every)
+        end, every = max(run.time for run in self.runs), self.case.output.every
+        time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
         # NaN sorts last, behind every time.
         out = np.array([np.searchsorted(np.sort(run.exit_time), time, "right") for run in self.runs])
         columns = {"time": time, "mean": out.mean(axis=0)}

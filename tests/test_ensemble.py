@@ -80,6 +80,15 @@ def test_egress_counts_who_is_out_at_each_time(case):
     assert egress["percentile_50"][-1] == 1.5
 
 
+@pytest.mark.parametrize(("end", "every", "points"), [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.0, 0.5, 3), (1.1, 0.5, 4)])
+def test_the_curves_end_with_the_longest_run(case, end, every, points):
+    """0.3 + 0.1 is more than 0.4: np.arange to it would go on to 0.4."""
+    runs = tuple(Run(0, "everybody out", time, (), np.array([0.2, time])) for time in (0.25, end))
+    egress = Ensemble(case.change({"output.every": every}), runs).egress()
+    np.testing.assert_allclose(egress["time"], every * np.arange(points), rtol=1e-12)
+    assert egress["mean"][-1] == 2.0
+
+
 def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
     ensemble = made(case, [1.0, 2.0], [4.0, math.nan])
     ensemble.write(tmp_path / "r")
