@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evac.errors import PluginError
 from evac.physics.bundles import make_crowd
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (
@@ -26,6 +27,11 @@ def restitution(dissipation, mass):
     if np.isinf(dissipation):
         return 1.0
     return max(0.0, (dissipation / 2 - mass) / (dissipation / 2 + mass))
+
+
+def test_more_iterations_than_kernels_can_count_are_refused():
+    with pytest.raises(PluginError, match=r"^nsm2\.iterations: must be at most 1000000000, got 1e\+20$"):
+        Nsm2(iterations=1e20)
 
 
 @pytest.mark.parametrize("dissipation", DISSIPATION)
