@@ -382,7 +382,6 @@ class Simulation:
             radius=crowd.radius,
             mass=crowd.mass,
             tau=crowd.tau,
-            speed=float(crowd.speed.max()),
         )
 
     @contextmanager

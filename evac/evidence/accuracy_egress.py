@@ -66,7 +66,7 @@ def measure(model: str, step: float, number: int, seed: int) -> list[dict[str, A
     for run_number in range(number):
         position_set, place = divmod(run_number, PER_SET)
         crowd = crowd_at(start_positions(seed, position_set), seed, position_set, place)
-        scene = BorderScene(step, False, crowd.radius, crowd.mass, crowd.tau, float(crowd.speed.max()))
+        scene = BorderScene(step, False, crowd.radius, crowd.mass, crowd.tau)
         try:
             make_model(model).check_scene(scene)
         except ScenarioError:

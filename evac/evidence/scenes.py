@@ -51,7 +51,7 @@ class Scene:
     def border(self, step: float, explicit: bool) -> BorderScene:
         """Return what contact models check a step [s] against."""
         crowd = self.crowd
-        return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau, float(crowd.speed.max()))
+        return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau)
 
 
 def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:

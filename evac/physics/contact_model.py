@@ -60,8 +60,6 @@ class BorderScene(NamedTuple):
     explicit : bool
         Whether the drive is explicit Euler.
     radius, mass, tau : (n,) [m], [kg], [s]
-    speed : float
-        Greatest desired speed [m/s].
     """
 
     step: float
@@ -69,7 +67,6 @@ class BorderScene(NamedTuple):
     radius: FloatArray
     mass: FloatArray
     tau: FloatArray
-    speed: float
 
 
 class ContactModel(Configurable, ABC):
