@@ -108,8 +108,8 @@ class Ensemble:
         Returns
         -------
         dict of str to (k,) float64
-            ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean``, and ``percentile_5``, ``percentile_50`` and
-            ``percentile_95``.
+            ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean``, and ``percentile_5``,
+            ``percentile_50`` and ``percentile_95``.
         """
         end, every = max(run.time for run in self.runs), self.case.output.every
         time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)

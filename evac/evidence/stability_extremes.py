@@ -39,8 +39,8 @@ STEP = 0.01
 #: The models tried on scenes that take long.
 LARGE = ("DEM", "NSM1 inertial", "NSM2 K_N = 1e5")
 
-#: How long a crowd presses against a closed door: until even the last of 10,000 have walked up to the others [s].
-PRESSED = 15.0
+#: How long a crowd presses against a closed door: long enough for 10,000 to have walked up to each other [s].
+PRESSED = 12.0
 
 
 @dataclass(frozen=True)
