@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
+from evac.building.links import close_links
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
@@ -107,7 +108,8 @@ class Simulation:
         """Make the stations of the main path, one from the other."""
         case = self.case
         with self._phase("building"):
-            self.building = self.registry.read_building(case.mesh, **case.building.options())
+            mesh = self.registry.read_building(case.mesh, **case.building.options())
+            self.building = close_links(mesh, case.building.closed)
             check_people(case, self.building)
         with naming(case.source), self._phase("directions"):
             self.fields = self._build_fields(behaviours)

@@ -1,6 +1,7 @@
 """What a building must fulfil before anything is computed on it."""
 
 import itertools
+from collections.abc import Collection
 
 import networkx
 import numpy as np
@@ -160,15 +161,15 @@ def check_exits(building: Building) -> None:
     )
 
 
-def isolated_parts(building: Building) -> tuple[str, ...]:
-    """Warn of levels from which no exit can be reached."""
+def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[str, ...]:
+    """Warn of levels from which no exit can be reached, other than those that are `closed` themselves."""
     graph = networkx.Graph()
     graph.add_nodes_from(range(len(building.levels)))
-    graph.add_edges_from(portal.levels for portal in building.portals)
-    open_levels = {way.level for way in building.exits}
+    graph.add_edges_from(portal.levels for portal in building.portals if building.is_open(portal))
+    open_levels = {way.level for way in building.exits if building.is_open(way)}
     notes = []
     for part in sorted(networkx.connected_components(graph), key=min):
-        if not part & open_levels:
+        if not part & open_levels and not part <= set(closed):
             names = ", ".join(repr(building.levels[index].name) for index in sorted(part))
             notes.append(f"no exit can be reached from {names}: nobody can leave from there")
     return tuple(notes)

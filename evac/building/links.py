@@ -1,16 +1,20 @@
-"""Edges to portals, tagged exits and walls."""
+"""Edges to portals, tagged exits and walls; links that are closed."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
 from evac.building.levels import LevelSet
-from evac.building.model import Exit, Level, Portal
+from evac.building.model import Building, Exit, Level, Portal
 from evac.building.surface import Surface
 from evac.errors import BuildingError
+from evac.parameters import did_you_mean
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -113,3 +117,36 @@ def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]
     if not len(free):
         return ""
     return f"; the nearest free edge is {edge_place(surface.vertices, free[distance.argmin()])}"
+
+
+def close_links(building: Building, names: Sequence[str]) -> Building:
+    """Return the building with exits, portals and stairs closed during the whole run: walls on both sides.
+
+    Parameters
+    ----------
+    building : Building
+    names : sequence of str
+        Of exits, portals or stairs; all portals of a stair are closed.
+
+    Raises
+    ------
+    BuildingError
+        If nothing has such a name.
+    """
+    closed, stairs = set(building.closed), set[int]()
+    for name in names:
+        links = {building.link_of(way) for way in building.exits if way.name == name}
+        links |= {portal.index for portal in building.portals if portal.name == name}
+        links |= {p.index for level in building.stairs.get(name, ()) for p in building.portals_of(level)}
+        if not links:
+            ways = (*building.exits, *building.portals)
+            known = [*dict.fromkeys(way.name for way in ways), *building.stairs]
+            raise BuildingError(
+                f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)} "
+                "(given as building.closed)"
+            )
+        closed |= links
+        stairs |= set(building.stairs.get(name, ()))
+    result = replace(building, closed=frozenset(closed))
+    cut_off = [note for note in isolated_parts(result, stairs) if note not in building.warnings]
+    return replace(result, warnings=(*building.warnings, *cut_off))

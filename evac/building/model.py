@@ -150,6 +150,8 @@ class Building:
         Levels of each stair, from top to bottom.
     warnings : tuple of str
         What a user should know and that stops nothing.
+    closed : frozenset of int
+        Links that are walls during the whole run.
     """
 
     source: Path
@@ -162,6 +164,7 @@ class Building:
     wall_level: IntArray
     stairs: dict[str, tuple[int, ...]]
     warnings: tuple[str, ...] = field(default=())
+    closed: frozenset[int] = frozenset()
 
     def level_named(self, name: str) -> Level | None:
         """Return the level of that name, or None."""
@@ -176,10 +179,14 @@ class Building:
         """Return the link of an exit; that of a portal is its index."""
         return len(self.portals) + exit_.index
 
+    def is_open(self, link: Portal | Exit) -> bool:
+        """Say whether a portal or an exit can be passed."""
+        return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
+
     def portals_of(self, level: int) -> list[Portal]:
-        """Return the portals of a level."""
+        """Return the portals of a level, closed ones too."""
         return [portal for portal in self.portals if level in portal.levels]
 
     def exits_of(self, level: int) -> list[Exit]:
-        """Return the exits of a level."""
+        """Return the exits of a level, closed ones too."""
         return [exit_ for exit_ in self.exits if level == exit_.level]

@@ -90,7 +90,10 @@ def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_an
     if (is_steep & ~is_obstacle).any():
         dropped = is_steep & ~is_obstacle
         place = _first_place(vertices, triangles, dropped)
-        notes.append(f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped, {place}")
+        notes.append(
+            f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped, {place}: walls are not needed, and "
+            "stairs are drawn as inclined surfaces, not as treads and risers"
+        )
     keep = ~is_steep & ~is_obstacle
     if not keep.any():
         raise BuildingError(

@@ -9,7 +9,7 @@ from evac.cli.cases import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
 
 if TYPE_CHECKING:
-    from evac.building.model import Building
+    from evac.building.model import Building, Exit, Portal
     from evac.simulation import Simulation
 
 
@@ -67,12 +67,19 @@ def show_building(building: "Building") -> None:
     ]
     show_table("Levels", ("level", "kind", "z [m]", "area in plan [m2]", "slope [deg]", "walls"), levels)
     names = [level.name for level in building.levels]
+
+    def state(link: "Portal | Exit") -> str:
+        return "open" if building.is_open(link) else "closed"
+
     if building.portals:
-        rows = [(p.name, " - ".join(names[index] for index in p.levels), round(p.width, 3)) for p in building.portals]
-        show_table("Portals", ("portal", "between", "width [m]"), rows)
+        rows = [
+            (p.name, " - ".join(names[index] for index in p.levels), round(p.width, 3), state(p))
+            for p in building.portals
+        ]
+        show_table("Portals", ("portal", "between", "width [m]", ""), rows)
     if building.exits:
-        exits = [(e.name, names[e.level], round(e.width, 3)) for e in building.exits]
-        show_table("Exits", ("exit", "level", "width [m]"), exits)
+        exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in building.exits]
+        show_table("Exits", ("exit", "level", "width [m]", ""), exits)
     if building.areas:
         areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
         show_table("Areas", ("area", "level", "m2"), areas)

@@ -36,7 +36,6 @@ def build_fields(
     speeds: tuple[float, float, float] = (1.0, 0.5, 0.7),
     comfort: float = COMFORT,
     order: int = ORDER,
-    link_open: NDArray[np.uint8] | None = None,
 ) -> Fields:
     """March the travel times and directions of a building for some routes.
 
@@ -60,8 +59,6 @@ def build_fields(
         Weight of the time on stairs for the strategy "comfortable".
     order : {1, 2}
         Order of the marching stencil.
-    link_open : (portals + exits,) uint8, optional
-        0 where a link is closed; all are open by default.
 
     Returns
     -------
@@ -77,9 +74,8 @@ def build_fields(
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
-    opened = np.ones(building.n_links, dtype=np.uint8) if link_open is None else np.asarray(link_open, dtype=np.uint8)
-    graph = build_graph(building, opened)
-    grids = build_grids(building, spacing, clearance, opened)
+    graph = build_graph(building)
+    grids = build_grids(building, spacing, clearance)
     bent = _bent(grids, clearance) if clearance > 0.0 else None
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
@@ -87,7 +83,7 @@ def build_fields(
     filled = 0
     for index, route in enumerate(routes):
         allowed = [e for e in building.exits if not route.exits or e.name in route.exits]
-        exits = [e for e in allowed if opened[building.link_of(e)]]
+        exits = [e for e in allowed if building.is_open(e)]
         direction, travel_time, lengths = _solve(grids, exits, _rates(route.strategy, speeds, comfort), bent, order)
         for level in sorted(levels_reaching(graph, [e.index for e in exits])):
             nodes = grids.levels[level].packed
@@ -123,6 +119,11 @@ def _check_routes(building: Building, routes: Sequence[Route]) -> None:
                     f"a route leads to exit {name!r}, which {building.source} does not have;"
                     f" {did_you_mean(name, names)}"
                 )
+        if route.exits and not any(building.is_open(e) for e in building.exits if e.name in route.exits):
+            raise ScenarioError(
+                f"a route leads to {' or '.join(map(repr, route.exits))} alone, which building.closed closes; "
+                "name another exit in it, or open one"
+            )
 
 
 def _check_spacing(building: Building, spacing: float) -> None:

@@ -3,20 +3,16 @@
 from typing import Any
 
 import networkx as nx
-import numpy as np
-from numpy.typing import NDArray
 
 from evac.building.model import Building
 
 
-def build_graph(building: Building, link_open: NDArray[np.uint8]) -> Any:
+def build_graph(building: Building) -> Any:
     """Return the graph of what is open.
 
     Parameters
     ----------
     building : Building
-    link_open : (portals + exits,) uint8
-        0 where a link is closed.
 
     Returns
     -------
@@ -28,12 +24,12 @@ def build_graph(building: Building, link_open: NDArray[np.uint8]) -> Any:
     graph.add_nodes_from((("level", level.index), {"name": level.name}) for level in building.levels)
     graph.add_nodes_from((("exit", exit_.index), {"name": exit_.name}) for exit_ in building.exits)
     for portal in building.portals:
-        if link_open[portal.index]:
+        if building.is_open(portal):
             first, second = portal.levels
             graph.add_edge(("level", first), ("level", second), key=portal.index, width=portal.width, name=portal.name)
     for exit_ in building.exits:
-        link = building.link_of(exit_)
-        if link_open[link]:
+        if building.is_open(exit_):
+            link = building.link_of(exit_)
             graph.add_edge(("level", exit_.level), ("exit", exit_.index), key=link, width=exit_.width, name=exit_.name)
     return graph
 

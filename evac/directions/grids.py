@@ -71,7 +71,6 @@ class BuildingGrids:
     Attributes
     ----------
     building, lattice, levels
-    link_open : (portals + exits,) uint8
     size : int
         Nodes of all grids.
     margin : int
@@ -81,13 +80,12 @@ class BuildingGrids:
     building: Building
     lattice: Lattice
     levels: tuple[LevelGrid, ...]
-    link_open: NDArray[np.uint8]
     size: int
     margin: int
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""
-        return _open_portals(self.building, level, self.link_open)
+        return _open_portals(self.building, level)
 
     def is_ground(self, grid: LevelGrid) -> BoolArray:
         """Return the nodes (nx, ny) of a grid that stand on a level: its own and the halos, not the strips."""
@@ -107,7 +105,7 @@ def use_towards(level: Level, segments: FloatArray) -> int:
     return DOWN if (segments.reshape(-1, 2) @ level.uphill).mean() < middle else UP
 
 
-def build_grids(building: Building, spacing: float, clearance: float, link_open: NDArray[np.uint8]) -> BuildingGrids:
+def build_grids(building: Building, spacing: float, clearance: float) -> BuildingGrids:
     """Lay a grid under each level.
 
     Parameters
@@ -117,11 +115,10 @@ def build_grids(building: Building, spacing: float, clearance: float, link_open:
         Distance of nodes [m].
     clearance : float
         Farthest distance from walls that matters [m].
-    link_open : (portals + exits,) uint8
     """
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
-    walls = [_walls_of(building, level.index, link_open) for level in building.levels]
+    walls = [_walls_of(building, level.index) for level in building.levels]
     # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
     margin = max(MARGIN, math.ceil(clearance / spacing) + 3)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
@@ -129,29 +126,29 @@ def build_grids(building: Building, spacing: float, clearance: float, link_open:
         walkable_nodes(window, level.polygon, walls[level.index])
         for level, window in zip(building.levels, own_windows, strict=True)
     ]
-    layers = _Layers(building, own_windows, own_nodes, walls, link_open, margin)
+    layers = _Layers(building, own_windows, own_nodes, walls, margin)
     grids: list[tuple[Window, NDArray[np.int32]]] = [layers.grid(level) for level in building.levels]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
-        distance = _distances(building, level.index, window, sheet, walls, clearance, link_open)
-        portals = _open_portals(building, level.index, link_open)
+        distance = _distances(building, level.index, window, sheet, walls, clearance)
+        portals = _open_portals(building, level.index)
         seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
         found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance, seams))
-    return BuildingGrids(building, lattice, tuple(found), link_open, int(offsets[-1]), margin)
+    return BuildingGrids(building, lattice, tuple(found), int(offsets[-1]), margin)
 
 
-def _walls_of(building: Building, level: int, link_open: NDArray[np.uint8]) -> FloatArray:
+def _walls_of(building: Building, level: int) -> FloatArray:
     """Return the walls of a level, closed portals and exits among them."""
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
-    parts += [portal.segments for portal in building.portals_of(level) if not link_open[portal.index]]
-    parts += [exit_.segments for exit_ in building.exits_of(level) if not link_open[building.link_of(exit_)]]
+    parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
+    parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
     return np.concatenate(parts)
 
 
-def _open_portals(building: Building, level: int, link_open: NDArray[np.uint8]) -> list[Portal]:
-    return [portal for portal in building.portals_of(level) if link_open[portal.index]]
+def _open_portals(building: Building, level: int) -> list[Portal]:
+    return [portal for portal in building.portals_of(level) if building.is_open(portal)]
 
 
 def _chain(segments: FloatArray) -> BaseGeometry:
@@ -166,13 +163,12 @@ class _Layers:
     windows: list[Window]
     nodes: list[BoolArray]
     walls: list[FloatArray]
-    link_open: NDArray[np.uint8]
     margin: int
 
     def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
         """Return the window of a level's grid and the sheet of each node."""
         lattice = self.windows[level.index].lattice
-        portals = _open_portals(self.building, level.index, self.link_open)
+        portals = _open_portals(self.building, level.index)
         bounds = np.array(
             [level.polygon.bounds] + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
         )
@@ -183,9 +179,9 @@ class _Layers:
         for portal in portals:
             self._add_halo(window, sheet, portal, portal.other(level.index))
         for exit_ in self.building.exits_of(level.index):
-            link = self.building.link_of(exit_)
-            if self.link_open[link]:
-                sheet[(sheet == NOTHING) & _behind(window, exit_.segments, self.margin - 1)] = 1 + link
+            if self.building.is_open(exit_):
+                strip = (sheet == NOTHING) & _behind(window, exit_.segments, self.margin - 1)
+                sheet[strip] = 1 + self.building.link_of(exit_)
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
 
@@ -317,11 +313,10 @@ def _distances(
     sheet: NDArray[np.int32],
     walls: list[FloatArray],
     clearance: float,
-    link_open: NDArray[np.uint8],
 ) -> FloatArray:
     """Return the distance of nodes to the walls of the level and to those just behind its portals."""
     near_walls = [walls[level]]
-    for portal in _open_portals(building, level, link_open) if clearance > 0.0 else ():
+    for portal in _open_portals(building, level) if clearance > 0.0 else ():
         beyond = walls[portal.other(level)]
         close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance)
         near_walls.append(_clipped(beyond[close], portal.segments, clearance))

@@ -30,11 +30,13 @@ def make_world(building: Building, fields: Fields) -> World:
     # Every link also stands among the walls, open for as long as the link is: closed doors are walls.
     link_level = np.repeat(np.arange(count), np.diff(start))
     walls = np.concatenate([building.walls.reshape(-1, 4), segment])
+    link_open = np.ones(building.n_links, np.uint8)
+    link_open[list(building.closed)] = 0
     bucket_wall, bucket_start, shape, frame = _buckets(walls)
     return World(
         wall=np.ascontiguousarray(walls, dtype=np.float64),
         wall_level=np.concatenate([building.wall_level, link_level]).astype(np.int32),
-        wall_open=np.concatenate([np.zeros(len(building.walls)), np.ones(len(segment))]).astype(np.uint8),
+        wall_open=np.concatenate([np.zeros(len(building.walls), np.uint8), link_open[link]]),
         bucket_wall=bucket_wall,
         bucket_start=bucket_start,
         bucket_shape=shape,
@@ -43,7 +45,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_start=start,
         link_to=to,
         link_id=link,
-        link_open=np.ones(building.n_links, np.uint8),
+        link_open=link_open,
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         linked=_linked(building),

@@ -94,10 +94,11 @@ class BuildingSettings(Section):
     exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", ())
     areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", ())
     obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
+    closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
         """Return the keyword arguments of `evac.read_building`."""
-        return self.model_dump(exclude={"mesh"}, exclude_none=True)
+        return self.model_dump(exclude={"mesh", "closed"}, exclude_none=True)
 
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:

@@ -1,6 +1,7 @@
 """Travel times against geodesics by hand, continuity over portals, strategies, and ways that bodies can follow."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,10 +169,17 @@ def test_routes_with_exits_end_only_there(drawing):
 
 def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     building = two_storeys(drawing)
-    fields = build_fields(building, ANY, link_open=np.array([0, 1, 1], dtype=np.uint8))
+    fields = build_fields(replace(building, closed=frozenset({0})), ANY)
     assert fields.packed.field_of[:, 0].tolist() == [-1, 0, 1]
-    fields = build_fields(building, ANY, link_open=np.array([1, 1, 0], dtype=np.uint8))
+    fields = build_fields(replace(building, closed=frozenset({2})), ANY)
     assert fields.packed.field_of[:, 0].tolist() == [-1, -1, -1]
+
+
+def test_a_route_to_closed_exits_alone_is_refused(drawing):
+    building = replace(two_storeys(drawing), closed=frozenset({2}))
+    (way_out,) = building.exits
+    with pytest.raises(ScenarioError, match=f"leads to '{way_out.name}' alone, which building.closed closes"):
+        build_fields(building, (Route((way_out.name,)),))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,82 @@
+"""Portals, exits and stairs that are closed."""
+
+import pytest
+
+from evac.building.links import close_links
+from evac.errors import BuildingError, EvacError
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+EXITS = [{"name": name, "segment": [[x, 0], [x, 2]], "z": z} for name, x, z in (("west", 0, 0.0), ("east", 26, 3.0))]
+
+
+@pytest.fixture
+def building(stair_mesh, read):
+    """Two floors, a stair between them, an exit on either."""
+    return read(stair_mesh, exits=EXITS)
+
+
+def test_exits_portals_and_stairs_are_closed_by_name(building):
+    west, east = building.exits
+    assert building.is_open(west)
+    closed = close_links(building, ["west", building.portals[1].name])
+    assert [closed.is_open(link) for link in (west, east, *building.portals)] == [False, True, True, False]
+    closed = close_links(building, ["stair 1"])
+    assert [closed.is_open(link) for link in (west, east, *building.portals)] == [True, True, False, False]
+
+
+def test_what_is_cut_off_is_warned_of(building):
+    west = building.exits[0].name
+    assert close_links(building, [west]).warnings == building.warnings
+    assert close_links(building, ["stair 1"]).warnings == building.warnings
+    (note,) = close_links(building, [west, "stair 1"]).warnings
+    assert note.startswith("no exit can be reached from 'floor z=0.00'")
+
+
+def test_unknown_names_are_refused(building):
+    with pytest.raises(
+        BuildingError, match=r"no exit, portal or stair is named 'stair 2'; .*'stair 1'.*building.closed"
+    ):
+        close_links(building, ["stair 2"])
+
+
+CASE = """
+[building]
+mesh = "stair.obj"
+closed = {closed}
+[[building.exits]]
+name = "west"
+segment = [[0.0, 0.0], [0.0, 2.0]]
+z = 0.0
+[[building.exits]]
+name = "east"
+segment = [[26.0, 0.0], [26.0, 2.0]]
+z = 3.0
+[[people]]
+name = "visitors"
+positions = [[5.0, 1.0], [3.0, 1.0]]
+z = 0.0
+radius = 0.2
+mass = 80.0
+tau = 0.5
+speed = 1.3
+[contact]
+model = "nsm1"
+"""
+
+
+@pytest.mark.parametrize(("closed", "used"), [([], "west"), (["west"], "east"), (["stair 1"], "west")])
+def test_people_leave_by_what_is_open(stair_mesh, tmp_path, closed, used):
+    stair_mesh.write_obj(tmp_path / "stair.obj")
+    (tmp_path / "case.toml").write_text(CASE.format(closed=closed))
+    summary = Simulation(load_case(tmp_path / "case.toml")).run().summary()
+    assert {name: row["people"] for name, row in summary["exits"].items() if row["people"]} == {used: 2}
+    assert summary["stairs"]["stair 1"]["people"] == (2 if used == "east" else 0)
+
+
+def test_closing_the_only_way_is_refused_with_who_is_cut_off(stair_mesh, tmp_path):
+    stair_mesh.write_obj(tmp_path / "stair.obj")
+    (tmp_path / "case.toml").write_text(CASE.format(closed=["west", "stair 1"]))
+    with pytest.raises(EvacError, match="cannot reach") as caught:
+        Simulation(load_case(tmp_path / "case.toml"))
+    assert any("no exit can be reached from 'floor z=0.00'" in note for note in caught.value.__notes__)
