@@ -17,18 +17,23 @@ def test_shows_the_building_and_the_people(evac, capsys):
     assert evac("check", "primary_school") == 0
     out, err = capsys.readouterr()
     assert _lines(out, "ground")[0] == ["ground", "floor", "0.00", "162.5", "0", "125"]
-    assert _lines(out, "main_door")[0] == ["main_door", "ground", "1.8"]
+    assert _lines(out, "main_door")[0] == ["main_door", "ground", "1.8", "open"]
     assert _lines(out, "class_0a")[1][:3] == ["class_0a", "22", "ground"]
     assert "People: 136. All can reach an exit; see warnings for narrow places." in out
     assert out.count("30.5") == 4
     assert err == ""
 
 
+def test_shows_what_is_closed(capsys):
+    assert main(["check", "primary_school", "--set", 'building.closed=["upper"]']) == 2
+    assert "no exit can be reached from 'second'" in capsys.readouterr().err
+
+
 def test_takes_a_mesh_alone(evac, capsys):
     mesh = Path(evac_buildings.__file__).parent / "classroom" / "classroom.msh"
     assert evac("check", mesh) == 0
     out = capsys.readouterr().out
-    assert _lines(out, "door")[0] == ["door", "classroom", "0.5"]
+    assert _lines(out, "door")[0] == ["door", "classroom", "0.5", "open"]
     assert "People" not in out
 
 
@@ -73,7 +78,7 @@ def evac_read_building(path, options):
 """
     )
     assert evac("check", "room.plan", "--plugin", "reader.py") == 0
-    assert _lines(capsys.readouterr().out, "way")[0] == ["way", "floor", "z=0.00", "1"]
+    assert _lines(capsys.readouterr().out, "way")[0] == ["way", "floor", "z=0.00", "1", "open"]
 
 
 def test_seconds_to_an_exit_are_what_a_person_alone_takes(evac, tmp_path, capsys):
