@@ -203,7 +203,8 @@ def _report_tests(evidence: Evidence, checks: Sequence[Check]) -> None:
     evidence.table(
         "verdicts",
         verdict_rows(checks),
-        "Whether each model passes, and by how much it misses; NO is what not to rely on.",
+        "Whether each model passes, and by how much it misses; NO is what not to rely on. Not certain: the interval of "
+        "the mean reaches across a bound.",
     )
     evidence.plot(
         "validation",

@@ -72,7 +72,7 @@ def _on_the_flight(outcome: Outcome, way: str) -> tuple[float, FloatArray]:
     is_steady = (trajectory.time >= begin) & (trajectory.time <= end)
     on_it = (trajectory.level == flight.index) & is_steady[:, None]
     along = np.abs(trajectory.velocity[..., :2] @ flight.uphill) / np.cos(flight.slope)
-    return steady_flow(times), (along / own)[on_it]
+    return float("nan") if outcome.is_blocked else steady_flow(times), (along / own)[on_it]
 
 
 def stair_row(stair: Stair) -> dict[str, Any]:

@@ -103,7 +103,7 @@ def nearer_exit(trial: Trial) -> list[Check]:
     exits = [("near", [[21, 0], [22, 0]], 0.0), ("far", [[27, 0], [28, 0]], 0.0)]
     group = {"area": "left half", "number": 1000, "speed": CROWD_SPEED}
     far = [
-        sum(row["exit"] == "far" for row in outcome.people)
+        float("nan") if outcome.is_blocked else sum(row["exit"] == "far" for row in outcome.people)
         for outcome in trial.runs(
             [rectangle(0, 0, 30, 20)],
             exits,

@@ -106,8 +106,9 @@ def foot_of_a_stair(trial: Trial) -> list[Check]:
         **{"output.every": 0.1},
     ):
         entered, foot = (_passing_times(outcome, x) for x in (5.0, 17.0))
-        gains.append(steady_flow(entered) / steady_flow(foot))
-        flows.append(steady_flow(foot) / 2.0)
+        flow = float("nan") if outcome.is_blocked else steady_flow(foot)
+        gains.append(steady_flow(entered) / flow)
+        flows.append(flow / 2.0)
     return [
         trial.check(
             Criterion(

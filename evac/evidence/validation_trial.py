@@ -61,6 +61,10 @@ class Criterion:
             return f"at least {self.low:.4g}"
         return f"{self.low:.4g} to {self.high:.4g}"
 
+    def holds(self, value: float) -> bool:
+        """Say whether a value lies in the band."""
+        return self.low <= value <= self.high
+
     @property
     def reference(self) -> float:
         """The middle of the band, or its one bound."""
@@ -99,19 +103,23 @@ class Check:
     @property
     def is_passed(self) -> bool:
         """Whether no run blocked and the mean lies in the band."""
-        mean = self.mean
-        return not self.blocked and mean is not None and self.criterion.low <= mean <= self.criterion.high
+        return not self.blocked and self.mean is not None and self.criterion.holds(self.mean)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the interval of the mean lies on the side of the bounds that the mean is on."""
+        return self.interval is None or all(self.criterion.holds(end) == self.is_passed for end in self.interval)
 
     @property
     def verdict(self) -> str:
         """Whether it is passed, and if not, by how much it is missed."""
         if self.is_passed:
-            return "yes"
+            return "yes" if self.is_certain else f"yes, not certain: {self.mean:.3g}"
         if self.mean is None or self.blocked:
             return f"NO: {self.blocked} of {len(self.values)} runs block"
         bound = self.criterion.high if self.mean > self.criterion.high else self.criterion.low
         times = f", {self.mean / bound:.3g} times the bound" if bound not in (0.0, 1.0) else ""
-        return f"NO: {self.mean:.3g}{times}"
+        return f"NO{'' if self.is_certain else ', not certain'}: {self.mean:.3g}{times}"
 
 
 @dataclass(frozen=True)
