@@ -107,8 +107,9 @@ class Check:
 
     @property
     def is_certain(self) -> bool:
-        """Whether the interval of the mean lies on the side of the bounds that the mean is on."""
-        return self.interval is None or all(self.criterion.holds(end) == self.is_passed for end in self.interval)
+        """Whether no bound lies inside the interval of the mean."""
+        low, high = self.interval or (0.0, 0.0)
+        return not any(low < bound < high for bound in (self.criterion.low, self.criterion.high))
 
     @property
     def verdict(self) -> str:
