@@ -1,16 +1,18 @@
 """The loop: what is left out changes no bit, a run goes on where it stopped, it ends for a reason."""
 
+import itertools
 import os
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from evac.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS
-from evac.errors import PluginError, SimulationError
+from evac.errors import PluginError, ScenarioError, SimulationError
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
@@ -425,3 +427,89 @@ def test_warnings_are_those_of_the_start(tmp_path):
     assert simulation.warnings() == warnings
     narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
     assert any("exit" in line and "less than the widest person (1.20 m)" in line for line in narrow)
+
+
+RANDOM = """
+    from evac import Behaviour, hookimpl
+
+    class One(Behaviour):
+        '''Draws a factor for everybody at each tick.'''
+        name = "one"
+        writes = ("speed_factor",)
+
+        def prepare(self, scene):
+            self.generator = scene.generator
+            self.first = scene.generator.random()
+
+        def act(self, crowd, time):
+            crowd.speed_factor[:] *= self.generator.uniform(0.5, 1.0)
+
+    class Other(One):
+        '''Another one.'''
+        name = "other"
+
+    @hookimpl
+    def evac_behaviours():
+        return [One, Other]
+"""
+
+
+def test_each_behaviour_and_each_seed_draws_of_its_own(tmp_path):
+    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}, "behaviours.other": {}})
+    runs = [Simulation(case.change({"simulation.seed": seed})) for seed in (1, 2)]
+    drawn = [behaviour.first for run in runs for behaviour, _ in run.behaviours]
+    assert len(set(drawn)) == 4
+
+
+def test_a_resumed_run_goes_on_with_the_same_random_numbers(tmp_path):
+    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}})
+    whole = run_ticks(Simulation(case), 3)
+    resumed = Simulation(case)
+    resumed.restore(whole.state())
+    assert_same_bits(run_ticks(whole, 3), run_ticks(resumed, 3))
+    np.testing.assert_array_equal(whole.population.crowd.speed_factor, resumed.population.crowd.speed_factor)
+
+
+def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):
+    text = SQUEEZED.replace("speed_factor", "extra_direction")
+    text = text.replace("crowd.extra_direction[crowd.contact_force > 300.0] *= 0.5", "crowd.extra_direction[:] += 0.1")
+    simulation = run_ticks(Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})), 3)
+    assert (simulation.population.crowd.extra_direction == 0.1).all()
+
+
+def test_the_border_of_the_explicit_drive_is_that_of_the_people():
+    changes = {"simulation.driving": "explicit", "people.people.tau": 0.004, **model_of("nsm1")}
+    with pytest.raises(ScenarioError, match=r"least tau of 0\.004 s; it must be below 0\.008 s"):
+        Simulation(load_case("square_room", changes))
+
+
+def test_the_mean_overlap_is_over_all_overlaps():
+    simulation = run_ticks(Simulation(load_case("square_room", model_of("dem"))), 30)
+    added, report = simulation.engine.report(), simulation.results().report
+    assert added["overlaps"] > 10
+    assert report["mean_overlap"] == added["overlap_sum"] / added["overlaps"]
+
+
+def test_phases_add_up(monkeypatch):
+    """By a clock that goes on by one whenever it is looked at, each time that a phase is entered counts one."""
+    monkeypatch.setattr("evac.simulation.wall_clock", SimpleNamespace(perf_counter=itertools.count(0.0).__next__))
+    simulation = run_ticks(Simulation(load_case("square_room")), 3)
+    once = dict.fromkeys(("building", "directions", "people", "kernels"), 1.0)
+    assert simulation.phases == once | dict.fromkeys(("behaviours", "physics", "recording"), 3.0)
+
+
+def test_every_plugin_is_told_of_the_end(tmp_path):
+    text = """
+        from evac import hookimpl
+
+        @hookimpl
+        def evac_finish(simulation):
+            simulation.told.append(__file__)
+        """
+    files = [tmp_path / "one.py", tmp_path / "other.py"]
+    for file in files:
+        file.write_text(textwrap.dedent(text), encoding="utf-8")
+    simulation = Simulation(load_case("square_room", {"simulation.duration": 0.1}, plugin_files=files))
+    simulation.told = []
+    simulation.run()
+    assert sorted(simulation.told) == sorted(map(str, files))

@@ -24,8 +24,8 @@ def test_shows_the_building_and_the_people(evac, capsys):
     assert err == ""
 
 
-def test_shows_what_is_closed(capsys):
-    assert main(["check", "primary_school", "--set", 'building.closed=["upper"]']) == 2
+def test_shows_what_is_closed(evac, capsys):
+    assert evac("check", "primary_school", "--set", 'building.closed=["upper"]') == 2
     assert "no exit can be reached from 'second'" in capsys.readouterr().err
 
 

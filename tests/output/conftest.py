@@ -137,6 +137,22 @@ def descent(tmp_path):
 
 
 @pytest.fixture
+def first_out(tmp_path, building):
+    """A written trajectory of one frame, in which the first of three different people is out."""
+    header = {
+        "title": "Three people",
+        "groups": ["a", "b", "c"],
+        "group": [2, 0, 1],
+        "radius": [0.2, 0.3, 0.4],
+        "building": building_to_json(building),
+    }
+    writer = TrajectoryWriter(tmp_path / TRAJECTORY_NAME, header, np.zeros(2))
+    writer.append(0.0, crowd_at([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]], [-1, 0, 0]))
+    writer.close()
+    return tmp_path / TRAJECTORY_NAME
+
+
+@pytest.fixture
 def results(building):
     """Five people of two groups, two crossings of a flight each for two of them; the last person stays.
 
@@ -145,7 +161,7 @@ def results(building):
     person 4 steps onto the upper flight at 3 s and back at 3.5 s.
     """
     log = [(2, 3, 1.0), (1, 1, 2.0), (4, 3, 3.0), (4, 3, 3.5), (2, 2, 5.0), (1, 0, 6.0)]
-    position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 2.0], [9.0, 3.0]]
+    position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 5.0], [9.0, 3.0]]
     return Results(
         case=SimpleNamespace(title="Three storeys", to_dict=lambda: {"title": "Three storeys"}),
         building=building,

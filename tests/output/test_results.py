@@ -44,7 +44,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     assert (summary["people"], summary["evacuated"], summary["last_out"]) == (5, 2, 9.0)
     assert (summary["ended"], summary["exit_status"], summary["seed"]) == ("no progress", 3, 7)
     assert (summary["simulated_time"], summary["steps"]) == (20.0, 2000)
-    assert summary["stuck"] == [{"person": 3, "level": "floor 2", "x": 2.0, "y": 2.0}]
+    assert summary["stuck"] == [{"person": 3, "level": "floor 2", "x": 2.0, "y": 5.0}]
     assert summary["warnings"] == ["a narrow place"]
     assert summary["exits"] == {"door": {"people": 2, "last_out": 9.0}}
     assert summary["contact"] == {"greatest_overlap": 1e-4, "residual": None, "unconverged_steps": 0}

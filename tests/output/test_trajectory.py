@@ -36,6 +36,13 @@ def test_round_trip_gives_back_what_was_recorded(descent):
         assert np.isnan(trajectory.z[k][~inside]).all()
 
 
+def test_crowd_pressure_is_over_the_own_circumference(first_out):
+    trajectory = read_trajectory(first_out)
+    assert trajectory.frame(0)["person"].tolist() == [1, 2]
+    expected = np.array([100.0, 200.0]) / (2.0 * np.pi * np.array([0.3, 0.4]))
+    np.testing.assert_allclose(trajectory.frame(0)["crowd_pressure"], expected, rtol=1e-12)
+
+
 def test_result_folder_stands_for_its_trajectory(descent):
     run = descent()
     assert run.path.name == TRAJECTORY_NAME

@@ -46,6 +46,14 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
         assert people.field_data["group_names"].tolist() == ["even", "odd"]
 
 
+def test_arrays_of_a_frame_are_those_of_the_people_in_it(first_out, tmp_path):
+    export_vtk(read_trajectory(first_out), tmp_path)
+    people = pyvista.read(tmp_path / "frames" / "frame_00000.vtp")
+    assert people["person"].tolist() == [1, 2]
+    assert people["group"].tolist() == [0, 1]
+    np.testing.assert_allclose(people["radius"], [0.3, 0.4], rtol=1e-6)
+
+
 def test_people_stand_on_three_storeys(exported):
     _, path = exported
     people = pyvista.read(path.parent / "frames" / "frame_00000.vtp")
