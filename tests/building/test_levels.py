@@ -34,6 +34,14 @@ def test_flat_angle_divides_flat_from_sloped(mesh, read):
     assert [level.kind for level in read(mesh, exits=[EXIT], flat_angle=2.8).levels] == ["floor", "flight", "floor"]
 
 
+def test_the_slope_of_a_flight_is_the_mean_over_its_area(mesh, read):
+    """1 m in plan that rises by 0.4 m, and 3 m that rise by 1.5 m: by cells the mean would be 0.45, not 0.475."""
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 5, 2, 0, 0.4).rectangle(5, 0, 8, 2, 0.4, 1.9).rectangle(8, 0, 12, 2, 1.9)
+    (flight,) = (level for level in read(mesh, exits=[EXIT]).levels if level.kind == "flight")
+    assert flight.slope == pytest.approx(np.arctan(0.475), rel=1e-12)
+    assert flight.uphill == pytest.approx([1.0, 0.0], abs=1e-12)
+
+
 def test_ridge_divides_flights(mesh, read):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 12, 2, 2, 0).rectangle(12, 0, 16, 2)
     building = read(mesh, exits=[EXIT])

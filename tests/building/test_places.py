@@ -119,6 +119,16 @@ def test_obstacle_is_subtracted_and_walled(room, read):
     assert building.wall_level.dtype == np.int32
 
 
+def test_no_walls_are_left_inside_an_obstacle(mesh, read):
+    """Of a pillar in the middle that is inside it."""
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
+        mesh.rectangle(2 * i, 2 * j, 2 * i + 2, 2 * j + 2)
+    counter = {"name": "counter", "polygon": [[1, 1], [5, 1], [5, 5], [1, 5]], "z": 0.0}
+    building = read(mesh, exits=[way([0, 0], [0, 1])], obstacles=[counter])
+    assert len(building.walls) == 4 + 4
+    assert building.levels[0].polygon.area == 36.0 - 16.0
+
+
 @pytest.mark.parametrize(
     ("polygon", "words"),
     [

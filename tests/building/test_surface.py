@@ -50,6 +50,11 @@ def test_gaps_below_the_weld_close_and_above_stay(mesh, read):
     assert len(read(mesh, exits=[EXIT], weld=0.0005).levels) == 2
 
 
+def test_the_weld_is_in_metres_whatever_the_unit_of_the_mesh(mesh, read):
+    mesh.rectangle(0, 0, 4000, 3000).rectangle(4000.5, 0, 8000, 3000)
+    assert len(read(mesh, exits=[EXIT], scale=1e-3).levels) == 1
+
+
 def test_exact_meshes_need_no_weld(stair_mesh, read):
     assert len(read(stair_mesh, exits=[{**EXIT, "segment": [[0, 0], [0, 2]]}], weld=0.0).portals) == 2
 

@@ -84,6 +84,24 @@ def test_time_and_lengths_over_a_stair_are_sums_of_straight_pieces(drawing):
     assert fields.travel_time_at(level, points, 0) == pytest.approx([9 + 5 / 0.7, 6 + 2.5 / 0.7, 4.0], abs=0.05)
 
 
+def test_lengths_over_the_speeds_are_the_travel_time_at_every_node(drawing):
+    fields = build_fields(two_storeys(drawing), ANY, speeds=(1.0, 0.5, 0.7))
+    time = fields.lengths @ [1.0, 1.0 / 0.5, 1.0 / 0.7]
+    has_way = np.isfinite(fields.packed.travel_time) & np.isfinite(time)
+    assert has_way.sum() > 1000
+    np.testing.assert_allclose(time[has_way], fields.packed.travel_time[has_way], rtol=0.0, atol=1e-9)
+
+
+def test_an_exit_on_a_stair_ends_a_way_on_the_stair(drawing):
+    drawing.level((0, 0, 6, 5), z=3.0)
+    drawing.level((6, 2, 10, 3.5), uphill=(-1, 0), slope=SLOPE)
+    drawing.portal(0, 1, (6, 2), (6, 3.5))
+    drawing.exit("A", 1, (10, 2), (10, 3.5))
+    fields = build_fields(drawing.build(), ANY, speeds=(1.0, 0.5, 0.7))
+    found = fields.lengths_at([1, 1], [[8.0, 2.75], [9.9, 2.75]], 0)
+    np.testing.assert_allclose(found, [[0.0, 0.0, 2.5], [0.0, 0.0, 0.125]], rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("uphill", "speed", "lengths"), [(1, 0.5, [9, 5, 0]), (-1, 0.7, [9, 0, 5])], ids=["up", "down"]
 )

@@ -51,4 +51,8 @@ def test_directions_are_normalised_and_the_nearest_nodes_where_they_cancel():
     assert turning.directions_at(0, [[0.5, 0.5]], 0)[0] == pytest.approx([math.sqrt(0.5)] * 2)
     ridge = fields(np.zeros((2, 2)), [[west, west], [east, east]])
     assert ridge.directions_at(0, [[0.49, 0.5], [0.51, 0.5]], 0) == pytest.approx(np.array([west, east]))
+    assert ridge.directions_at(0, [[0.5, 0.5]], 0)[0].tolist() == [1.0, 0.0]
     assert not ridge.directions_at(1, [[0.5, 0.5]], 0).any()
+    left, right = (-0.8, 0.6), (1.0, 0.0)
+    leaning = fields(np.zeros((2, 2)), [[left, (0.8, -0.6)], [right, west]])
+    assert leaning.directions_at(0, [[0.45, 0.49]], 0)[0].tolist() == list(left)

@@ -2,7 +2,7 @@ import pytest
 
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
-from evac.people.groups import check_people, reference_speeds, routes_of
+from evac.people.groups import check_people, default_clearance, reference_speeds, routes_of
 
 
 def group(name="all", **keys):
@@ -25,6 +25,17 @@ def test_reference_speeds_are_the_people_s_means_over_the_flat(make_case):
     assert flat == 1.0
     assert up == pytest.approx((3 * 0.5 * 2 + 0.6) / 8, rel=1e-12)
     assert down == pytest.approx((3 + 1.0) / 8, rel=1e-12)
+
+
+def test_means_count_people_not_groups(make_case):
+    many, one = group("many", number=10, speed=2.0, speed_down=1.0), group("one", number=1, speed=1.0, speed_down=1.0)
+    assert reference_speeds(make_case(many, one))[2] == pytest.approx(11.0 / 21.0, rel=1e-12)
+
+
+def test_the_clearance_is_the_greatest_radius_but_at_most_twice_the_greatest_mean(make_case):
+    few = group("few", number=10, radius={"list": [0.15] * 9 + [0.9]})
+    assert default_clearance(make_case(few, group("slim", radius=0.2))) == pytest.approx(0.45, rel=1e-12)
+    assert default_clearance(make_case(group(radius={"uniform": [0.2, 0.3]}))) == 0.3
 
 
 def test_slow_people_are_by_default_no_faster_on_stairs(make_case):

@@ -61,6 +61,13 @@ def test_people_already_there_are_kept_clear_of_whatever_their_size():
     assert (distance >= 0.2 + occupied[:, 2]).all()
 
 
+def test_somebody_just_outside_the_area_is_kept_clear_of_too():
+    area, neighbour = shapely.box(0, 0, 0.5, 1), np.array([[-0.25, 0.5, 0.3]])
+    for seed in range(20):
+        position = placed(area, np.array([0.25]), occupied=neighbour, seed=seed, walls=np.empty((0, 4)))
+        assert np.hypot(*(position[0] - neighbour[0, :2])) >= 0.55
+
+
 def test_without_walls_centres_may_stand_at_the_edge_of_the_area():
     area = shapely.box(0, 0, 0.1, 3)
     position = placed(area, np.full(5, 0.25), walls=np.empty((0, 4)))

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
@@ -85,6 +88,20 @@ def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fi
     assert not np.array_equal(first.mass, build_population(make_case(group("a")), house, fields(), seed=2).crowd.mass)
 
 
+def test_the_quantities_of_a_person_are_independent(make_case, house, fields):
+    case = make_case(standing(positions=[[1.0, 1.0]] * 2000, radius={"uniform": [0.2, 0.25]}))
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    ranks = stats.spearmanr(np.column_stack([crowd.radius, crowd.mass, crowd.tau, crowd.speed])).statistic
+    assert ranks.shape == (6, 6)
+    assert np.abs(ranks - np.eye(6)).max() < 0.1
+
+
+def test_places_in_an_area_depend_on_the_seed(make_case, house, fields):
+    case = make_case(group(radius=0.2))
+    places = [build_population(case, house, fields(), seed=seed).crowd.position for seed in (1, 2)]
+    assert not np.isclose(*places).any()
+
+
 def test_people_in_areas_keep_off_walls_portals_exits_and_each_other(make_case, house, fields):
     case = make_case(group("a", number=15, area="room 1"), standing("s", level="east 0", positions=[[5.0, 2.0]]))
     crowd = build_population(case, house, fields(), seed=1).crowd
@@ -109,6 +126,13 @@ def test_a_position_finds_its_level_by_height(make_case, house, fields, z, level
     assert crowd.velocity.tolist() == [[1, 0], [0, -1]]
 
 
+@pytest.mark.parametrize(("z", "level"), [(0.1, 0), (0.4, 2)])
+def test_of_levels_above_each_other_the_nearest_is_taken(make_case, house, fields, z, level):
+    low = replace(house, vertices=house.vertices * [1.0, 1.0, 0.5 / 3.0])
+    case = make_case({"name": "one", "positions": [[1.0, 1.0]], "z": z})
+    assert build_population(case, low, fields(), seed=1).crowd.level.tolist() == [level]
+
+
 def test_a_body_may_touch_a_wall_and_stand_across_a_portal(make_case, house, fields):
     case = make_case(standing(positions=[[0.2, 1.0], [4.0, 2.0]]))
     assert build_population(case, house, fields(), seed=1).crowd.level.tolist() == [0, 0]
@@ -124,6 +148,11 @@ def test_a_body_may_touch_a_wall_and_stand_across_a_portal(make_case, house, fie
             {"positions": [[1, 1], [0.1, 1]]},
             "people.one.positions.1: (0.1, 1) on level 'west 0' is 0.100 m from a wall, less than the body radius "
             "0.200 m; move it, or make the radius smaller",
+        ),
+        (
+            {"positions": [[1, 1], [0.3, 2]], "radius": {"list": [0.2, 0.5]}},
+            "people.one.positions.1: (0.3, 2) on level 'west 0' is 0.300 m from a wall, less than the body radius "
+            "0.500 m; move it",
         ),
     ],
 )

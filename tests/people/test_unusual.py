@@ -31,6 +31,12 @@ def test_a_slip_of_the_unit_is_told(quantity, value, words):
     assert note.endswith("is the unit right?")
 
 
+@pytest.mark.parametrize(("mass", "words"), [(700.0, "80 to 700 kg"), (1.0, "1 to 80 kg")])
+def test_one_of_many_is_enough(mass, words):
+    crowd = make_crowd([[float(k), 0.0] for k in range(10)], mass=np.array([80.0] * 9 + [mass]))
+    assert words in unusual(crowd, group(crowd))[0]
+
+
 def test_overlaps_at_the_start_are_counted_by_level():
     crowd = make_crowd([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.0]], radius=0.2)
     crowd.level[3] = 1  # above the first
