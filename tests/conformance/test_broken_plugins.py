@@ -143,6 +143,13 @@ class ReadsUndeclared(Slower):
     reads = ()
 
 
+class ReadsForces(Slower):
+    """Looks at contact forces, which are worked out at every tick only for who declares it."""
+
+    def act(self, crowd, time):
+        crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5
+
+
 class SneaksIn(Slower):
     """Writes through the base of a read-only array."""
 
@@ -186,6 +193,7 @@ class Left(Slower):
         (Misspelt, "neither act"),
         (WritesUndeclared, "writes an array that it does not declare"),
         (ReadsUndeclared, "reads velocity without declaring"),
+        (ReadsForces, "reads contact_force without declaring"),
         (SneaksIn, "writes 'velocity', which it does not declare"),
         (WritesPositions, "behaviours write start_time"),
         (Invents, "no array of"),
