@@ -69,6 +69,7 @@ def test_statistics_of_the_last_one_out(case):
     assert found["standard_deviation"] == 2.0
     # Student's t for two degrees of freedom and 95 %: 4.303.
     assert found["mean_to"] - found["mean"] == pytest.approx(4.303 * 2.0 / math.sqrt(3.0), rel=1e-3)
+    assert found["mean"] - found["mean_from"] == pytest.approx(found["mean_to"] - found["mean"], rel=1e-12)
     assert made(case, [math.nan, 1.0], ended="no progress").last_out() == {}
     assert "standard_deviation" not in made(case, [1.0, 2.0]).last_out()
 
@@ -80,9 +81,16 @@ def test_egress_counts_who_is_out_at_each_time(case):
     assert egress["percentile_50"][-1] == 1.5
 
 
-@pytest.mark.parametrize(("end", "every", "points"), [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.0, 0.5, 3), (1.1, 0.5, 4)])
+def test_percentiles_of_the_curves(case):
+    """Of 21 runs, with 0, 1, ..., 20 people out after 1 s."""
+    egress = made(case, *([1.0] * out + [math.nan] * (20 - out) for out in range(21))).egress()
+    after = egress["time"].tolist().index(1.0)
+    assert [egress[f"percentile_{k}"][after] for k in (5, 50, 95)] == pytest.approx([1.0, 10.0, 19.0], rel=1e-12)
+
+
+@pytest.mark.parametrize(("end", "every", "points"), [(1.1, 0.1, 12), (0.7, 0.1, 8), (1.0, 0.5, 3), (1.1, 0.5, 4)])
 def test_the_curves_end_with_the_longest_run(case, end, every, points):
-    """0.3 + 0.1 is more than 0.4: np.arange to it would go on to 0.4."""
+    """1.1 + 0.1 is rounded to more than twelve times 0.1: np.arange to it would go on to 1.2."""
     runs = tuple(Run(0, "everybody out", time, (), np.array([0.2, time])) for time in (0.25, end))
     egress = Ensemble(case.change({"output.every": every}), runs).egress()
     np.testing.assert_allclose(egress["time"], every * np.arange(points), rtol=1e-12)

@@ -7,6 +7,7 @@ import pytest
 
 import evac
 from evac.ending import INTERRUPTED
+from evac.ensemble import run_many
 from evac.errors import PluginError, ResultError, SimulationError
 from evac.running import clear_folder, run
 from evac.simulation import Simulation, Stopped
@@ -25,6 +26,21 @@ def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
     with pytest.raises(ResultError, match="holds files and is no result folder of evac"):
         run(evac.load("square_room"), tmp_path)
     assert (tmp_path / "picture.png").read_text() == "mine"
+
+
+def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
+    changes = {
+        "people.people.number": 2,
+        "simulation.duration": 0.1,
+        "output.animation": False,
+        "output.picture": False,
+    }
+    case = evac.load("square_room", changes)
+    run_many(case, 1, workers=1).write(tmp_path / "r")
+    assert (tmp_path / "r" / "runs.csv").is_file()
+    run(case, tmp_path / "r")
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac"}
 
 
 RECORDER = """

@@ -19,6 +19,14 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
     assert f"{mean:.2f} s" in out
 
 
+@pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
+def test_people_who_are_unusual_are_told_of(evac, capsys, command):
+    """70 kg in grams."""
+    changes = ("people.people.mass=70000", "people.people.number=2", "simulation.duration=0.1", "output.picture=false")
+    evac(command[0], "square_room", *command[1:], "--set", *changes)
+    assert "warning: people.people.mass is 7e+04 to 7e+04 kg, which is unusual" in capsys.readouterr().err
+
+
 def test_runs_with_people_left_are_named(evac, capsys):
     assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--set", "simulation.duration=1.0") == 3
     assert "people are left with seeds 1, 2" in capsys.readouterr().err

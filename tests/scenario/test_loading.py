@@ -150,6 +150,12 @@ def test_a_fault_is_one_line_with_file_key_and_way_out(case_file, registry, over
     assert problems(case_file, [override], registry) == [f"{case_file}: {line} (set by an override)"]
 
 
+def test_one_velocity_is_not_for_everybody(case_file, registry):
+    overrides = ["people.teacher.positions=[[1,1],[2,2],[3,3]]", "people.teacher.velocity=[[1,0]]"]
+    (line,) = problems(case_file, overrides, registry)
+    assert "people.teacher.velocity: 1 velocities for 3 positions; give one for each" in line
+
+
 @pytest.mark.parametrize(
     ("override", "line"),
     [

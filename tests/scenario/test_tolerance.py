@@ -29,6 +29,17 @@ def test_a_large_tolerance_keeps_the_longest_step(room):
     assert settings_for(room, 1.0)["simulation.step"] == pytest.approx(LONGEST)
 
 
+def test_the_step_is_shortened_to_a_divisor_of_the_tick(room):
+    """0.1 s over 0.0013 m / (2.5 * 2 m/s) is 384.6."""
+    assert settings_for(room, 0.0013)["simulation.step"] == pytest.approx(0.1 / 385, rel=1e-12)
+
+
+def test_the_velocity_tolerance_follows_the_tolerance_up_to_its_default(room):
+    case = room.change({"contact.model": "nsm1"})
+    found = [settings_for(case, tolerance)["contact.nsm1.velocity_tolerance"] for tolerance in (0.001, 1.0)]
+    assert found == pytest.approx([1e-4, 5e-4], rel=1e-12)
+
+
 def test_only_parameters_that_the_model_has_are_set(room):
     names = {
         model: set(settings_for(room.change({"contact.model": model}), 0.001)) - {"simulation.step"}
