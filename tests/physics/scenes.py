@@ -53,20 +53,20 @@ def make_building(bounds=((-10.0, -10.0, 10.0, 10.0),), walls=(), wall_level=Non
     )
 
 
-def uniform_fields(levels=1, direction=(1.0, 0.0), extent=20.0):
-    """The same direction everywhere; the travel time falls along it."""
+def uniform_fields(levels=1, *directions, extent=20.0):
+    """The same direction everywhere, +x unless told, one for each route; the travel time falls along it."""
+    direction = np.array(directions or [(1.0, 0.0)], dtype=float)
     node = np.array([[-extent, -extent], [-extent, extent], [extent, -extent], [extent, extent]])
-    time = 100.0 - node @ np.array(direction)
     return Fields(
-        routes=(Route(),),
+        routes=(Route(),) * len(direction),
         packed=PackedFields(
             origin=np.full((levels, 2), -extent),
             shape=np.full((levels, 2), 2, np.int32),
             spacing=2.0 * extent,
-            field_of=np.zeros((levels, 1), np.int32),
-            offset=np.zeros(1, np.int64),
-            direction=np.tile(np.array(direction, dtype=float), (4, 1)),
-            travel_time=time,
+            field_of=np.tile(np.arange(len(direction), dtype=np.int32), (levels, 1)),
+            offset=4 * np.arange(len(direction)),
+            direction=np.repeat(direction, 4, axis=0),
+            travel_time=100.0 - (direction @ node.T).ravel(),
         ),
     )
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from evac.physics.bundles import make_crowd
+from evac.physics.world import set_open
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -162,3 +163,18 @@ def test_a_closed_portal_lets_nobody_through():
     engine.world.link_open[0] = 0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.level[0] == 0
+
+
+@pytest.mark.parametrize("closed", [None, 0, 1])
+def test_a_closed_portal_keeps_forces_out(closed):
+    """Two people on either side of a landing of 1 m, 1.1 m apart, with a force that reaches 2.3 m."""
+    building = make_building(
+        ((0, 0, 4, 2), (4, 0, 5, 2), (5, 0, 9, 2)), portals=[(0, 1, (4, 0, 4, 2)), (1, 2, (5, 0, 5, 2))]
+    )
+    crowd = make_crowd([(3.75, 1.0), (5.25, 1.0)], level=[0, 2], mass=80.0, tau=1e30)
+    engine = make_engine(crowd, building, uniform_fields(3), [SocialForce(range=0.3)])
+    if closed is not None:
+        set_open(engine.world, closed, False)
+    walk(Nsm1(), crowd, 1, engine=engine)
+    gained = 0.01 * 1000.0 * np.exp(-1.1 / 0.3) / 80.0 if closed is None else 0.0
+    np.testing.assert_allclose(crowd.velocity, [(-gained, 0.0), (gained, 0.0)], rtol=1e-12)

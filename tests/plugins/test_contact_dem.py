@@ -88,6 +88,16 @@ def test_a_dense_packing_under_load_stands_and_is_cut_beyond_its_limit(step, is_
     assert (engine.report()["too_stiff_steps"] > 0) == is_cut
 
 
+@pytest.mark.parametrize("masses", [(80.0, 20.0), (20.0, 80.0)], ids=["light behind", "light ahead"])
+@pytest.mark.parametrize(("share", "cuts"), [(0.999, 0), (1.001, 1)])
+def test_the_lighter_of_a_pair_decides_which_step_is_too_long(masses, share, cuts):
+    """At h^2 k (1/m + 1/sqrt(m m')) = 4, m being the lesser mass: its own contact and the coupling to the other."""
+    least = min(masses)
+    limit = 2.0 / (1.2e5 * (1.0 / least + 1.0 / np.sqrt(masses[0] * masses[1]))) ** 0.5
+    crowd = make_crowd([(0.39, 0), (0, 0)], radius=0.2, mass=masses, tau=FREE)
+    assert walk(Dem(), crowd, 1, h=share * limit).report()["too_stiff_steps"] == cuts
+
+
 class NumpyDem(ContactModel):
     """The spring of eq. 3, written in numpy."""
 

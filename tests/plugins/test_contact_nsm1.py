@@ -141,3 +141,17 @@ def test_what_does_not_converge_is_counted():
     assert report["retried_solves"] > 0
     assert report["unconverged_steps"] == 0  # the stronger method did converge
     assert report["greatest_residual"] <= 1e-3
+
+
+def test_bodies_stay_apart_where_the_solve_does_not_converge():
+    """Sixteen people who touch, of 8 to 800 kg, pressed towards a point of a wall: four iterations do not do."""
+    places = [(-0.2 - 0.3464 * row, 0.4 * (column + 0.5 * (row % 2))) for row in range(4) for column in range(4)]
+    mass = 80.0 * 10.0 ** np.random.default_rng(1).uniform(-1.0, 1.0, len(places))
+    crowd = make_crowd(places, radius=0.2, mass=mass, tau=0.2, speed=1.5)
+    wall = (0, -9, 0, 9)
+    engine = make_engine(crowd, make_building(walls=[wall]), fields_towards((0.0, 0.9)))
+    for first in range(10):
+        engine.advance(Nsm1(iterations=4, solver="uzawa"), crowd, first, 1, 0.05, False, False)
+        assert deepest(crowd, [wall]) <= 1e-4
+    assert engine.report()["unconverged_steps"] == 10
+    assert np.abs(crowd.velocity).max() > 0.1  # they still move

@@ -136,6 +136,31 @@ def test_tangential_law_at_a_wall(tangential):
     np.testing.assert_allclose(crowd.velocity[0], [(160 - tangential) / (160 + tangential), 0.0], rtol=0, atol=1e-10)
 
 
+def test_the_tangential_law_acts_on_who_is_driven_onto_a_wall_from_rest():
+    """The contact closes with the free velocity, though nobody approached before: u+ = u_free 2m / (2m + K_T)."""
+    crowd = make_crowd([(0, 0.2)], radius=0.2, mass=80.0, tau=0.1, speed=2.0)
+    model = Nsm2(normal_dissipation=0.0, tangential_dissipation=40.0, **TIGHT)
+    fields = uniform_fields(1, (0.6, -0.8))
+    walk(model, crowd, 1, building=make_building(walls=[(-5, 0, 5, 0)]), fields=fields)
+    np.testing.assert_allclose(crowd.velocity, [(0.1 * 2.0 * 0.6 * 160 / 200, 0.0)], rtol=0, atol=1e-12)
+
+
+def test_a_report_of_forces_changes_nothing():
+    """It takes percussions of its own, which are neither those of the energy sums nor of the next start."""
+    found = []
+    for report in (False, True):
+        crowd = random_crowd(12, (0, 0), (3, 3), seed=3, speed=1.5)
+        engine = make_engine(crowd, make_building(walls=ROOM), uniform_fields(1, (0.6, -0.8)))
+        felt = 0.0
+        for first in range(150):
+            engine.advance(Nsm2(tangential_dissipation=40.0), crowd, first, 1, 0.01, True, report)
+            felt += crowd.contact_force.sum()
+        assert (felt > 0.0) == report
+        found.append((crowd.position.tolist(), engine.report()))
+    assert found[0] == found[1]
+    assert found[0][1]["contact_dissipation"] > 1.0
+
+
 def test_the_tangential_law_acts_on_closing_contacts_only():
     crowd = make_crowd([(0, 0.2)], [(1.0, 0.5)], radius=0.2, mass=80.0, tau=FREE)
     walk(Nsm2(tangential_dissipation=100.0), crowd, 5, building=make_building(walls=[(-5, 0, 5, 0)]))

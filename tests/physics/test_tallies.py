@@ -1,0 +1,57 @@
+"""What a run counts about its own work: lists built, solves that fail, and how far off they end."""
+
+import pytest
+
+from evac.physics.bundles import make_crowd
+from evac_plugins.contact_dem import Dem
+from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm2 import Nsm2
+from tests.physics.scenes import fields_towards, make_building, make_engine, name_of, uniform_fields, walk
+
+#: One iteration of Uzawa's method, four of the stronger one, and a tolerance that they do not reach.
+HOPELESS = {"solver": "uzawa", "iterations": 1, "velocity_tolerance": 1e-14}
+GAP = make_building(walls=[(-1, 0, 1, 0), (1, 0.36, -1, 0.36)])
+
+
+@pytest.mark.parametrize(
+    "model", [Nsm1(**HOPELESS), Nsm1(variant="overdamped", **HOPELESS), Nsm2(**HOPELESS)], ids=name_of
+)
+def test_every_step_that_does_not_converge_is_counted_with_what_it_leaves(model):
+    """Twenty people of very different masses, who touch each other, press towards a point of a wall."""
+    places = [(-0.2 - 0.3464 * row, 0.4 * (column + 0.5 * (row % 2))) for row in range(4) for column in range(5)]
+    crowd = make_crowd(places, radius=0.2, mass=[30.0 + 17.0 * (k % 7) for k in range(20)], tau=0.2, speed=1.5)
+    building = make_building(walls=[(0, -3, 0, 5)])
+    report = walk(model, crowd, 4, building=building, fields=fields_towards((0.0, 0.9))).report()
+    assert report["unconverged_steps"] == 4
+    assert report["solves"] == report["retried_solves"] == 4 + report["repeated_searches"]
+    assert report["iterations"] == report["solves"] * (1 + 4)
+    assert 1e-14 < report["greatest_residual"] < 1.5
+
+
+def test_a_fall_back_from_the_elastic_law_counts_its_solves():
+    """One iteration of the elastic problem, which has no solution, and those of the one in its place."""
+    crowd = make_crowd([(0, 0.18)], [(0.0, -1.0)], radius=0.2, speed=1.0)
+    model = Nsm2(normal_dissipation=float("inf"), **HOPELESS)
+    report = walk(model, crowd, 1, building=GAP, fields=uniform_fields(1, (0.0, -1.0))).report()
+    assert report["elastic_fallbacks"] == report["solves"] == report["retried_solves"] == 1
+    assert report["iterations"] >= 1 + 1 + 1
+    assert report["greatest_residual"] < 0.1  # of the second problem, not of the first
+
+
+@pytest.mark.parametrize("model", [Nsm1(), Nsm2(position_correction=True)], ids=name_of)
+def test_overlaps_that_cannot_be_parted_are_counted_once_a_tick(model):
+    """A body of 0.4 m in a gap of 0.36 m."""
+    crowd = make_crowd([(0, 0.18)], radius=0.2)
+    report = walk(model, crowd, 30, building=GAP).report()
+    assert report["failed_position_corrections"] == 3
+    assert report["position_corrections"] == 0
+
+
+@pytest.mark.parametrize("model", [Dem(), Nsm1(), Nsm2()], ids=name_of)
+def test_lists_are_built_once_a_tick_and_when_somebody_has_moved_by_half_the_skin(model):
+    standing = make_crowd([(0, 0)])
+    assert walk(model, standing, 30).report()["list_builds"] == 3
+    walking = make_crowd([(0, 0)], [(1.55, 0.0)], tau=1e30)  # 0.1 s for 0.155 m, more than half of 0.3 m
+    engine = make_engine(walking)
+    engine.advance(model, walking, 0, 15, 0.01, True, False)
+    assert engine.report()["list_builds"] == 2
