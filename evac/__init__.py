@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from evac.physics.force import Force as Force
     from evac.registry import Registry as Registry
     from evac.running import run as run
+    from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
-    from evac.scenario.schema import Case as Case
     from evac.simulation import Progress as Progress
     from evac.simulation import Simulation as Simulation
 
@@ -44,7 +44,7 @@ _HOMES = {
     "BehaviourScene": "evac.behaviour",
     "Building": "evac.building.model",
     "BuildingError": "evac.errors",
-    "Case": "evac.scenario.schema",
+    "Case": "evac.scenario.case",
     "ContactModel": "evac.physics.contact_model",
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",

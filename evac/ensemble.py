@@ -25,7 +25,7 @@ from evac.running import clear_folder
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 FloatArray = NDArray[np.float64]
 Item = TypeVar("Item")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
     from evac.registry import Registry
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
     from evac.simulation import Simulation
 
 hookspec = pluggy.HookspecMarker("evac")

@@ -13,7 +13,7 @@ from evac.physics.force import Force
 if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.physics.contact_model import ContactModel
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 
 @dataclass(frozen=True)

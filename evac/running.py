@@ -16,7 +16,7 @@ from evac.output.trajectory import MAGIC, read_trajectory
 from evac.simulation import Progress, Simulation
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 
 def run(

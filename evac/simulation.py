@@ -32,7 +32,7 @@ from evac.plan import Part, explain, needed_behaviours, needed_forces, needed_ro
 from evac.registry import Registry
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 
 class Stopped(KeyboardInterrupt):

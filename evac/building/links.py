@@ -139,8 +139,7 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
         links |= {portal.index for portal in building.portals if portal.name == name}
         links |= {p.index for level in building.stairs.get(name, ()) for p in building.portals_of(level)}
         if not links:
-            ways = (*building.exits, *building.portals)
-            known = [*dict.fromkeys(way.name for way in ways), *building.stairs]
+            known = [way.name for way in building.exits] + [way.name for way in building.portals] + [*building.stairs]
             raise BuildingError(
                 f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)} "
                 "(given as building.closed)"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 
 def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None:

@@ -25,8 +25,8 @@ from evac.physics.bundles import Crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
 from evac.registry import Registry, check_class
+from evac.scenario.case import Case
 from evac.scenario.loading import load_case
-from evac.scenario.schema import Case
 
 __all__ = ["check_plugin"]
 

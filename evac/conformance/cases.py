@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.errors import PluginError
 from evac.output.recorder import Recorder
 from evac.physics.bundles import Crowd
-from evac.scenario.schema import Case
+from evac.scenario.case import Case
 from evac.simulation import Simulation
 
 State = dict[str, NDArray[Any]]

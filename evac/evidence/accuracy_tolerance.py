@@ -9,8 +9,8 @@ from evac.evidence.accuracy_data import STYLES
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.physics.bundles import FloatArray
+from evac.scenario.case import Case
 from evac.scenario.loading import load_case
-from evac.scenario.schema import Case
 from evac.scenario.tolerance import ERROR_PER_PATH, LONGEST, RELAXATION, SHORTEST, SOLVER_SHARE, settings_for
 from evac.simulation import Simulation
 

@@ -22,7 +22,7 @@ from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 FloatArray = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from evac.scenario.case import Case
 from evac.scenario.loading import load_case
-from evac.scenario.schema import Case
 
 Face = Sequence[tuple[float, float, float]]
 Segment = Sequence[Sequence[float]]

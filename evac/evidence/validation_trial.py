@@ -17,7 +17,7 @@ from evac.evidence.validation_buildings import Face, Segment, write_case
 from evac.output.results import Results
 from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
-from evac.scenario.schema import Case
+from evac.scenario.case import Case
 
 FloatArray = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from evac.physics.bundles import Crowd
 
 if TYPE_CHECKING:
     from evac.people.population import Group
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

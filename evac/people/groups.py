@@ -10,7 +10,8 @@ from evac.parameters import did_you_mean
 from evac.people.distributions import Distribution
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case, GroupSettings
+    from evac.scenario.case import Case
+    from evac.scenario.schema import GroupSettings
 
 
 def route_of(people: "GroupSettings") -> Route:

@@ -20,7 +20,8 @@ from evac.physics.motion import EXIT
 
 if TYPE_CHECKING:
     from evac.directions.fields import Fields
-    from evac.scenario.schema import Case, GroupSettings
+    from evac.scenario.case import Case
+    from evac.scenario.schema import GroupSettings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, did_you_mean
+from evac.scenario.case import Case, Origin
 from evac.scenario.keys import is_multiple
 from evac.scenario.overrides import apply
 from evac.scenario.problems import Key, Problem, dotted, problems_of
-from evac.scenario.schema import Case, Origin
 
 if TYPE_CHECKING:
     from evac.registry import Registry

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from evac.parameters import did_you_mean
+from evac.scenario.case import Case
 from evac.scenario.keys import Section
-from evac.scenario.schema import Case
 
 #: Path to a value of case.toml: names of tables, indexes of lists.
 Key = tuple[str | int, ...]

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from evac.people.distributions import KINDS, Distribution
+from evac.scenario.case import Case
 from evac.scenario.keys import Factor, Section
 from evac.scenario.problems import section_of
-from evac.scenario.schema import Case
 
 #: Words for the types of single values.
 WORDS: dict[Any, str] = {

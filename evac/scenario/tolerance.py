@@ -8,7 +8,7 @@ from evac.people.distributions import Distribution
 from evac.scenario.keys import Factor
 
 if TYPE_CHECKING:
-    from evac.scenario.schema import Case
+    from evac.scenario.case import Case
 
 #: Error of positions over v h: the greatest that docs/evidence/accuracy, part b, measures at h <= 0.01 s, rounded up.
 ERROR_PER_PATH = 2.5

@@ -1,9 +1,9 @@
 import pytest
 
 from evac.people.distributions import KINDS
+from evac.scenario.case import Case
 from evac.scenario.problems import section_of
 from evac.scenario.reference import reference
-from evac.scenario.schema import Case
 
 
 def sections(section=Case):

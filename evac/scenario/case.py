@@ -1,0 +1,158 @@
+"""A checked case: what case.toml said, with everything that can be made of it."""
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import PrivateAttr
+
+from evac.scenario.keys import Parameters, Section, key
+from evac.scenario.schema import (
+    BuildingSettings,
+    ContactSettings,
+    DirectionSettings,
+    GroupSettings,
+    OutputSettings,
+    PluginSettings,
+    SimulationSettings,
+)
+
+if TYPE_CHECKING:
+    from evac.behaviour import Behaviour
+    from evac.output.recorder import Recorder
+    from evac.physics.contact_model import ContactModel
+    from evac.physics.force import Force
+    from evac.registry import Registry
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a case came from: its file, what the file said after overrides, plugin files, and the registry."""
+
+    source: Path
+    table: Mapping[str, Any]
+    plugin_files: tuple[Path, ...]
+    registry: "Registry"
+
+
+class Case(Section):
+    """A checked case: everything needed to run it but the building itself.
+
+    Made by `evac.scenario.load_case`; frozen. `change` makes another one.
+    """
+
+    title: str = key("one line that says what the case is", "", "")
+    building: BuildingSettings = key("the building")
+    directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
+    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    contact: ContactSettings = key("contact between bodies")
+    forces: dict[str, Parameters] = key(
+        "`[forces.NAME]`: parameters of a force between people; present: enabled with them; `false`: disabled",
+        "",
+        {},
+    )
+    behaviours: dict[str, Parameters] = key(
+        "`[behaviours.NAME]`: parameters of a behaviour; present: enabled with them; `false`: disabled",
+        "",
+        {},
+    )
+    recorders: dict[str, Parameters] = key(
+        "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",
+        "",
+        {},
+    )
+    simulation: SimulationSettings = key("time, seed and scheme", "", SimulationSettings())
+    output: OutputSettings = key("what is written", "", OutputSettings())
+    plugins: PluginSettings = key("plugin files", "", PluginSettings())
+
+    _origin: Origin = PrivateAttr()
+
+    @property
+    def source(self) -> Path:
+        """The case.toml it was read from."""
+        return self._origin.source
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in the case are relative to."""
+        return self._origin.source.parent
+
+    @property
+    def mesh(self) -> Path:
+        """The mesh file."""
+        return self.folder / self.building.mesh
+
+    @property
+    def plugin_files(self) -> tuple[Path, ...]:
+        """The plugin files, resolved."""
+        return self._origin.plugin_files
+
+    @property
+    def registry(self) -> "Registry":
+        """What the case was checked against."""
+        return self._origin.registry
+
+    def change(self, overrides: Mapping[str, Any] | Iterable[str]) -> "Case":
+        """Return a new checked case with some keys changed; see `evac.scenario.load_case`.
+
+        Raises
+        ------
+        ScenarioError
+            The changed case is not valid.
+        """
+        from evac.scenario.loading import case_from
+
+        return case_from(
+            self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
+        )
+
+    def make_contact_model(self) -> "ContactModel":
+        """Return the contact model in use, with its parameters."""
+        model: ContactModel = self.registry.get("contact_model", self.contact.model)(
+            **self.contact.tables.get(self.contact.model, {})
+        )
+        return model
+
+    def make_forces(self) -> "list[Force]":
+        """Return the forces in use, in the order of the file."""
+        return [self.registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
+
+    def make_behaviours(self) -> "list[Behaviour]":
+        """Return the behaviours in use, in the order of the file."""
+        return [
+            self.registry.get("behaviour", name)(**table)
+            for name, table in self.behaviours.items()
+            if table is not False
+        ]
+
+    def make_recorders(self) -> "list[Recorder]":
+        """Return the recorders in use: all that are registered but those switched off."""
+        given = {name: self.recorders.get(name, {}) for name in self.registry.recorders}
+        return [self.registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every key with its value, defaults of the plugins in use included, as plain data."""
+        table = self.model_dump(mode="json", exclude_none=True)
+        classes = self.registry
+        model = self.contact.model
+        table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
+        for kind in ("force", "behaviour", "recorder"):
+            section = table[f"{kind}s"]
+            for name, values in section.items():
+                if values is not False:
+                    section[name] = _filled(classes.get(kind, name), values)
+        return table
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel to another process as the file's content, to be checked again against the plugins there."""
+        from evac.scenario.loading import case_from
+
+        origin = self._origin
+        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.plugin_files)
+
+
+def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a plugin class as given, with the defaults where nothing is."""
+    return {name: given.get(name, parameter.default) for name, parameter in cls.declared().items()}
