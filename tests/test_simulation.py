@@ -4,7 +4,6 @@ import itertools
 import os
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,32 +11,10 @@ import numpy as np
 import pytest
 
 from evac.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS
-from evac.errors import PluginError, ScenarioError, SimulationError
+from evac.errors import ScenarioError
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
-
-MODELS = ["dem", "nsm1", "nsm2"]
-ARRAYS = ("position", "velocity", "level", "distance", "exit_time", "exit_used", "contact_force")
-
-
-def run_ticks(simulation, ticks):
-    for _ in range(ticks):
-        if not simulation.ended:
-            simulation.advance_tick()
-    return simulation
-
-
-def assert_same_bits(one, other):
-    for name in ARRAYS:
-        np.testing.assert_array_equal(
-            getattr(one.population.crowd, name), getattr(other.population.crowd, name), err_msg=name
-        )
-    for a, b in zip(one.population.crossings, other.population.crossings, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def model_of(model):
-    return {"contact.model": model}
+from tests.runs import MODELS, SQUEEZED, assert_same_bits, in_the_room, model_of, run_ticks
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -235,42 +212,6 @@ def test_import_is_light():
     assert found.stdout.strip() == "[]"
 
 
-def in_the_room(tmp_path, text, positions=None, **changes):
-    """The square room with one plugin, and people where they are told."""
-    plugin = tmp_path / "odd.py"
-    plugin.write_text(textwrap.dedent(text), encoding="utf-8")
-    if positions is not None:
-        changes["people"] = [{"name": "people", "positions": positions, "level": "room", "radius": 0.2, "speed": 1.3}]
-    return load_case("square_room", changes, plugin_files=[plugin])
-
-
-SQUEEZED = """
-    from evac import Behaviour, hookimpl
-
-    class Squeezed(Behaviour):
-        '''Who feels more than 300 N takes half the speed.'''
-        name = "squeezed"
-        reads = ("contact_force", "speed_factor")
-        writes = ("speed_factor",)
-
-        def act(self, crowd, time):
-            crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5
-
-    @hookimpl
-    def evac_behaviours():
-        return [Squeezed]
-"""
-
-
-@pytest.mark.parametrize("model", ["dem", "nsm2"])
-def test_a_behaviour_that_reads_contact_forces_does_not_depend_on_the_output(model, tmp_path):
-    changes = {"behaviours.squeezed": {}, "simulation.seed": 2, **model_of(model)}
-    ends = [Simulation(in_the_room(tmp_path, SQUEEZED, **changes, **{"output.every": every})) for every in (0.1, 2.0)]
-    ends = [simulation.run() for simulation in ends]
-    free = Simulation(load_case("square_room", {"simulation.seed": 2, **model_of(model)})).run()
-    assert ends[0].last_out == ends[1].last_out > free.last_out
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_the_last_frame_has_contact_forces(model):
     changes = {"simulation.duration": 2.3, "output.every": 0.5, **model_of(model)}
@@ -295,113 +236,6 @@ def test_the_distance_ends_at_the_exit(model, tmp_path):
     assert crowd.distance[0] == pytest.approx(3.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("scene.crowd.route[:] = 99999", "behaviour 'squeezed' wrote route 99999 for person 0; there are 1"),
-        ("scene.crowd.start_time[2] = float('nan')", "wrote nan to start_time of person 2; it must be a number"),
-        ("scene.crowd.speed_factor[1] = -1.0", "wrote -1.0 to speed_factor of person 1; it must be finite and not"),
-    ],
-)
-def test_what_prepare_writes_is_checked(tmp_path, line, words):
-    text = SQUEEZED.replace("def act(self, crowd, time)", "def prepare(self, scene)")
-    text = text.replace("crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5", line)
-    text = text.replace('("speed_factor",)', '("speed_factor", "start_time", "route")')
-    with pytest.raises(PluginError, match=words):
-        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
-
-
-def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
-    text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
-    with pytest.raises(PluginError, match="squeezed: declares to write 'position'; behaviours write start_time"):
-        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
-
-
-def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
-    text = """
-        from evac import ContactModel, hookimpl
-
-        class Failing(ContactModel):
-            '''Fails at once.'''
-            name = "failing"
-
-            def run(self, engine, clock):
-                raise ValueError("oops")
-
-        @hookimpl
-        def evac_contact_models():
-            return [Failing]
-        """
-    case = in_the_room(tmp_path, text, **model_of("failing"))
-    with pytest.raises(PluginError, match=r"^contact model 'failing': ValueError: oops \(.*odd\.py, line"):
-        Simulation(case).run()
-
-
-FORCES = """
-    from evac import Force, hookimpl
-    from evac.jit import pair_force
-
-    @pair_force
-    def tail(gap, nx, ny, ex, ey, p):
-        f = 100.0 * 2.718281828 ** (-max(gap, 0.0) / 0.5)
-        return f * nx, f * ny
-
-    @pair_force
-    def idle(gap, nx, ny, ex, ey, p):
-        return (1e-12 * nx, 1e-12 * ny) if gap < 3.0 else (0.0, 0.0)
-
-    @pair_force
-    def divides(gap, nx, ny, ex, ey, p):
-        return 1.0 / (gap - gap), 0.0
-
-    class Tail(Force):
-        '''Does not end at its cut-off.'''
-        name = "tail"
-        pair = tail
-        def cutoff(self):
-            return 0.1
-
-    class Idle(Force):
-        '''Next to nothing, far.'''
-        name = "idle"
-        pair = idle
-        def cutoff(self):
-            return 3.0
-
-    class Divides(Force):
-        '''Divides by zero.'''
-        name = "divides"
-        pair = divides
-        def cutoff(self):
-            return 3.0
-
-    @hookimpl
-    def evac_forces():
-        return [Tail, Idle, Divides]
-"""
-
-
-def test_each_force_ends_at_its_own_cutoff(tmp_path):
-    changes = {"forces.tail": {}, "forces.idle": {}, "simulation.duration": 1.0}
-    both = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
-    del changes["forces.idle"]
-    alone = Simulation(in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **changes)).run().crowd.position
-    np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("method", ["is_needed", "cutoff", "packed"])
-def test_a_force_that_fails_is_named(tmp_path, method):
-    fails = f"        def {method}(self):\n            return 1 / 0\n\n    class Idle"
-    with pytest.raises(PluginError, match=r"force 'tail'.*ZeroDivisionError: division by zero \(.*odd\.py, line"):
-        Simulation(in_the_room(tmp_path, FORCES.replace("    class Idle", fails, 1), **{"forces.tail": {}}))
-
-
-def test_a_force_that_divides_by_zero_is_told_of(tmp_path):
-    case = in_the_room(tmp_path, FORCES, [[2.0, 2.2], [2.0, 2.8]], **{"forces.divides": {}})
-    with pytest.raises(SimulationError, match=r"person 0 .* moves too fast .*; check speeds, forces"):
-        Simulation(case).run()
-
-
 def test_results_do_not_change_with_the_run():
     simulation = run_ticks(Simulation(load_case("square_room")), 20)
     results = simulation.results()
@@ -409,12 +243,6 @@ def test_results_do_not_change_with_the_run():
     simulation.run()
     assert results.evacuated == out < 20
     assert "overlap_sum" not in results.report
-
-
-def test_a_plan_knows_what_a_behaviour_does_at_ticks():
-    case = load_case("square_room", {"behaviours.route_choice": {"change_at": 1.0, "change_to": "shortest"}})
-    (row,) = [part.as_row() for part in Simulation(case).plan if part.name == "behaviour: route_choice"]
-    assert row[2] == "at every tick"
 
 
 def test_warnings_are_those_of_the_start(tmp_path):
@@ -427,54 +255,6 @@ def test_warnings_are_those_of_the_start(tmp_path):
     assert simulation.warnings() == warnings
     narrow = Simulation(load_case("square_room", {"people.people.radius": 0.6, "people.people.number": 2})).warnings()
     assert any("exit" in line and "less than the widest person (1.20 m)" in line for line in narrow)
-
-
-RANDOM = """
-    from evac import Behaviour, hookimpl
-
-    class One(Behaviour):
-        '''Draws a factor for everybody at each tick.'''
-        name = "one"
-        writes = ("speed_factor",)
-
-        def prepare(self, scene):
-            self.generator = scene.generator
-            self.first = scene.generator.random()
-
-        def act(self, crowd, time):
-            crowd.speed_factor[:] *= self.generator.uniform(0.5, 1.0)
-
-    class Other(One):
-        '''Another one.'''
-        name = "other"
-
-    @hookimpl
-    def evac_behaviours():
-        return [One, Other]
-"""
-
-
-def test_each_behaviour_and_each_seed_draws_of_its_own(tmp_path):
-    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}, "behaviours.other": {}})
-    runs = [Simulation(case.change({"simulation.seed": seed})) for seed in (1, 2)]
-    drawn = [behaviour.first for run in runs for behaviour, _ in run.behaviours]
-    assert len(set(drawn)) == 4
-
-
-def test_a_resumed_run_goes_on_with_the_same_random_numbers(tmp_path):
-    case = in_the_room(tmp_path, RANDOM, **{"behaviours.one": {}})
-    whole = run_ticks(Simulation(case), 3)
-    resumed = Simulation(case)
-    resumed.restore(whole.state())
-    assert_same_bits(run_ticks(whole, 3), run_ticks(resumed, 3))
-    np.testing.assert_array_equal(whole.population.crowd.speed_factor, resumed.population.crowd.speed_factor)
-
-
-def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):
-    text = SQUEEZED.replace("speed_factor", "extra_direction")
-    text = text.replace("crowd.extra_direction[crowd.contact_force > 300.0] *= 0.5", "crowd.extra_direction[:] += 0.1")
-    simulation = run_ticks(Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})), 3)
-    assert (simulation.population.crowd.extra_direction == 0.1).all()
 
 
 def test_the_border_of_the_explicit_drive_is_that_of_the_people():
@@ -496,20 +276,3 @@ def test_phases_add_up(monkeypatch):
     simulation = run_ticks(Simulation(load_case("square_room")), 3)
     once = dict.fromkeys(("building", "directions", "people", "kernels"), 1.0)
     assert simulation.phases == once | dict.fromkeys(("behaviours", "physics", "recording"), 3.0)
-
-
-def test_every_plugin_is_told_of_the_end(tmp_path):
-    text = """
-        from evac import hookimpl
-
-        @hookimpl
-        def evac_finish(simulation):
-            simulation.told.append(__file__)
-        """
-    files = [tmp_path / "one.py", tmp_path / "other.py"]
-    for file in files:
-        file.write_text(textwrap.dedent(text), encoding="utf-8")
-    simulation = Simulation(load_case("square_room", {"simulation.duration": 0.1}, plugin_files=files))
-    simulation.told = []
-    simulation.run()
-    assert sorted(simulation.told) == sorted(map(str, files))
