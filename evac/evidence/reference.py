@@ -27,6 +27,10 @@ TOUCH = 1e-7
 PRECISION = 1e-10
 ATTEMPTS = ((50, 1e-15), (10, 1e-13), (10, 1e-12), (10, 1e-11))
 
+#: Looks at a solution; between two of them the equations of the contacts that push are solved anew, which takes up
+#: what the last time moved from one branch of the law to another.
+POLISHES = 8
+
 #: Keeps the equations of rows that depend on each other solvable [1/kg]; taken out again by as many refinements.
 REGULAR = 1e-12
 REFINEMENTS = 10
@@ -66,7 +70,7 @@ def solve_contact_qp(
 
     whose multipliers are the percussions of NSM1 (K_N = 0, b = max(D, 0)/h) and of NSM2 (b = 0). Solved for
     M^(1/2) (v - V), which is well scaled; where that is not precise enough, the equations of the contacts found
-    to push are solved directly, and the whole law is looked at again.
+    to push are solved directly, and the whole law is looked at again, some times over.
 
     Parameters
     ----------
@@ -109,14 +113,13 @@ def solve_contact_qp(
         if dissipation > 0.0:
             percussion += 0.5 * unit * np.array(solution.z)[c:]
         law = (gradient, mass, free, bias, approach, dissipation)
-        for is_polished in (False, True):
-            if is_polished:
-                velocity, percussion = _polished(*law, velocity, percussion)
+        for _ in range(POLISHES):
             left = law_residual(*law, velocity, percussion)
             if left < found:
                 best, found = velocity, left
             if found <= precision:
                 return np.asarray(best)
+            velocity, percussion = _polished(*law, velocity, percussion)
     raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {precision:.0e} m/s")
 
 
