@@ -10,6 +10,7 @@ from evac.directions.fields import PackedFields
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 LongArray = NDArray[np.int64]
+IndexArray = NDArray[np.uint32]
 ByteArray = NDArray[np.uint8]
 
 
@@ -187,11 +188,14 @@ class Lists(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The contact problem packed for the solvers, see `evac.physics.rows`."""
+    """The contact problem packed for the solvers, see `evac.physics.rows`.
+
+    Places in it are unsigned: compiled code need not ask whether they count from the end.
+    """
 
     rigid: ByteArray  # (1,) 1: every row is rigid and pushes only
-    body: IntArray
-    other: IntArray  # a wall is body number n
+    body: IndexArray
+    other: IndexArray  # a wall is body number n
     data: FloatArray  # (r, 8)
     scale: FloatArray  # sqrt(omega) [kg^-1/2]
     impulse: FloatArray  # percussions times scale, x
@@ -199,9 +203,9 @@ class Rows(NamedTuple):
     root: FloatArray  # (n + 1,) sqrt(m), infinite for the wall
     free: FloatArray  # (n + 1, 2) free velocities times root
     velocity: FloatArray  # (n + 1, 2) velocities times root, U
-    face: IntArray  # rows on the face
-    face_body: IntArray
-    face_other: IntArray
+    face: IndexArray  # rows on the face
+    face_body: IndexArray
+    face_other: IndexArray
     face_data: FloatArray
     work: FloatArray  # (4, r) percussions of earlier iterations, directions
     image: FloatArray  # (4, n + 1, 2) velocities of earlier iterations, velocity images of directions

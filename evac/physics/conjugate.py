@@ -15,8 +15,8 @@ from evac.physics.rows import (
     BEFORE,
     BIAS,
     BOUND,
-    CX,
-    CY,
+    BX,
+    BY,
     LIKELY,
     SPRING,
     keep,
@@ -28,7 +28,7 @@ from evac.physics.rows import (
     sweep_up,
 )
 
-#: Columns of ``Rows.face_data`` behind A and C.
+#: Columns of ``Rows.face_data`` behind A and B.
 SHIFT, SOFTNESS, COMPLIANCE = BIAS, BEFORE, SPRING
 
 #: Branches of the law that a row can be on.
@@ -166,7 +166,7 @@ def take_face(rows, n):
         rows.face[held] = r
         rows.face_body[held] = rows.body[r]
         rows.face_other[held] = rows.other[r]
-        for k in (AX, AY, CX, CY):
+        for k in (AX, AY, BX, BY):
             rows.face_data[held, k] = rows.data[r, k]
         rows.face_data[held, SHIFT] = rows.data[r, BIAS] if branch == RIGID else rows.data[r, BEFORE]
         softness = 1.0 if branch == RIGID else rows.data[r, SPRING]
@@ -188,14 +188,14 @@ def precondition(rows, held, bodies):
         image[i, 1] = 0.0
     for k in range(held):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = row_velocity(image, i, j, data, k)
+        w = row_velocity(image, i, j, data, k, 0.0)
         z = -(work[0, k] + w) * data[k, SOFTNESS]
         work[2, k] = z
         push_row(image, i, j, data, k, z)
     total = 0.0
     for k in range(held - 1, -1, -1):
         i, j = rows.face_body[k], rows.face_other[k]
-        w = row_velocity(image, i, j, data, k)
+        w = row_velocity(image, i, j, data, k, 0.0)
         z = -(work[0, k] + w + data[k, COMPLIANCE] * work[2, k]) * data[k, SOFTNESS]
         work[2, k] += z
         total -= work[0, k] * work[2, k]
@@ -209,8 +209,8 @@ def _gradient(rows, held):
     worst = 0.0
     data = rows.face_data
     for k in range(held):
-        w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k)
-        g = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[rows.face[k]]
+        w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k, data[k, SHIFT])
+        g = w + data[k, COMPLIANCE] * rows.impulse[rows.face[k]]
         rows.work[0, k] = g
         worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
@@ -286,8 +286,8 @@ def _put_back(rows, held):
         push = max(-rows.impulse[r], 0.0) if rows.data[r, BOUND] == 0.0 else 0.0
         rows.work[1, k] = push
         if push > 0.0:
-            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k)
-            gradient = w + data[k, SHIFT] + data[k, COMPLIANCE] * rows.impulse[r]
+            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k, data[k, SHIFT])
+            gradient = w + data[k, COMPLIANCE] * rows.impulse[r]
             rise += push * (gradient + 0.5 * push / data[k, SOFTNESS])
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, push)
             rows.impulse[r] = 0.0

@@ -245,9 +245,10 @@ def make_contacts(n: int, capacity: int) -> Contacts:
 
 def make_rows(n: int, capacity: int) -> Rows:
     """Allocate the packed contact problem of n people; each contact may take two rows."""
-    whole = {"body", "other", "branch", "face", "face_body", "face_other"}
     special: dict[str, Any] = {
         "rigid": np.zeros(1, np.uint8),
+        **{name: np.zeros(capacity, np.uint32) for name in ("body", "other", "face", "face_body", "face_other")},
+        "branch": np.zeros(capacity, np.int32),
         "data": np.zeros((capacity, 8)),
         "face_data": np.zeros((capacity, 8)),
         "work": np.zeros((4, capacity)),
@@ -256,10 +257,7 @@ def make_rows(n: int, capacity: int) -> Rows:
         "velocity": np.zeros((n + 1, 2)),
         "image": np.zeros((4, n + 1, 2)),
     }
-    arrays: dict[str, Any] = {
-        name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
-        for name in Rows._fields
-    }
+    arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(capacity) for name in Rows._fields}
     return Rows(**arrays)
 
 

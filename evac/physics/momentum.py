@@ -13,8 +13,8 @@ from evac.physics.rows import (
     BEFORE,
     BIAS,
     BOUND,
-    CX,
-    CY,
+    BX,
+    BY,
     LIKELY,
     SPRING,
     keep,
@@ -95,7 +95,7 @@ def _gradient_pass(rows, n, bodies, share):
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
         x = rows.impulse[r]
-        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r), x, work[2, r])
+        new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r, 0.0), x, work[2, r])
         step = new - work[1, r]
         uphill += (x - new) * step / work[2, r]
         change = max(change, abs(new - x) * rows.scale[r])
@@ -121,7 +121,7 @@ def _set_rates(rows, n, bodies):
     for r in range(n):
         data = rows.data[r]
         total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[0, rows.body[r], 0]
-        total += (data[CX] ** 2 + data[CY] ** 2) * rows.image[0, rows.other[r], 0]
+        total += (data[BX] ** 2 + data[BY] ** 2) * rows.image[0, rows.other[r], 0]
         rows.work[2, r] = 1.0 / total
 
 
@@ -208,8 +208,8 @@ def _sweep_on(rows, n, share):
         i, j = rows.body[r], rows.other[r]
         old = rows.impulse[r]
         start = old + share * (old - rows.work[0, r])
-        new = law(data, r, row_velocity(rows.velocity, i, j, data, r), start, rigid)
-        change = new - start
+        change = law(rows.velocity, i, j, data, r, start, rigid)
+        new = start + change
         push_row(rows.velocity, i, j, data, r, change)
         rows.work[0, r] = old
         rows.impulse[r] = new

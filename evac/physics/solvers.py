@@ -173,7 +173,7 @@ def uzawa(rows, n, bodies, tolerance, limit):
         change = 0.0
         for r in range(n):
             old, scale = rows.impulse[r], rows.scale[r]
-            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r)
+            w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r, 0.0)
             rows.impulse[r] = gradient_step(rows, r, w, old, rate * scale * scale)
             change = max(change, abs(rows.impulse[r] - old) * scale)
         renew_velocity(rows, bodies, n)
@@ -209,5 +209,7 @@ def constraint_norm(rows, n, bodies):
         if done:
             break
         for r in range(n):
-            rows.work[0, r] = rows.scale[r] * row_velocity(rows.image[0], rows.body[r], rows.other[r], rows.data, r)
+            rows.work[0, r] = rows.scale[r] * row_velocity(
+                rows.image[0], rows.body[r], rows.other[r], rows.data, r, 0.0
+            )
     return value

@@ -6,7 +6,7 @@ from scipy.optimize import nnls
 
 from evac.jit import kernel
 from evac.physics.engine import make_contacts
-from evac.physics.rows import law, pack, row_energy
+from evac.physics.rows import AX, BX, law, pack, row_energy
 from evac.physics.solvers import INELASTIC, SOLVERS, constraint_norm, residual, solve
 
 DISSIPATION = [0.0, 10.0, 1e3, 1e5]
@@ -35,7 +35,12 @@ def find_slopes(contacts, inverse_mass, free, compliance, x, slopes, laws):
     n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, 0.0)
     for r in range(n):
         slopes[r] = (row_energy(contacts.rows.data, r, x + 1e-4) - row_energy(contacts.rows.data, r, x - 1e-4)) / 2e-4
-        laws[r] = law(contacts.rows.data, r, -slopes[r], x, contacts.rows.rigid[0] == 1)
+        i, j = contacts.rows.body[r], contacts.rows.other[r]
+        velocity = contacts.rows.image[0]
+        for k in range(2):  # a row is a unit vector: these have the velocity minus the slope along it
+            velocity[i, k] = -slopes[r] * contacts.rows.data[r, AX + k]
+            velocity[j, k] = -slopes[r] * contacts.rows.data[r, BX + k]
+        laws[r] = x + law(velocity, i, j, contacts.rows.data, r, x, contacts.rows.rigid[0] == 1)
 
 
 class Problem:
