@@ -219,7 +219,7 @@ class SolvedContactModel(ContactModel):
 
     solver = Parameter("accelerated_sweeps", "method of the contact problem", choices=SOLVERS)
     velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
-    iterations = Parameter(2000, "iterations after which a solve is counted as unconverged", minimum=1, maximum=10**9)
+    iterations = Parameter(5_000, "iterations after which a solve is counted as unconverged", minimum=1, maximum=10**9)
 
     def method(self) -> int:
         """Return the code of the solver."""

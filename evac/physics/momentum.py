@@ -30,7 +30,7 @@ from evac.physics.rows import (
 #: A rise of the energy by more than this share of it is no rounding.
 RISE = 1e-10
 
-#: Sweeps between two looks at the energy; two rises within `SOON` tell that momentum does not suit the problem.
+#: Sweeps between two looks at the energy; two rises within `SOON` tell that even symmetric sweeps do not suit momentum.
 WATCH, SOON = 16, 64
 
 
@@ -130,12 +130,15 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     """Gauss-Seidel sweeps with Nesterov's momentum and restart; return (iterations, residual).
 
     Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
-    where it points uphill. No bound of a step is needed, but sweeps with momentum need not go down: where the energy
-    has risen between two looks, they start again from the look before, and where it soon rises again, with at most
-    half the share of the last step from then on: plain sweeps, which do go down, are what that tends to.
+    where it points uphill. No bound of a step is needed, but sweeps in one direction with momentum need not go down:
+    in orderly crowds, bodies in rows, they swing ever farther. Where the energy has risen between two looks, sweeps
+    start again from the look before and run back and forth from then on: a symmetric sweep is a step in a metric in
+    which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
+    share of the last step: plain sweeps, which cannot rise, are what that tends to.
     """
     momentum, share, most = 1.0, 0.0, 1.0
-    risen = -SOON
+    back = False
+    looked, risen = n * 0, -SOON
     found, likely = row_residual(rows, n), LIKELY
     accepted = energy(rows, n, bodies)
     keep(rows, n, bodies, 0)
@@ -145,15 +148,21 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
         _go_on(rows, bodies, share)
         uphill, change = _sweep_on(rows, n, share)
         iteration += 1
-        if iteration % WATCH == 0 or iteration == limit:
+        if back:
+            further, change = _sweep_back(rows, n)
+            uphill += further
+            iteration += 1
+        if iteration >= looked + WATCH or iteration >= limit:
+            looked = iteration
             now = energy(rows, n, bodies)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
                 keep(rows, n, bodies, 1)
             else:
                 _take_back(rows, n, bodies)
-                if iteration - risen <= SOON:
+                if back and iteration - risen <= SOON:
                     most *= 0.5
+                back = True
                 risen = iteration
                 uphill = 1.0
         found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
@@ -214,5 +223,21 @@ def _sweep_on(rows, n, share):
         rows.work[0, r] = old
         rows.impulse[r] = new
         uphill -= change * (new - old)
+        greatest = max(greatest, abs(change) * rows.scale[r])
+    return uphill, greatest
+
+
+@inner
+def _sweep_back(rows, n):
+    """Sweep down behind a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
+    uphill, greatest = 0.0, 0.0
+    rigid = rows.rigid[0] == 1
+    for r in range(n - 1, -1, -1):
+        i, j = rows.body[r], rows.other[r]
+        x = rows.impulse[r]
+        change = law(rows.velocity, i, j, rows.data, r, x, rigid)
+        push_row(rows.velocity, i, j, rows.data, r, change)
+        rows.impulse[r] = x + change
+        uphill -= change * (x + change - rows.work[0, r])
         greatest = max(greatest, abs(change) * rows.scale[r])
     return uphill, greatest

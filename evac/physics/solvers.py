@@ -126,8 +126,8 @@ def solve_or_retry(
 ):
     """Solve; where that leaves more than `enough` [m/s], solve again, cold, by a stronger method.
 
-    That is the strongest other one, with four times the iterations. Parameters as for `solve`; returns (iterations,
-    residual, 1 if it was solved again).
+    That is the one that solves equations once it knows who pushes, best where masses differ by orders of magnitude,
+    with four times the iterations. Parameters as for `solve`; returns (iterations, residual, 1 if it was solved again).
     """
     iterations, found = solve(
         method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit
