@@ -10,28 +10,31 @@ from evac.physics.neighbours import OK
 from evac.physics.solvers import INELASTIC, solve_or_retry
 
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
-ITERATIONS = 600
+ITERATIONS = 2000
 
-#: Contacts are looked for as far as this many overlaps in a row push somebody, but no farther than [m].
+#: Contacts are looked for as far as so many overlaps in a row push somebody, at least, and times the square root of the
+#: number of people, for across a crowd; but no farther than [m].
 CHAIN = 20.0
+ACROSS = 2.0
 LONGEST_CHAIN = 0.1
 
 
 @inner
 def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):
-    """Push bodies apart where an overlap exceeds half the tolerance; return a status.
+    """Push bodies apart where an overlap exceeds two fifths of the tolerance; return a status.
 
-    The displacement is the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1
-    problem without time. It is taken only where it at least halves the deepest overlap; a squeezed body
-    stays where it is. Contacts are searched again afterwards.
+    A step may add another half of it. The displacement is the least in the mass norm with D + G.d >= 0 for all
+    contacts in reach, the NSM1 problem without time. It is taken only where it at least halves the deepest overlap;
+    a squeezed body stays where it is. Contacts are searched again afterwards.
     """
     deepest = _deepest(contacts)
-    if deepest <= 0.5 * tolerance or contacts.count[2] > 0:
+    if deepest <= 0.4 * tolerance or contacts.count[2] > 0:
         return OK
     n = bodies.count[0]
     longest = 0.0
+    chain = min(max(CHAIN, ACROSS * math.sqrt(n)) * deepest, LONGEST_CHAIN)
     for i in range(n):
-        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, min(CHAIN * deepest, LONGEST_CHAIN))
+        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, chain)
         longest = max(longest, bodies.reach[i])
     status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
     if status == OK:
@@ -56,9 +59,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         0.5 * deepest,
     )
     if found <= 0.5 * deepest:
-        # Along a chain of overlaps displacements add up; only where the solve left something they are kept short.
-        farthest = 1e300 if found <= 0.1 * tolerance else 2.0 * deepest
-        status = _displace(world, bodies, lists, events, clock, time, farthest)
+        status = _displace(world, bodies, lists, events, clock, time)
         tally[0, at.POSITION_CORRECTIONS] += 1.0
         if status == OK:
             status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
@@ -80,26 +81,28 @@ def _deepest(contacts):
 
 
 @inner
-def _displace(world, bodies, lists, events, clock, time, farthest):
-    """Move everybody by the displacement in ``bodies.solved``; velocities stay, and no time goes by.
+def _displace(world, bodies, lists, events, clock, time):
+    """Move everybody along the displacement in ``bodies.solved``; velocities stay, and no time goes by.
 
-    At most `farthest` [m], and half a radius: what is left is done in the next steps, for it cannot be had by cutting
-    this one.
+    The same share of it for all, so that no overlap is made: as much as keeps everybody within the reach of contacts
+    and within half a radius. What is left is done in the next steps, for it cannot be had by cutting this one.
     """
     n = bodies.count[0]
+    share = 1.0
     for i in range(n):
-        bodies.spare[i, 0] = bodies.velocity[i, 0]
-        bodies.spare[i, 1] = bodies.velocity[i, 1]
         length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
-        most = min(farthest, 0.5 * bodies.radius[i])
-        if length > most:
-            bodies.solved[i, 0] *= most / length
-            bodies.solved[i, 1] *= most / length
+        most = min(bodies.reach[i], 0.5 * bodies.radius[i])
+        if share * length > most:
+            share = most / length
+    for i in range(n):
+        for k in range(2):
+            bodies.spare[i, k] = bodies.velocity[i, k]
+            bodies.solved[i, k] *= share
     fired = events.count[0]
     status = move(world, bodies, lists, events, time, 1.0, 0.0, 0.0, clock.full)
     for k in range(fired, events.count[0]):
         events.time[k] = time
     for i in range(n):
-        bodies.velocity[i, 0] = bodies.spare[i, 0]
-        bodies.velocity[i, 1] = bodies.spare[i, 1]
+        for k in range(2):
+            bodies.velocity[i, k] = bodies.spare[i, k]
     return status
