@@ -196,7 +196,8 @@ class Rows(NamedTuple):
     rigid: ByteArray  # (1,) 1: every row is rigid and pushes only
     body: IndexArray
     other: IndexArray  # a wall is body number n
-    data: FloatArray  # (r, 8)
+    data: FloatArray  # (r, 5)
+    elastic: FloatArray  # (r, 3)
     scale: FloatArray  # sqrt(omega) [kg^-1/2]
     impulse: FloatArray  # percussions times scale, x
     branch: IntArray  # of the law

@@ -29,7 +29,7 @@ from evac.physics.rows import (
 )
 
 #: Columns of ``Rows.face_data`` behind A and B.
-SHIFT, SOFTNESS, COMPLIANCE = BIAS, BEFORE, SPRING
+SHIFT, SOFTNESS, COMPLIANCE = 4, 5, 6
 
 #: Branches of the law that a row can be on.
 OFF, RIGID, ELASTIC = 0, 1, 2
@@ -128,13 +128,14 @@ def conjugate_faces(rows, n, bodies, tolerance, limit):
 @inner
 def branch_of(rows, r):
     """Return the branch of the law that row r's percussion is on."""
-    data = rows.data
-    if data[r, BOUND] < 0.0:
+    elastic = rows.elastic
+    if elastic[r, BOUND] < 0.0:
         return ELASTIC
     if rows.impulse[r] <= 0.0:
         return OFF
     # Elastic below P = (b - w-) K_N / 2, where the separation velocity is still above -b.
-    if rows.impulse[r] * (1.0 - data[r, SPRING]) < data[r, SPRING] * (data[r, BIAS] - data[r, BEFORE]):
+    limit = elastic[r, SPRING] * (rows.data[r, BIAS] - elastic[r, BEFORE])
+    if rows.impulse[r] * (1.0 - elastic[r, SPRING]) < limit:
         return ELASTIC
     return RIGID
 
@@ -168,8 +169,8 @@ def take_face(rows, n):
         rows.face_other[held] = rows.other[r]
         for k in (AX, AY, BX, BY):
             rows.face_data[held, k] = rows.data[r, k]
-        rows.face_data[held, SHIFT] = rows.data[r, BIAS] if branch == RIGID else rows.data[r, BEFORE]
-        softness = 1.0 if branch == RIGID else rows.data[r, SPRING]
+        rows.face_data[held, SHIFT] = rows.data[r, BIAS] if branch == RIGID else rows.elastic[r, BEFORE]
+        softness = 1.0 if branch == RIGID else rows.elastic[r, SPRING]
         rows.face_data[held, SOFTNESS] = softness
         rows.face_data[held, COMPLIANCE] = (1.0 - softness) / softness
         held += 1
@@ -283,7 +284,7 @@ def _put_back(rows, held):
     data = rows.face_data
     for k in range(held):
         r = rows.face[k]
-        push = max(-rows.impulse[r], 0.0) if rows.data[r, BOUND] == 0.0 else 0.0
+        push = max(-rows.impulse[r], 0.0) if rows.elastic[r, BOUND] == 0.0 else 0.0
         rows.work[1, k] = push
         if push > 0.0:
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k, data[k, SHIFT])

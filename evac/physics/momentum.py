@@ -37,12 +37,11 @@ WATCH, SOON = 16, 64
 @inner
 def gradient_step(rows, r, w, x, rate):
     """Return the projected step of length `rate` along the multiplier of row r (appendix 2 of the paper)."""
-    data = rows.data
-    new = x - rate * (w + data[r, BIAS])
-    spring = data[r, SPRING]
+    new = x - rate * (w + rows.data[r, BIAS])
+    spring = rows.elastic[r, SPRING]
     if spring > 0.0:
-        new = max(new, (x - rate * (w + data[r, BEFORE])) / (1.0 + rate * (1.0 - spring) / spring))
-    return max(new, data[r, BOUND])
+        new = max(new, (x - rate * (w + rows.elastic[r, BEFORE])) / (1.0 + rate * (1.0 - spring) / spring))
+    return max(new, rows.elastic[r, BOUND])
 
 
 @inner
@@ -200,7 +199,7 @@ def energy(rows, n, bodies):
     for i in range(bodies):
         total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
     for r in range(n):
-        total += row_energy(rows.data, r, rows.impulse[r])
+        total += row_energy(rows, r, rows.impulse[r])
     return total
 
 
@@ -210,16 +209,14 @@ def _sweep_on(rows, n, share):
 
     Returns the slope along the last step and the greatest change of a row [m/s].
     """
-    data = rows.data
     uphill, greatest = 0.0, 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
-        i, j = rows.body[r], rows.other[r]
         old = rows.impulse[r]
         start = old + share * (old - rows.work[0, r])
-        change = law(rows.velocity, i, j, data, r, start, rigid)
+        change = law(rows, r, start, rigid)
         new = start + change
-        push_row(rows.velocity, i, j, data, r, change)
+        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
         rows.work[0, r] = old
         rows.impulse[r] = new
         uphill -= change * (new - old)
@@ -233,10 +230,9 @@ def _sweep_back(rows, n):
     uphill, greatest = 0.0, 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n - 1, -1, -1):
-        i, j = rows.body[r], rows.other[r]
         x = rows.impulse[r]
-        change = law(rows.velocity, i, j, rows.data, r, x, rigid)
-        push_row(rows.velocity, i, j, rows.data, r, change)
+        change = law(rows, r, x, rigid)
+        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
         rows.impulse[r] = x + change
         uphill -= change * (x + change - rows.work[0, r])
         greatest = max(greatest, abs(change) * rows.scale[r])

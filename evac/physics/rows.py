@@ -1,4 +1,4 @@
-"""The contact problem packed for solvers: one row of eight numbers per unknown percussion, with unit diagonal.
+"""The contact problem packed for solvers: one row per unknown percussion, with unit diagonal.
 
 A normal percussion is one row, a tangential one (where a contact is sticky) another without a lower bound. Walls
 are a last body that is never moved. Solvers work on scaled unknowns
@@ -9,8 +9,9 @@ so that a row is a unit vector, A on its body and B on the other one: its veloci
 A.U_i + B.U_j, a change of x moves U_i by A and U_j by B, and a body's mass is never looked at. A sweep then costs
 some 3 ns a row; on the bundles of the step loop it cost ten times as much (memory and branches).
 
-Columns of ``Rows.data``: A and B, then bias b and velocity before the step w-, both over sqrt(omega), s = omega /
-(omega + 2/K_N), 0 where the elastic term is absent, and the lower bound of x. The local law (docs/physics.md) reads
+Columns of ``Rows.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Rows.elastic``: velocity
+before the step w- over sqrt(omega), s = omega / (omega + 2/K_N), 0 where the elastic term is absent, and the lower
+bound of x. The local law (docs/physics.md) reads
 
     x = max(bound, x - (w + b), s (x - (w + w-)))
 
@@ -24,7 +25,8 @@ import math
 
 from evac.jit import fused, inner
 
-AX, AY, BX, BY, BIAS, BEFORE, SPRING, BOUND = range(8)
+AX, AY, BX, BY, BIAS = range(5)
+BEFORE, SPRING, BOUND = range(3)
 
 #: A look at the residual costs half a sweep. It is likely to be this share of the greatest change in a sweep, later
 #: `CAUTION` of the share seen at the last look.
@@ -74,9 +76,9 @@ def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound,
     rows.data[r, BX] = -nx / (scale * rows.root[j])
     rows.data[r, BY] = -ny / (scale * rows.root[j])
     rows.data[r, BIAS] = bias / scale
-    rows.data[r, BEFORE] = before / scale
-    rows.data[r, SPRING] = spring
-    rows.data[r, BOUND] = bound
+    rows.elastic[r, BEFORE] = before / scale
+    rows.elastic[r, SPRING] = spring
+    rows.elastic[r, BOUND] = bound
 
 
 @inner
@@ -119,27 +121,28 @@ def row_velocity(velocity, i, j, data, r, start):
 
 
 @inner
-def law(velocity, i, j, data, r, x, rigid):
+def law(rows, r, x, rigid):
     """Return the change of x after which row r obeys its law, with all others held.
 
     `rigid` is that of the rows, read before a loop over them, so that the loop is compiled for either: a sweep over
     rigid rows, those of NSM1 and of NSM2 with K_N = 0, is a quarter cheaper.
     """
+    data, i, j = rows.data, rows.body[r], rows.other[r]
     if rigid:
-        return max(-row_velocity(velocity, i, j, data, r, data[r, BIAS]), -x)
-    w = row_velocity(velocity, i, j, data, r, 0.0)
-    spring = data[r, SPRING]
-    elastic = fused(-spring, w, (spring - 1.0) * x - spring * data[r, BEFORE])
-    return max(max(-w - data[r, BIAS], elastic), data[r, BOUND] - x)
+        return max(-row_velocity(rows.velocity, i, j, data, r, data[r, BIAS]), -x)
+    w = row_velocity(rows.velocity, i, j, data, r, 0.0)
+    spring = rows.elastic[r, SPRING]
+    elastic = fused(-spring, w, (spring - 1.0) * x - spring * rows.elastic[r, BEFORE])
+    return max(max(-w - data[r, BIAS], elastic), rows.elastic[r, BOUND] - x)
 
 
 @inner
-def row_energy(data, r, x):
+def row_energy(rows, r, x):
     """Return the energy whose slope along x is minus the velocity that the law asks of row r [J].
 
     The slope is min(b, w- + (1/s - 1) x): that of the elastic term up to where the rigid one takes over.
     """
-    spring, bias, before = data[r, SPRING], data[r, BIAS], data[r, BEFORE]
+    spring, bias, before = rows.elastic[r, SPRING], rows.data[r, BIAS], rows.elastic[r, BEFORE]
     if spring <= 0.0 or before >= bias:
         return bias * x
     compliance = (1.0 - spring) / spring
@@ -152,10 +155,9 @@ def row_energy(data, r, x):
 @inner
 def relax(rows, r, rigid):
     """Make row r obey its law; return how far it was from that [m/s]."""
-    i, j = rows.body[r], rows.other[r]
     x = rows.impulse[r]
-    change = law(rows.velocity, i, j, rows.data, r, x, rigid)
-    push_row(rows.velocity, i, j, rows.data, r, change)
+    change = law(rows, r, x, rigid)
+    push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
     rows.impulse[r] = x + change
     return abs(change) * rows.scale[r]
 
@@ -186,7 +188,7 @@ def row_residual(rows, n):
     worst = 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
-        change = law(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.impulse[r], rigid)
+        change = law(rows, r, rows.impulse[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst
 

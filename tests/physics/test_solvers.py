@@ -34,13 +34,13 @@ def find_norm(contacts, inverse_mass, free):
 def find_slopes(contacts, inverse_mass, free, compliance, x, slopes, laws):
     n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, 0.0)
     for r in range(n):
-        slopes[r] = (row_energy(contacts.rows.data, r, x + 1e-4) - row_energy(contacts.rows.data, r, x - 1e-4)) / 2e-4
+        slopes[r] = (row_energy(contacts.rows, r, x + 1e-4) - row_energy(contacts.rows, r, x - 1e-4)) / 2e-4
         i, j = contacts.rows.body[r], contacts.rows.other[r]
-        velocity = contacts.rows.image[0]
+        velocity = contacts.rows.velocity
         for k in range(2):  # a row is a unit vector: these have the velocity minus the slope along it
             velocity[i, k] = -slopes[r] * contacts.rows.data[r, AX + k]
             velocity[j, k] = -slopes[r] * contacts.rows.data[r, BX + k]
-        laws[r] = x + law(velocity, i, j, contacts.rows.data, r, x, contacts.rows.rigid[0] == 1)
+        laws[r] = x + law(contacts.rows, r, x, contacts.rows.rigid[0] == 1)
 
 
 class Problem:
