@@ -48,6 +48,7 @@ class Run:
     time: float  # simulated [s]
     plugins: tuple[str, ...]  # name and version of each with a part in it
     exit_time: FloatArray  # (people,) [s], NaN for who is still inside
+    doubts: tuple[str, ...] = ()  # what its numbers say against it
 
 
 @dataclass(frozen=True)
@@ -85,17 +86,17 @@ class Ensemble:
         Returns
         -------
         dict of str to float [s]
-            ``mean``, ``least``, ``greatest``, ``percentile_5``, ``percentile_50``, ``percentile_95``, and of two runs
-            or more ``standard_deviation``, ``mean_from`` and ``mean_to``: the interval of `CONFIDENCE` of the mean
-            (Student's t). Empty if no run is complete.
+            ``mean``, ``least``, ``greatest``, and of two runs or more ``percentile_5``, ``percentile_50``,
+            ``percentile_95``, ``standard_deviation``, ``mean_from`` and ``mean_to``: the interval of `CONFIDENCE` of
+            the mean (Student's t). Empty if no run is complete.
         """
         last = np.array([np.nanmax(run.exit_time) for run in self.complete])
         if not last.size:
             return {}
         found = {"mean": float(last.mean()), "least": float(last.min()), "greatest": float(last.max())}
-        for percentile in PERCENTILES:
-            found[f"percentile_{percentile}"] = float(np.percentile(last, percentile))
         if last.size > 1:
+            for percentile in PERCENTILES:
+                found[f"percentile_{percentile}"] = float(np.percentile(last, percentile))
             deviation = float(last.std(ddof=1))
             half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, last.size - 1)) * deviation / float(np.sqrt(last.size))
             found["standard_deviation"] = deviation
@@ -147,7 +148,7 @@ class Ensemble:
         egress = self.egress()
         with writing("the results", folder):
             (folder / SUMMARY_NAME).write_text(json.dumps(plain(summary), indent=2) + "\n", encoding="utf-8")
-            write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out"), map(_row, self.runs))
+            write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out", "doubts"), map(_row, self.runs))
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
             write_csv(folder / EGRESS_NAME, egress, rows)
             self._draw(folder / EGRESS_PICTURE_NAME, egress)
@@ -263,9 +264,11 @@ def _one(case: "Case") -> Run:
     except EvacError as error:
         error.add_note(f"in the run with simulation.seed = {case.simulation.seed}")
         raise
-    return Run(results.seed, results.ended, results.time, tuple(results.plugins), results.crowd.exit_time)
+    plugins, exit_time = tuple(results.plugins), results.crowd.exit_time
+    return Run(results.seed, results.ended, results.time, plugins, exit_time, results.doubts)
 
 
 def _row(run: Run) -> tuple[Any, ...]:
     out = int(np.isfinite(run.exit_time).sum())
-    return run.seed, run.ended, out, float(np.nanmax(run.exit_time)) if out else None
+    last = float(np.nanmax(run.exit_time)) if out else None
+    return run.seed, run.ended, out, last, "; ".join(run.doubts)

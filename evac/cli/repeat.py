@@ -47,6 +47,8 @@ def execute(arguments: argparse.Namespace) -> int:
             " evac run --seed N shows where people are left",
             file=sys.stderr,
         )
+    for run in ensemble.runs:
+        show_warnings(f"seed {run.seed}: {doubt}" for doubt in run.doubts)
     show_facts({"results in": folder})
     return 0 if complete == runs else 3
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from evac.building.model import Building
 from evac.directions.routes import Route
+from evac.output.doubts import doubts_about
 from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.physics.bundles import Crowd
@@ -150,6 +151,11 @@ class Results:
         """0 if everybody is out, 3 if people are left."""
         return 0 if self.evacuated == self.people else 3
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the numbers of the run say against it, a line each."""
+        return doubts_about(self.report, float(self.crowd.radius.min()))
+
     @cached_property
     def moves(self) -> Moves:
         """Every change of level, in order of time."""
@@ -213,6 +219,7 @@ class Results:
             "exit_status": self.exit_status,
             "stuck": self._stuck_places(),
             "warnings": self.warnings,
+            "doubts": self.doubts,
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self._exit_table(),

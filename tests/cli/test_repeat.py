@@ -1,6 +1,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -25,6 +26,14 @@ def test_people_who_are_unusual_are_told_of(evac, capsys, command):
     changes = ("people.people.mass=70000", "people.people.number=2", "simulation.duration=0.1", "output.picture=false")
     evac(command[0], "square_room", *command[1:], "--set", *changes)
     assert "warning: people.people.mass is 7e+04 to 7e+04 kg, which is unusual" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
+def test_a_run_that_is_not_to_be_trusted_says_so(evac, capsys, command):
+    """Steps of 0.1 s throw people about at a door."""
+    changes = ("contact.model=nsm2", "simulation.step=0.1", "output.picture=false")
+    assert evac(command[0], "square_room", *command[1:], "--set", *changes) == 0
+    assert re.search("warning: .*contacts made [0-9.]+ J, more than", capsys.readouterr().err)
 
 
 def test_runs_with_people_left_are_named(evac, capsys):

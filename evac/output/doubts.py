@@ -1,0 +1,51 @@
+"""What the numbers of a run say against it: legal, and reported, but more than a look at the table may notice."""
+
+from collections.abc import Mapping
+from typing import Any
+
+#: An overlap beyond this share of the smallest radius is no contact any more: people pass through one another.
+DEEP = 0.5
+
+#: Energy made by contacts beyond what they took is noticed where it is more than this share of the work of driving.
+MADE = 0.01
+
+
+def doubts_about(report: Mapping[str, Any], smallest_radius: float) -> tuple[str, ...]:
+    """Return a line for each number of a run's contact report that speaks against it, with the way out.
+
+    Parameters
+    ----------
+    report : mapping
+        Of the contact model, see docs/results.md.
+    smallest_radius : float [m]
+
+    Returns
+    -------
+    tuple of str
+    """
+    found = []
+    overlap, energy = report["greatest_overlap"], report["energy"]
+    if overlap > DEEP * smallest_radius:
+        found.append(
+            f"bodies overlapped by up to {overlap:.2f} m, the smallest radius being {smallest_radius:.2f} m: a smaller "
+            "simulation.step, stiffer contacts or contact.model nsm1 keep them apart"
+        )
+    unconverged = report["unconverged_steps"]
+    if unconverged:
+        found.append(
+            f"in {unconverged} of {report['steps']} steps contacts were not solved to the tolerance, the worst to "
+            f"{report['greatest_residual']:.2g} m/s: use a smaller simulation.step, or more iterations"
+        )
+    failed = report["failed_position_corrections"]
+    if failed:
+        found.append(
+            f"overlaps could not be parted {failed} times, as where a body is squeezed: look for a place too narrow, "
+            "or for people who start in one another"
+        )
+    made, taken = energy["contact_creation"], energy["contact_dissipation"]
+    if made > taken and made - taken > MADE * energy["driving_work"]:
+        found.append(
+            f"contacts made {made:.4g} J, more than the {taken:.4g} J that they took: people are thrown about; use a "
+            "smaller simulation.step"
+        )
+    return tuple(found)
