@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
-from evac.building.links import close_links
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
@@ -108,8 +107,7 @@ class Simulation:
         """Make the stations of the main path, one from the other."""
         case = self.case
         with self._phase("building"):
-            mesh = self.registry.read_building(case.mesh, **case.building.options())
-            self.building = close_links(mesh, case.building.closed)
+            self.building = case.read_building()
             check_people(case, self.building)
         with naming(case.source), self._phase("directions"):
             self.fields = self._build_fields(behaviours)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from evac.cli.cases import case_of, declare_case
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.errors import EvacError
 
 if TYPE_CHECKING:
     from evac.building.model import Building, Exit, Portal
@@ -33,8 +34,13 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     from evac.simulation import Simulation
 
-    simulation = Simulation(case)
     show_facts({"case": case.title or case.folder.name, "file": case.source})
+    try:
+        simulation = Simulation(case)
+    except EvacError:
+        # What is wrong with people or directions is easier to see beside the building.
+        show_building(case.read_building())
+        raise
     show_building(simulation.building)
     show_people(simulation)
     show_warnings(simulation.warnings())

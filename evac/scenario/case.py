@@ -21,6 +21,7 @@ from evac.scenario.schema import (
 
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
+    from evac.building.model import Building
     from evac.output.recorder import Recorder
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
@@ -107,6 +108,19 @@ class Case(Section):
         return case_from(
             self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
         )
+
+    def read_building(self) -> "Building":
+        """Return the building from its mesh, closed where the case closes it.
+
+        Raises
+        ------
+        BuildingError
+            As `evac.building.reading.read_building` says, or a name to close is none of the building's.
+        """
+        from evac.building.links import close_links  # brings shapely, which cases alone do without
+
+        mesh = self.registry.read_building(self.mesh, **self.building.options())
+        return close_links(mesh, self.building.closed)
 
     def make_contact_model(self) -> "ContactModel":
         """Return the contact model in use, with its parameters."""

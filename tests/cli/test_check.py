@@ -124,7 +124,8 @@ def test_an_error_brings_the_warnings_that_may_be_its_cause(evac, tmp_path, caps
     (tmp_path / "steep.obj").write_text(STEEP)
     (tmp_path / "case.toml").write_text(STEEP_CASE)
     assert evac("check", tmp_path / "case.toml") == 2
-    error = capsys.readouterr().err
+    out, error = capsys.readouterr()
     assert "cannot reach any exit" in error
+    assert out.count("floor z=0.00") == 2  # among the levels, and as the exit's
     assert "warning: " in error
     assert "steeper than 50 degrees dropped" in error
