@@ -150,8 +150,8 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
             return stepping.TOO_STIFF
         stepping.take_free(bodies)
         for c in range(contacts.count[0]):
-            contacts.impulse[c] = -h * law.stiffness * min(0.0, contacts.gap[c])
-            push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.impulse[c])
+            contacts.percussion[c] = -h * law.stiffness * min(0.0, contacts.gap[c])
+            push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
         stepping.report_force(bodies, contacts, clock, step, part, parts, 1.0 / h)
         stepping.tally_contacts(contacts, tally)
         status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.0)

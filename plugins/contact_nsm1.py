@@ -13,7 +13,7 @@ from evac.physics import stepping
 from evac.physics import tallies as at
 from evac.physics.bundles import Clock
 from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.contacts import keep_impulses
+from evac.physics.contacts import keep_percussions
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 from evac.physics.overlaps import part_overlaps
@@ -168,7 +168,7 @@ def _project(world, bodies, lists, contacts, tally, law, h):
                 tally[0, at.UNCONVERGED_STEPS] += 1.0
             return OK
         tally[0, at.REPEATED_SEARCHES] += 1.0
-        keep_impulses(contacts)
+        keep_percussions(contacts)
         status = stepping.refresh(world, bodies, lists, tally, 0.0, 3.0 * needed)
         if status == OK:
             status = stepping.seek(world, bodies, lists, contacts)
@@ -190,8 +190,8 @@ def _keep_apart(bodies, contacts, law, tolerance):
         bodies.spare[i, 0] = bodies.solved[i, 0]
         bodies.spare[i, 1] = bodies.solved[i, 1]
     for c in range(contacts.count[0]):
-        contacts.work[c, 0] = contacts.impulse[c]
-        contacts.impulse[c] = 0.0
+        contacts.work[c, 0] = contacts.percussion[c]
+        contacts.percussion[c] = 0.0
         contacts.omega[c] = 2.0 if contacts.other[c] >= 0 else 1.0
     solve(
         CONJUGATE_FACES,
@@ -209,7 +209,7 @@ def _keep_apart(bodies, contacts, law, tolerance):
         bodies.inverse_mass[i] = 1.0 / bodies.mass[i]
     for c in range(contacts.count[0]):
         i, j = contacts.body[c], contacts.other[c]
-        contacts.impulse[c] = contacts.work[c, 0]
+        contacts.percussion[c] = contacts.work[c, 0]
         contacts.omega[c] = bodies.inverse_mass[i]
         if j >= 0:
             contacts.omega[c] += bodies.inverse_mass[j]

@@ -17,7 +17,7 @@ from evac.physics.contacts import (
     keep_only_meeting,
     normal_velocity,
     report_contact_force,
-    set_approach,
+    set_velocity_before,
     tangential_velocity,
 )
 from evac.physics.engine import Engine
@@ -131,7 +131,7 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status != OK:
             return status
         keep_only_meeting(world, bodies, contacts, h)
-        set_approach(bodies, contacts)
+        set_velocity_before(bodies, contacts)
         _stick(bodies, contacts, law, clock.full)
         _strike(bodies, contacts, tally, law)
         if clock.report_force and step == clock.last - 1 and part == parts - 1:
@@ -185,7 +185,7 @@ def _strike(bodies, contacts, tally, law):
     tally[0, at.RETRIED_SOLVES] += again
     if found > law.velocity_tolerance and math.isinf(law.normal):
         for c in range(contacts.count[0]):
-            contacts.impulse[c] = 0.0
+            contacts.percussion[c] = 0.0
             contacts.friction[c] = 0.0
         iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, FALLBACK, law.velocity_tolerance)
         tally[0, at.ITERATIONS] += iterations
@@ -203,12 +203,12 @@ def _report_reaction(bodies, contacts, law, h):
     Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
     """
     for c in range(contacts.count[0]):
-        contacts.work[c, 0] = contacts.impulse[c]
+        contacts.work[c, 0] = contacts.percussion[c]
         contacts.work[c, 1] = contacts.friction[c]
     _percussions(bodies, bodies.spare, contacts, law, 0.0, law.velocity_tolerance)
     report_contact_force(bodies, contacts, 1.0 / h)
     for c in range(contacts.count[0]):
-        contacts.impulse[c] = contacts.work[c, 0]
+        contacts.percussion[c] = contacts.work[c, 0]
         contacts.friction[c] = contacts.work[c, 1]
 
 

@@ -86,7 +86,9 @@ def check_walls(model: ContactModel) -> None:
                 f"{model.name}: somebody is through the wall, at ({x:.2f}, {y:.2f}); push against walls too"
             )
     if not model.overdamped and not max(felt) > 0.0:
-        raise PluginError(f"{model.name}: nobody pressed against a wall reports a contact force; fill contacts.impulse")
+        raise PluginError(
+            f"{model.name}: nobody pressed against a wall reports a contact force; fill contacts.percussion"
+        )
     for key, value in engine.report().items():
         if not (math.isfinite(value) and (value >= 0.0 or key in SIGNED)):
             raise PluginError(f"{model.name}: reports {key} = {value}; counts and sizes are finite and not negative")
@@ -123,7 +125,7 @@ def check_energy(model: ContactModel) -> None:
     if not abs(told - gained) <= 1e-6 * (abs(gained) + 1.0):
         raise PluginError(
             f"{model.name}: two people who run into each other gain {gained:.4g} J, but their percussions account for "
-            f"{told:.4g} J; contacts.impulse must hold what changed the velocities"
+            f"{told:.4g} J; contacts.percussion must hold what changed the velocities"
         )
 
 

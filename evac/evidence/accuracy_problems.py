@@ -77,7 +77,7 @@ class ContactProblem:
     inverse_mass : (n,) [1/kg]
     free : (n, 2) [m/s]
     contacts : Contacts
-        Copies; ``impulse`` is where a solver starts.
+        Copies; ``percussion`` is where a solver starts.
     warm : (c,) [N s]
         Percussions found in the step before, where a contact was there already.
     velocity : (n, 2) [m/s]
@@ -98,7 +98,7 @@ class ContactProblem:
 
     def start(self, is_warm: bool) -> None:
         """Set the percussions that a solver starts from: the last step's, or zero."""
-        self.contacts.impulse[: self.size] = self.warm if is_warm else 0.0
+        self.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
         self.contacts.friction[:] = 0.0
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
@@ -126,7 +126,7 @@ class ContactProblem:
             np.repeat(1.0 / self.inverse_mass, 2),
             self.free.ravel(),
             self.contacts.bias[:c],
-            self.contacts.approach[:c],
+            self.contacts.velocity_before[:c],
             self.law.dissipation,
             precision,
         ).reshape(-1, 2)
@@ -178,9 +178,9 @@ def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> Contac
     bodies, contacts = _after(snapshot, model, STEPS_BEFORE + 1)
     n, c = int(bodies.count[0]), int(contacts.count[0])
     known = {
-        (int(body), int(key)): float(impulse)
-        for body, key, impulse in zip(
-            held.body[: held.count[0]], held.key[: held.count[0]], held.impulse[: held.count[0]], strict=True
+        (int(body), int(key)): float(percussion)
+        for body, key, percussion in zip(
+            held.body[: held.count[0]], held.key[: held.count[0]], held.percussion[: held.count[0]], strict=True
         )
     }
     warm = np.array(

@@ -60,7 +60,7 @@ def solve_contact_qp(
     mass: FloatArray,
     free: FloatArray,
     bias: FloatArray,
-    approach: FloatArray,
+    before: FloatArray,
     dissipation: float,
     precision: float = PRECISION,
 ) -> FloatArray:
@@ -77,7 +77,7 @@ def solve_contact_qp(
     gradient : (c, k) sparse
     mass : (k,) [kg]
     free : (k,) [m/s]
-    bias, approach : (c,) [m/s]
+    bias, before : (c,) [m/s]
     dissipation : float
         K_N [kg], finite.
     precision : float
@@ -104,7 +104,7 @@ def solve_contact_qp(
                 sparse.hstack([-0.5 * scaled, -slack * sparse.identity(c)]),
             ]
         )
-        bound = np.concatenate([start + bias, 0.5 * (start + approach)])
+        bound = np.concatenate([start + bias, 0.5 * (start + before)])
     best, found = free, np.inf
     for refinements, tolerance in ATTEMPTS:
         solution = _solved_by_clarabel(quadratic, matrix, bound, refinements, tolerance)
@@ -112,7 +112,7 @@ def solve_contact_qp(
         percussion = unit * np.array(solution.z)[:c]
         if dissipation > 0.0:
             percussion += 0.5 * unit * np.array(solution.z)[c:]
-        law = (gradient, mass, free, bias, approach, dissipation)
+        law = (gradient, mass, free, bias, before, dissipation)
         for _ in range(POLISHES):
             left = law_residual(*law, velocity, percussion)
             if left < found:
@@ -150,7 +150,7 @@ def _polished(
     mass: FloatArray,
     free: FloatArray,
     bias: FloatArray,
-    approach: FloatArray,
+    before: FloatArray,
     dissipation: float,
     velocity: FloatArray,
     percussion: FloatArray,
@@ -159,13 +159,13 @@ def _polished(
 
     Rigid ones obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0.
     """
-    omega, after, spring = _contact_state(gradient, mass, approach, dissipation, velocity)
+    omega, after, spring = _contact_state(gradient, mass, before, dissipation, velocity)
     rigid = omega * (percussion - spring) > after + bias
     pushes = rigid | (spring > 0.0)
     held = gradient[pushes]
     elastic = ~rigid[pushes]
     compliance = np.where(elastic, 2.0 / dissipation if dissipation > 0.0 else 0.0, 0.0)
-    right = np.concatenate([mass * free, -np.where(elastic, approach[pushes], bias[pushes])])
+    right = np.concatenate([mass * free, -np.where(elastic, before[pushes], bias[pushes])])
     system = sparse.bmat([[sparse.diags(mass), -held.T], [held, sparse.diags(compliance)]], format="csc")
     regular = sparse.diags(np.concatenate([np.zeros(len(mass)), np.full(held.shape[0], REGULAR)]))
     factors = splu((system + regular).tocsc())
@@ -182,7 +182,7 @@ def law_residual(
     mass: FloatArray,
     free: FloatArray,
     bias: FloatArray,
-    approach: FloatArray,
+    before: FloatArray,
     dissipation: float,
     velocity: FloatArray,
     percussion: FloatArray,
@@ -193,18 +193,18 @@ def law_residual(
     contact, percussions turned into velocities by omega.
     """
     balance = velocity - free - (gradient.T @ percussion) / mass
-    omega, after, spring = _contact_state(gradient, mass, approach, dissipation, velocity)
+    omega, after, spring = _contact_state(gradient, mass, before, dissipation, velocity)
     law = np.minimum(omega * (percussion - spring), after + bias)
     return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
 
 
 def _contact_state(
-    gradient: Any, mass: FloatArray, approach: FloatArray, dissipation: float, velocity: FloatArray
+    gradient: Any, mass: FloatArray, before: FloatArray, dissipation: float, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return omega [1/kg], the velocity w+ [m/s] and the elastic percussion K_N max(0, -(w+ + w-)/2) [N s] of each."""
     omega = np.asarray(gradient.multiply(gradient) @ (1.0 / mass)).ravel()
     after = gradient @ velocity
-    return omega, after, dissipation * np.maximum(0.0, -0.5 * (after + approach))
+    return omega, after, dissipation * np.maximum(0.0, -0.5 * (after + before))
 
 
 def geodesics(

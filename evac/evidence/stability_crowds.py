@@ -103,7 +103,7 @@ def _try_squeeze(model: ContactModel) -> dict[str, Any]:
     start = deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
     engine.advance(model, crowd, 0, 1, 0.01, False, False)
-    percussion = float(engine.contacts.impulse[: engine.contacts.count[0]].max())
+    percussion = float(engine.contacts.percussion[: engine.contacts.count[0]].max())
     trial = attempt(model, scene, 0.01, 2.0)
     verdict = judge(trial, lambda _: max(0.0, greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True)
     return {

@@ -199,7 +199,7 @@ class Rows(NamedTuple):
     data: FloatArray  # (r, 5)
     elastic: FloatArray  # (r, 3)
     scale: FloatArray  # sqrt(omega) [kg^-1/2]
-    impulse: FloatArray  # percussions times scale, x
+    percussion: FloatArray  # percussions times scale, x
     branch: IntArray  # of the law
     root: FloatArray  # (n + 1,) sqrt(m), infinite for the wall
     free: FloatArray  # (n + 1, 2) free velocities times root
@@ -223,13 +223,13 @@ class Contacts(NamedTuple):
     gap: FloatArray
     omega: FloatArray  # 1/m_i + 1/m_j
     bias: FloatArray  # w+ + bias >= 0 is asked for [m/s]
-    approach: FloatArray  # normal velocity before the step, w-
-    impulse: FloatArray  # normal percussion P [N s]
+    velocity_before: FloatArray  # normal velocity before the step, w-
+    percussion: FloatArray  # normal percussion P [N s]
     friction: FloatArray  # tangential percussion [N s]
     sticky: ByteArray  # 1: the tangential law acts
     old_body: IntArray
     old_key: IntArray
-    old_impulse: FloatArray
+    old_percussion: FloatArray
     work: FloatArray  # (c, 3): 0, 1 normal and tangential percussions set aside, 2 tangential velocity before the step
     rows: Rows
     near: FloatArray  # (walls at one body, 6) of the wall search

@@ -80,14 +80,14 @@ def go_on(rows, n, bodies, before):
     """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
     for r in range(n):
-        now += (rows.impulse[r] - rows.work[0, r]) ** 2
+        now += (rows.percussion[r] - rows.work[0, r]) ** 2
     beta = now / before if before > 0.0 else 0.0
     if beta > 1.0:
         beta = 0.0
     for r in range(n):
         step = beta * rows.work[1, r]
-        rows.work[1, r] = step + rows.impulse[r] - rows.work[0, r]
-        rows.impulse[r] += step
+        rows.work[1, r] = step + rows.percussion[r] - rows.work[0, r]
+        rows.percussion[r] += step
     for i in range(bodies):
         for k in range(2):
             step = beta * rows.image[1, i, k]
@@ -131,11 +131,11 @@ def branch_of(rows, r):
     elastic = rows.elastic
     if elastic[r, BOUND] < 0.0:
         return ELASTIC
-    if rows.impulse[r] <= 0.0:
+    if rows.percussion[r] <= 0.0:
         return OFF
     # Elastic below P = (b - w-) K_N / 2, where the separation velocity is still above -b.
     limit = elastic[r, SPRING] * (rows.data[r, BIAS] - elastic[r, BEFORE])
-    if rows.impulse[r] * (1.0 - elastic[r, SPRING]) < limit:
+    if rows.percussion[r] * (1.0 - elastic[r, SPRING]) < limit:
         return ELASTIC
     return RIGID
 
@@ -211,7 +211,7 @@ def _gradient(rows, held):
     data = rows.face_data
     for k in range(held):
         w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k, data[k, SHIFT])
-        g = w + data[k, COMPLIANCE] * rows.impulse[rows.face[k]]
+        g = w + data[k, COMPLIANCE] * rows.percussion[rows.face[k]]
         rows.work[0, k] = g
         worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
@@ -271,7 +271,7 @@ def _step(rows, held, bodies, length):
         rows.velocity[i, 1] += length * rows.image[3, i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.impulse[r] += length * rows.work[3, k]
+        rows.percussion[r] += length * rows.work[3, k]
         if branch_of(rows, r) != rows.branch[r]:
             left += 1
     return left
@@ -284,14 +284,14 @@ def _put_back(rows, held):
     data = rows.face_data
     for k in range(held):
         r = rows.face[k]
-        push = max(-rows.impulse[r], 0.0) if rows.elastic[r, BOUND] == 0.0 else 0.0
+        push = max(-rows.percussion[r], 0.0) if rows.elastic[r, BOUND] == 0.0 else 0.0
         rows.work[1, k] = push
         if push > 0.0:
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k, data[k, SHIFT])
-            gradient = w + data[k, COMPLIANCE] * rows.impulse[r]
+            gradient = w + data[k, COMPLIANCE] * rows.percussion[r]
             rise += push * (gradient + 0.5 * push / data[k, SOFTNESS])
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, push)
-            rows.impulse[r] = 0.0
+            rows.percussion[r] = 0.0
     return rise
 
 
@@ -304,7 +304,7 @@ def _step_to_the_edge(rows, held, bodies, length):
         if push > 0.0:
             r = rows.face[k]
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -push)
-            rows.impulse[r] = -push
+            rows.percussion[r] = -push
             share = min(share, 1.0 + push / (length * rows.work[3, k]))
     back = (1.0 - max(share, 0.0)) * length
     for i in range(bodies):
@@ -312,6 +312,6 @@ def _step_to_the_edge(rows, held, bodies, length):
         rows.velocity[i, 1] -= back * rows.image[3, i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.impulse[r] -= back * rows.work[3, k]
+        rows.percussion[r] -= back * rows.work[3, k]
         if rows.work[1, k] > 0.0:
-            rows.impulse[r] = max(rows.impulse[r], 0.0)
+            rows.percussion[r] = max(rows.percussion[r], 0.0)

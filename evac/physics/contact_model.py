@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 
 
 class StepContacts(NamedTuple):
-    """The contacts of one sub-step, as a contact model written in numpy sees them: read-only but for `impulse`.
+    """The contacts of one sub-step, as a contact model written in numpy sees them: read-only but for `percussion`.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class StepContacts(NamedTuple):
     free : (n, 2) [m/s]
         After the step if nobody touched.
     mass, radius : (n,) [kg], [m]
-    impulse : (c,) [N s]
+    percussion : (c,) [N s]
         To be filled with the normal percussions, for energy and contact forces.
     """
 
@@ -48,7 +48,7 @@ class StepContacts(NamedTuple):
     free: FloatArray
     mass: FloatArray
     radius: FloatArray
-    impulse: FloatArray
+    percussion: FloatArray
 
 
 class BorderScene(NamedTuple):
@@ -106,7 +106,7 @@ class ContactModel(Configurable, ABC):
         return []
 
     def step(self, contacts: StepContacts, h: float) -> FloatArray:
-        """Return the velocities after a sub-step and fill ``contacts.impulse``.
+        """Return the velocities after a sub-step and fill ``contacts.percussion``.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class ContactModel(Configurable, ABC):
     def _call_step(self, engine: "Engine", h: float) -> None:
         bodies, contacts = engine.bodies, engine.contacts
         n, c = int(bodies.count[0]), int(contacts.count[0])
-        contacts.impulse[:c] = 0.0
+        contacts.percussion[:c] = 0.0
         seen = StepContacts(
             contacts.body[:c],
             contacts.other[:c],
@@ -199,10 +199,10 @@ class ContactModel(Configurable, ABC):
             bodies.free[:n],
             bodies.mass[:n],
             bodies.radius[:n],
-            contacts.impulse[:c],
+            contacts.percussion[:c],
         )
         for name, array in seen._asdict().items():
-            array.flags.writeable = name == "impulse"
+            array.flags.writeable = name == "percussion"
         found = self.step(seen, h)
         if np.shape(found) != (n, 2):
             raise PluginError(

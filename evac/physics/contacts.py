@@ -120,9 +120,9 @@ def _carry_over(contacts, c, memory):
     ):
         memory += 1
     if memory < held and contacts.old_body[memory] == body and contacts.old_key[memory] == key:
-        contacts.impulse[c] = contacts.old_impulse[memory]
+        contacts.percussion[c] = contacts.old_percussion[memory]
     else:
-        contacts.impulse[c] = 0.0
+        contacts.percussion[c] = 0.0
     return memory
 
 
@@ -230,10 +230,10 @@ def tangential_velocity(velocity, contacts, c):
 
 
 @inner
-def set_approach(bodies, contacts):
+def set_velocity_before(bodies, contacts):
     """Set the normal velocities before the step, w-."""
     for c in range(contacts.count[0]):
-        contacts.approach[c] = normal_velocity(bodies.velocity, contacts, c)
+        contacts.velocity_before[c] = normal_velocity(bodies.velocity, contacts, c)
 
 
 @inner
@@ -251,12 +251,12 @@ def push(velocity, inverse_mass, contacts, c, percussion):
 
 
 @inner
-def keep_impulses(contacts):
+def keep_percussions(contacts):
     """Remember the percussions of this step for the start of the next."""
     for c in range(contacts.count[0]):
         contacts.old_body[c] = contacts.body[c]
         contacts.old_key[c] = contacts.key[c]
-        contacts.old_impulse[c] = contacts.impulse[c]
+        contacts.old_percussion[c] = contacts.percussion[c]
     contacts.count[1] = contacts.count[0]
 
 
@@ -274,7 +274,7 @@ def keep_only_meeting(world, bodies, contacts, h):
                 contacts.normal[used, 1] = contacts.normal[c, 1]
                 contacts.gap[used] = contacts.gap[c]
                 contacts.omega[used] = contacts.omega[c]
-                contacts.impulse[used] = contacts.impulse[c]
+                contacts.percussion[used] = contacts.percussion[c]
             used += 1
     contacts.count[0] = used
 
@@ -285,7 +285,7 @@ def report_contact_force(bodies, contacts, weight):
     for i in range(bodies.count[0]):
         bodies.contact_force[i] = 0.0
     for c in range(contacts.count[0]):
-        force = weight * contacts.impulse[c]
+        force = weight * contacts.percussion[c]
         bodies.contact_force[contacts.body[c]] += force
         if contacts.other[c] >= 0:
             bodies.contact_force[contacts.other[c]] += force

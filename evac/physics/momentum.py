@@ -61,7 +61,7 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
     _set_rates(rows, n, bodies)
     momentum, change = 1.0, math.inf
     for r in range(n):
-        rows.work[1, r] = rows.impulse[r]
+        rows.work[1, r] = rows.percussion[r]
     found, likely = row_residual(rows, n), LIKELY
     iteration = n * 0
     while found > tolerance and iteration < limit:
@@ -74,7 +74,7 @@ def accelerated_gradient(rows, n, bodies, tolerance, limit):
             found, likely = look(rows, n, change, found, likely, math.inf)
             if found > tolerance and iteration < limit:
                 for r in range(n):
-                    rows.impulse[r] += share * (rows.impulse[r] - rows.work[3, r])
+                    rows.percussion[r] += share * (rows.percussion[r] - rows.work[3, r])
                 renew_velocity(rows, bodies, n)
     return iteration, found
 
@@ -93,7 +93,7 @@ def _gradient_pass(rows, n, bodies, share):
     uphill, change = 0.0, 0.0
     for r in range(n):
         i, j = rows.body[r], rows.other[r]
-        x = rows.impulse[r]
+        x = rows.percussion[r]
         new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r, 0.0), x, work[2, r])
         step = new - work[1, r]
         uphill += (x - new) * step / work[2, r]
@@ -101,7 +101,7 @@ def _gradient_pass(rows, n, bodies, share):
         work[3, r] = work[1, r]
         work[1, r] = new
         new += share * step
-        rows.impulse[r] = new
+        rows.percussion[r] = new
         push_row(image[0], i, j, data, r, new)
     for i in range(bodies):
         rows.velocity[i, 0] = image[0, i, 0]
@@ -184,7 +184,7 @@ def _go_on(rows, bodies, share):
 def _take_back(rows, n, bodies):
     """Return to percussions and velocities of the last look."""
     for r in range(n):
-        rows.impulse[r] = rows.work[1, r]
+        rows.percussion[r] = rows.work[1, r]
         rows.work[0, r] = rows.work[1, r]
     for i in range(bodies):
         for k in range(2):
@@ -199,7 +199,7 @@ def energy(rows, n, bodies):
     for i in range(bodies):
         total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
     for r in range(n):
-        total += row_energy(rows, r, rows.impulse[r])
+        total += row_energy(rows, r, rows.percussion[r])
     return total
 
 
@@ -212,13 +212,13 @@ def _sweep_on(rows, n, share):
     uphill, greatest = 0.0, 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
-        old = rows.impulse[r]
+        old = rows.percussion[r]
         start = old + share * (old - rows.work[0, r])
         change = law(rows, r, start, rigid)
         new = start + change
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
         rows.work[0, r] = old
-        rows.impulse[r] = new
+        rows.percussion[r] = new
         uphill -= change * (new - old)
         greatest = max(greatest, abs(change) * rows.scale[r])
     return uphill, greatest
@@ -230,10 +230,10 @@ def _sweep_back(rows, n):
     uphill, greatest = 0.0, 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n - 1, -1, -1):
-        x = rows.impulse[r]
+        x = rows.percussion[r]
         change = law(rows, r, x, rigid)
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
-        rows.impulse[r] = x + change
+        rows.percussion[r] = x + change
         uphill -= change * (x + change - rows.work[0, r])
         greatest = max(greatest, abs(change) * rows.scale[r])
     return uphill, greatest

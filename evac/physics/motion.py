@@ -146,7 +146,8 @@ def add_work(bodies, contacts, sums):
         y = (bodies.free[i, 1] - bodies.velocity[i, 1]) * (bodies.velocity[i, 1] + bodies.solved[i, 1])
         sums[0] += 0.5 * bodies.mass[i] * (x + y)
     for c in range(contacts.count[0]):
-        work = 0.5 * contacts.impulse[c] * (contacts.approach[c] + normal_velocity(bodies.solved, contacts, c))
+        before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)
+        work = 0.5 * contacts.percussion[c] * before_and_after
         if contacts.sticky[c]:
             slide = contacts.work[c, 2] + tangential_velocity(bodies.solved, contacts, c)
             work += 0.5 * contacts.friction[c] * slide

@@ -43,7 +43,7 @@ def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, me
         return status
     for c in range(contacts.count[0]):
         contacts.bias[c] = contacts.gap[c]
-        contacts.impulse[c] = 0.0
+        contacts.percussion[c] = 0.0
     bodies.spare[:n] = 0.0
     _, found, _ = solve_or_retry(
         method,

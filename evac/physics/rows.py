@@ -50,7 +50,7 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        bias, before, start = contacts.bias[c], contacts.approach[c], contacts.impulse[c]
+        bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
         _pack_row(contacts, rows, c, used, bodies, nx, ny, bias, before, spring, 0.0, start)
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
@@ -70,7 +70,7 @@ def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound,
     rows.other[r] = j
     scale = math.sqrt(contacts.omega[c])
     rows.scale[r] = scale
-    rows.impulse[r] = scale * start
+    rows.percussion[r] = scale * start
     rows.data[r, AX] = nx / (scale * rows.root[i])
     rows.data[r, AY] = ny / (scale * rows.root[i])
     rows.data[r, BX] = -nx / (scale * rows.root[j])
@@ -88,12 +88,12 @@ def unpack(contacts, bodies, velocity, tangential):
     total = 0.0
     r = contacts.count[0] * 0
     for c in range(contacts.count[0]):
-        contacts.impulse[c] = rows.impulse[r] / rows.scale[r]
+        contacts.percussion[c] = rows.percussion[r] / rows.scale[r]
         r += 1
         if contacts.sticky[c]:
             contacts.friction[c] = 0.0
             if tangential > 0.0:
-                contacts.friction[c] = rows.impulse[r] / rows.scale[r]
+                contacts.friction[c] = rows.percussion[r] / rows.scale[r]
                 r += 1
     for i in range(bodies):
         velocity[i, 0] = rows.velocity[i, 0] / rows.root[i]
@@ -155,10 +155,10 @@ def row_energy(rows, r, x):
 @inner
 def relax(rows, r, rigid):
     """Make row r obey its law; return how far it was from that [m/s]."""
-    x = rows.impulse[r]
+    x = rows.percussion[r]
     change = law(rows, r, x, rigid)
     push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
-    rows.impulse[r] = x + change
+    rows.percussion[r] = x + change
     return abs(change) * rows.scale[r]
 
 
@@ -188,7 +188,7 @@ def row_residual(rows, n):
     worst = 0.0
     rigid = rows.rigid[0] == 1
     for r in range(n):
-        change = law(rows, r, rows.impulse[r], rigid)
+        change = law(rows, r, rows.percussion[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst
 
@@ -212,14 +212,14 @@ def renew_velocity(rows, bodies, n):
         rows.velocity[i, 0] = rows.free[i, 0]
         rows.velocity[i, 1] = rows.free[i, 1]
     for r in range(n):
-        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.impulse[r])
+        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.percussion[r])
 
 
 @inner
 def keep(rows, n, bodies, place):
     """Keep percussions in the work array and velocities in the image, both at `place`."""
     for r in range(n):
-        rows.work[place, r] = rows.impulse[r]
+        rows.work[place, r] = rows.percussion[r]
     for i in range(bodies):
         for k in range(2):
             rows.image[place, i, k] = rows.velocity[i, k]

@@ -61,11 +61,11 @@ def residual(velocity, contacts, compliance, tangential):
         if j >= 0:
             vx -= velocity[j, 0]
             vy -= velocity[j, 1]
-        a = nx * vx + ny * vy - omega * contacts.impulse[c]
+        a = nx * vx + ny * vy - omega * contacts.percussion[c]
         local = max(0.0, -(a + contacts.bias[c]) / omega)
         if compliance >= 0.0:
-            local = max(local, -(a + contacts.approach[c]) / (omega + compliance))
-        worst = max(worst, omega * abs(contacts.impulse[c] - local))
+            local = max(local, -(a + contacts.velocity_before[c]) / (omega + compliance))
+        worst = max(worst, omega * abs(contacts.percussion[c] - local))
         if contacts.sticky[c]:
             a = nx * vy - ny * vx - omega * contacts.friction[c]
             local = -tangential * (a + contacts.work[c, 2]) / (2.0 + tangential * omega)
@@ -135,7 +135,7 @@ def solve_or_retry(
     if found <= enough:
         return iterations, found, 0
     for c in range(contacts.count[0]):
-        contacts.impulse[c] = 0.0
+        contacts.percussion[c] = 0.0
         contacts.friction[c] = 0.0
     method = CONJUGATE_FACES if method != CONJUGATE_FACES else CONJUGATE_SWEEPS
     again, found = solve(
@@ -172,10 +172,10 @@ def uzawa(rows, n, bodies, tolerance, limit):
     while found > tolerance and iteration < limit:
         change = 0.0
         for r in range(n):
-            old, scale = rows.impulse[r], rows.scale[r]
+            old, scale = rows.percussion[r], rows.scale[r]
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r, 0.0)
-            rows.impulse[r] = gradient_step(rows, r, w, old, rate * scale * scale)
-            change = max(change, abs(rows.impulse[r] - old) * scale)
+            rows.percussion[r] = gradient_step(rows, r, w, old, rate * scale * scale)
+            change = max(change, abs(rows.percussion[r] - old) * scale)
         renew_velocity(rows, bodies, n)
         iteration += 1
         found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)

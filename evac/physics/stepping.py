@@ -4,7 +4,7 @@ gather                 once a tick: sort the people inside by travel time, copy 
 open_step              at the start of each step, and cut where it has to be made in parts
 free_motion            lists, desired directions, forces at a distance, velocity if nobody touched
 meet                   contacts in reach
-(the contact law)      fills bodies.solved and contacts.impulse
+(the contact law)      fills bodies.solved and contacts.percussion
 finish                 energy, move, cross portals and exits
 scatter                once a tick: copy back
 """
@@ -14,7 +14,7 @@ import numpy as np
 from evac.directions.sampling import sample_travel_time
 from evac.jit import inner, kernel
 from evac.physics import tallies as at
-from evac.physics.contacts import find_contacts, keep_impulses, report_contact_force, set_approach, set_reach
+from evac.physics.contacts import find_contacts, keep_percussions, report_contact_force, set_reach, set_velocity_before
 from evac.physics.drive import add_forces, drive, drive_overdamped, set_desired
 from evac.physics.motion import TOO_FAST, TOO_STIFF, WALL_CROSSED, add_work, move, restore, save
 from evac.physics.neighbours import OK, build_lists, lists_are_stale
@@ -132,7 +132,7 @@ def seek(world, bodies, lists, contacts):
     status = find_contacts(world, bodies, lists, contacts)
     if status != OK:
         return status
-    set_approach(bodies, contacts)
+    set_velocity_before(bodies, contacts)
     for c in range(contacts.count[0]):
         contacts.bias[c] = 0.0
         contacts.friction[c] = 0.0
@@ -179,7 +179,7 @@ def take_free(bodies):
 def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):
     """Sum the work, keep the percussions for a warm start, move; return a status."""
     add_work(bodies, contacts, tally[0, at.DRIVING_WORK : at.CONTACT_CREATION + 1])
-    keep_impulses(contacts)
+    keep_percussions(contacts)
     tally[0, at.SUB_STEPS] += 1.0
     return move(world, bodies, lists, events, time, h, old_share, 1.0, clock.full)
 

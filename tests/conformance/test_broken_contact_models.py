@@ -18,8 +18,8 @@ class Bounce(ContactModel):
     stiffness = Parameter(1.2e5, "contact stiffness", unit="kg/s2", above=0.0)
 
     def step(self, contacts, h):
-        contacts.impulse[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
-        return self.pushed(contacts, contacts.impulse[:, None] * contacts.normal)
+        contacts.percussion[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        return self.pushed(contacts, contacts.percussion[:, None] * contacts.normal)
 
     def pushed(self, contacts, push):
         velocity = contacts.free.copy()
@@ -80,7 +80,7 @@ class Silent(Bounce):
 
     def step(self, contacts, h):
         velocity = super().step(contacts, h)
-        contacts.impulse[:] = 0.0
+        contacts.percussion[:] = 0.0
         return velocity
 
 
@@ -124,11 +124,11 @@ class Loses(Bounce):
 
 
 class CountsTwice(Bounce):
-    """Reports twice the impulse that it applies."""
+    """Reports twice the percussion that it applies."""
 
     def step(self, contacts, h):
         velocity = super().step(contacts, h)
-        contacts.impulse[:] *= 2.0
+        contacts.percussion[:] *= 2.0
         return velocity
 
 

@@ -84,9 +84,9 @@ def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, reg
 def test_the_contact_problem_is_the_one_that_the_model_solved(crowds, registry):
     """The percussions that the model left in its contacts satisfy the problem's law to the model's tolerance."""
     problem = contact_problem(crowds["settled"], LAWS[0], registry)
-    held = problem.contacts.impulse[: problem.size].copy()
+    held = problem.contacts.percussion[: problem.size].copy()
     problem.start(False)
-    problem.contacts.impulse[: problem.size] = held
+    problem.contacts.percussion[: problem.size] = held
     _, found = problem.solve("gauss_seidel", 1e300, 1)
     assert found <= 1.001 * LAWS[0].make(registry).values()["velocity_tolerance"]
 

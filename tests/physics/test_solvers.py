@@ -67,12 +67,12 @@ class Problem:
         self.delassus = self.gradient * self.inverse @ self.gradient.T
         self.omega = np.diag(self.delassus).copy()
         self.bias = random.uniform(0.0, 0.5, c) if biased else np.zeros(c)
-        self.approach = self.gradient @ random.normal(0.0, 1.5, 2 * n)
+        self.velocity_before = self.gradient @ random.normal(0.0, 1.5, 2 * n)
         self.contacts = make_contacts(n, c)
         self.contacts.count[0] = c
         for name, values in (
             ("body", body), ("other", other), ("normal", self.normal), ("omega", self.omega),
-            ("bias", self.bias), ("approach", self.approach),
+            ("bias", self.bias), ("velocity_before", self.velocity_before),
         ):  # fmt: skip
             getattr(self.contacts, name)[:] = values
 
@@ -85,7 +85,7 @@ class Problem:
         )  # fmt: skip
         assert found <= tolerance
         assert iterations > 0
-        return velocity, self.contacts.impulse.copy()
+        return velocity, self.contacts.percussion.copy()
 
     def slide(self, tangential_before):
         """Let every contact slide: the tangential law acts, with these tangential velocities before the step."""
@@ -115,7 +115,7 @@ class Problem:
         if dissipation > 0.0:
             c = len(free)
             left = np.block([[root, np.zeros((c, c))], [root, np.sqrt(2.0 / dissipation) * np.eye(c)]])
-            right = np.concatenate([-free - self.bias, -free - self.approach])
+            right = np.concatenate([-free - self.bias, -free - self.velocity_before])
         target = np.append(np.zeros(left.shape[1]), 1.0)
         system = np.vstack([left.T, right])
         share, _ = nnls(system, target, maxiter=10000)
@@ -123,26 +123,26 @@ class Problem:
         nearest = -rest[: root.shape[1]] / rest[-1]
         return (nearest_free + lower.T @ nearest).reshape(-1, 2)
 
-    def law(self, velocity, impulse, dissipation):
+    def law(self, velocity, percussion, dissipation):
         """Return the residual max omega |P - P_local| by its definition."""
         after = self.gradient @ velocity.ravel()
-        alone = after - self.omega * impulse
+        alone = after - self.omega * percussion
         local = np.maximum(0.0, -(alone + self.bias) / self.omega)
         if dissipation > 0.0:
-            local = np.maximum(local, -(alone + self.approach) / (self.omega + 2.0 / dissipation))
-        return np.max(self.omega * np.abs(impulse - local))
+            local = np.maximum(local, -(alone + self.velocity_before) / (self.omega + 2.0 / dissipation))
+        return np.max(self.omega * np.abs(percussion - local))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("seed", range(6))
 def test_nsm1_problem_is_the_projection(solver, seed):
     problem = Problem(seed)
-    velocity, impulse = problem.solve(solver)
+    velocity, percussion = problem.solve(solver)
     np.testing.assert_allclose(velocity, problem.reference(), rtol=0, atol=1e-8)
     gap = problem.gradient @ velocity.ravel() + problem.bias
-    assert (impulse >= 0.0).all()
+    assert (percussion >= 0.0).all()
     assert gap.min() >= -1e-9
-    assert np.abs(impulse * gap).max() <= 1e-7  # N s times m/s
+    assert np.abs(percussion * gap).max() <= 1e-7  # N s times m/s
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -150,11 +150,11 @@ def test_nsm1_problem_is_the_projection(solver, seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_nsm2_problem_is_the_minimum_of_its_pseudopotential(solver, dissipation, seed):
     problem = Problem(seed, biased=False)
-    velocity, impulse = problem.solve(solver, dissipation)
+    velocity, percussion = problem.solve(solver, dissipation)
     np.testing.assert_allclose(velocity, problem.reference(dissipation), rtol=0, atol=1e-7)
     after = problem.gradient @ velocity.ravel()
-    spring = dissipation * np.maximum(0.0, -(after + problem.approach) / 2.0)
-    reaction = impulse - spring
+    spring = dissipation * np.maximum(0.0, -(after + problem.velocity_before) / 2.0)
+    reaction = percussion - spring
     scale = 1.0 + dissipation
     assert after.min() >= -1e-9
     assert reaction.min() >= -1e-9 * scale
@@ -196,11 +196,11 @@ def test_velocities_belong_to_the_percussions_wherever_a_solve_ends(solver, limi
     inverse_mass = np.full(len(free), 1.0 / 80.0)
     _, found = run_solver(SOLVERS.index(solver), inverse_mass, free, velocity, contacts, 2e-3, 0.0, 1e-14, limit)
     expected = free.copy()
-    for body, other, normal, impulse in zip(
-        contacts.body, contacts.other, contacts.normal, contacts.impulse, strict=True
+    for body, other, normal, percussion in zip(
+        contacts.body, contacts.other, contacts.normal, contacts.percussion, strict=True
     ):
-        expected[body] += impulse * normal / 80.0
-        expected[other] -= impulse * normal / 80.0
+        expected[body] += percussion * normal / 80.0
+        expected[other] -= percussion * normal / 80.0
     np.testing.assert_allclose(velocity, expected, rtol=0, atol=1e-11)
     assert found == pytest.approx(find_residual(velocity, contacts, 2e-3, 0.0), rel=1e-6, abs=1e-12)
 
@@ -230,8 +230,8 @@ def test_the_energy_of_a_row_falls_as_the_law_says(dissipation, x):
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_velocity_is_the_free_one_and_the_percussions(solver):
     problem = Problem(11)
-    velocity, impulse = problem.solve(solver, 1e3)
-    expected = problem.free + (problem.inverse * (problem.gradient.T @ impulse)).reshape(-1, 2)
+    velocity, percussion = problem.solve(solver, 1e3)
+    expected = problem.free + (problem.inverse * (problem.gradient.T @ percussion)).reshape(-1, 2)
     np.testing.assert_allclose(velocity, expected, rtol=0, atol=1e-11)
 
 
@@ -239,11 +239,11 @@ def test_velocity_is_the_free_one_and_the_percussions(solver):
 def test_residual_is_its_definition(dissipation):
     for seed in range(5):
         problem = Problem(seed)
-        problem.contacts.impulse[:] = np.random.default_rng(seed).exponential(40.0, len(problem.omega))
+        problem.contacts.percussion[:] = np.random.default_rng(seed).exponential(40.0, len(problem.omega))
         velocity = problem.free + 0.1
         compliance = 2.0 / dissipation if dissipation else INELASTIC
         found = find_residual(velocity, problem.contacts, compliance, 0.0)
-        assert found == pytest.approx(problem.law(velocity, problem.contacts.impulse, dissipation), rel=1e-12)
+        assert found == pytest.approx(problem.law(velocity, problem.contacts.percussion, dissipation), rel=1e-12)
         assert found > 0.1
 
 
@@ -270,7 +270,7 @@ def test_what_did_not_converge_says_so(solver):
     )  # fmt: skip
     assert iterations == 1
     assert found > 1e-14
-    assert found == pytest.approx(problem.law(velocity, problem.contacts.impulse, 0.0), rel=1e-9)
+    assert found == pytest.approx(problem.law(velocity, problem.contacts.percussion, 0.0), rel=1e-9)
 
 
 def solve_queue(solver, people):
@@ -289,7 +289,7 @@ def solve_queue(solver, people):
     )
     assert found <= 1e-9
     exact = 1.5 * np.cumsum(mass[::-1])[::-1]  # everybody stops: each contact carries all who are behind it
-    return iterations, np.abs(contacts.impulse - exact).max()
+    return iterations, np.abs(contacts.percussion - exact).max()
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

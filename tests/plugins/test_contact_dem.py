@@ -105,8 +105,8 @@ class NumpyDem(ContactModel):
     stiffness = Parameter(1.2e5, "contact stiffness", unit="kg/s2", above=0.0)
 
     def step(self, contacts, h):
-        contacts.impulse[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
-        push = contacts.impulse[:, None] * contacts.normal
+        contacts.percussion[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        push = contacts.percussion[:, None] * contacts.normal
         velocity = contacts.free.copy()
         np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
         pair = contacts.other >= 0
