@@ -34,7 +34,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1) ->
         raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")
     try:
         evidence = Evidence(kind, folder / kind, quick, seed)
-        importlib.import_module(f"evac.evidence.{kind}").run(evidence)
+        importlib.import_module(f"evac.evidence.{kind}.page").run(evidence)
         write_index(folder)
     except OSError as error:
         raise ResultError(f"{folder}: cannot write evidence there: {error.strerror}; choose another --out") from error

@@ -14,6 +14,9 @@ MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "NSM2": ("nsm2", {"normal_dissipation": 1e5, "tangential_dissipation": 0.0}),
 }
 
+#: Walking to a crowd that is looked at is solved this coarsely by NSM1; its last steps are solved with the defaults.
+COARSE = {"gap_tolerance": 1e-3, "velocity_tolerance": 0.02}
+
 
 def make_model(name: str, registry: Registry | None = None, **parameters: Any) -> ContactModel:
     """Return a contact model by its name in `MODELS`, with more parameters or others."""

@@ -6,20 +6,20 @@ import math
 import numpy as np
 import pytest
 
-from evac.evidence import accuracy_targets
-from evac.evidence.accuracy_data import add_data, order_of
-from evac.evidence.accuracy_egress import DEFAULT, biases_in_words, flow_of
-from evac.evidence.accuracy_fields import _fields, plain_directions
-from evac.evidence.accuracy_goals import default_finding, default_rows, factor_rows, race_rows, time_to, win_rows
-from evac.evidence.accuracy_orders import EXACT, order_rows, orders_in_words
-from evac.evidence.accuracy_orders import draw as draw_orders
-from evac.evidence.accuracy_overlap import FINISHED, cheapest_rows, which_in_words
-from evac.evidence.accuracy_overlap import draw as draw_overlap
-from evac.evidence.accuracy_plans import l_corner
-from evac.evidence.accuracy_problems import LAWS, contact_problem, snapshots, velocity_error
-from evac.evidence.accuracy_solvers import TOLERANCES, measure
-from evac.evidence.accuracy_tolerance import _kept_in_words
-from evac.evidence.accuracy_trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
+from evac.evidence.accuracy import targets
+from evac.evidence.accuracy.data import add_data, order_of
+from evac.evidence.accuracy.egress import DEFAULT, biases_in_words, flow_of
+from evac.evidence.accuracy.fields import _fields, plain_directions
+from evac.evidence.accuracy.goals import default_finding, default_rows, factor_rows, race_rows, time_to, win_rows
+from evac.evidence.accuracy.orders import EXACT, order_rows, orders_in_words
+from evac.evidence.accuracy.orders import draw as draw_orders
+from evac.evidence.accuracy.overlap import FINISHED, cheapest_rows, which_in_words
+from evac.evidence.accuracy.overlap import draw as draw_overlap
+from evac.evidence.accuracy.plans import l_corner
+from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
+from evac.evidence.accuracy.solvers import TOLERANCES, measure
+from evac.evidence.accuracy.tolerance import _kept_in_words
+from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
 from evac.evidence.report import Evidence
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
@@ -52,13 +52,11 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     """Seconds by solver and crowd, made up: the default takes 1 s, Gauss-Seidel 20 to 40, Uzawa 50."""
     seconds = {"accelerated_sweeps": 1.0, "uzawa": 50.0}
     crowds = iter(np.repeat([20.0, 25.0, 31.0, 35.0, 40.0], 2 * len(LAWS)))
-    monkeypatch.setattr(accuracy_targets, "snapshots", lambda people, seed, registry: {"settled": 0, "arriving": 0})
-    monkeypatch.setattr(accuracy_targets, "contact_problem", lambda crowd, law, registry: law)
-    monkeypatch.setattr(
-        accuracy_targets, "seconds_to", lambda problem, solver, goal: seconds.get(solver) or next(crowds)
-    )
+    monkeypatch.setattr(targets, "snapshots", lambda people, seed, registry: {"settled": 0, "arriving": 0})
+    monkeypatch.setattr(targets, "contact_problem", lambda crowd, law, registry: law)
+    monkeypatch.setattr(targets, "seconds_to", lambda problem, solver, goal: seconds.get(solver) or next(crowds))
     evidence = Evidence("accuracy", tmp_path)
-    accuracy_targets.run(evidence)
+    targets.run(evidence)
     with (tmp_path / "solvers_targets.csv").open() as file:
         rows = list(csv.DictReader(file))
     first, second, third, fourth = rows[:4]

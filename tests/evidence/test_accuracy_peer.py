@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from evac.evidence.accuracy_peer import INERTIAL, OVERDAMPED, compare
-from evac.evidence.accuracy_problems import contact_problem, snapshots
-from evac.evidence.reference import solve_contact_qp
+from evac.evidence.accuracy.peer import INERTIAL, OVERDAMPED, compare
+from evac.evidence.accuracy.problems import contact_problem, snapshots
+from evac.evidence.accuracy.reference import solve_contact_qp
 from evac.registry import Registry
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.evidence.accuracy_fields import angles_between
-from evac.evidence.reference import geodesics, gradient_matrix, law_residual, refracted, solve_contact_qp
+from evac.evidence.accuracy.fields import angles_between
+from evac.evidence.accuracy.reference import geodesics, gradient_matrix, law_residual, refracted, solve_contact_qp
 
 L_PLAN = shapely.Polygon([(0, 0), (8, 0), (8, 2), (2, 2), (2, 7), (0, 7)])
 EXIT = np.array([8.0, 0.0, 8.0, 2.0])

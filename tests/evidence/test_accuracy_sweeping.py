@@ -5,9 +5,9 @@ import pytest
 import shapely
 
 from evac.directions.build import BEND
-from evac.evidence.accuracy_fields import angles_between
-from evac.evidence.accuracy_plans import l_corner, stair
-from evac.evidence.accuracy_sweeping import _directions, clean_ways, sweep, wall_distances
+from evac.evidence.accuracy.fields import angles_between
+from evac.evidence.accuracy.plans import l_corner, stair
+from evac.evidence.accuracy.sweeping import _directions, clean_ways, sweep, wall_distances
 
 
 def test_sweeping_from_a_line_over_a_seam_of_slowness_is_exact():

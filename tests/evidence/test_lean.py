@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from evac.cli.main import COMMANDS
-from evac.evidence import lean, lean_commands, unused_route
-from evac.evidence.lean import FIELDS, LEAN, NAMED, Part, Trial, parts_of, same_bits, scene_rows, trial
+from evac.evidence.lean import commands, unused_route
+from evac.evidence.lean import page as lean
+from evac.evidence.lean.page import FIELDS, LEAN, NAMED, Part, Trial, parts_of, same_bits, scene_rows, trial
 from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -78,19 +79,19 @@ def test_rows_name_every_part_and_model():
 
 
 def test_every_command_is_timed(tmp_path):
-    timed = {arguments[2] for arguments in lean_commands.commands(tmp_path).values() if "evac" in arguments}
+    timed = {arguments[2] for arguments in commands.commands(tmp_path).values() if "evac" in arguments}
     assert timed >= set(COMMANDS)
 
 
 def test_output_of_a_fresh_process_counts_the_imports():
     switches = {"output.picture": True, "output.animation": False}
-    lean_commands._again(switches)
-    assert lean_commands._fresh(switches) > lean_commands._again(switches)
+    commands._again(switches)
+    assert commands._fresh(switches) > commands._again(switches)
 
 
 def test_page_is_written(tmp_path, monkeypatch):
     few = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
-    monkeypatch.setattr(lean_commands, "commands", lambda folder: few)
+    monkeypatch.setattr(commands, "commands", lambda folder: few)
     monkeypatch.setattr(lean, "MODELS", ("DEM",))
     evidence = lean.Evidence("lean", tmp_path, quick=True)
     lean.run(evidence)

@@ -110,7 +110,7 @@ def test_command_computes_the_kind_asked_for_and_prints_its_page(tmp_path, monke
         evidence.text(f"Quick: {evidence.quick}.")
         evidence.write_page("Lean")
 
-    monkeypatch.setattr("evac.evidence.lean.run", compute)
+    monkeypatch.setattr("evac.evidence.lean.page.run", compute)
     assert main(["evidence", "lean", "--quick", "--out", str(tmp_path)]) == 0
     page = tmp_path / "lean" / "README.md"
     assert capsys.readouterr().out.strip() == str(page)

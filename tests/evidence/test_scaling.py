@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.evidence import scaling
-from evac.evidence.halls import DOOR, RADIUS, make_hall
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import PHASES, STEP, phase_times
-from evac.evidence.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
+from evac.evidence.scaling import page as scaling
+from evac.evidence.scaling.halls import DOOR, RADIUS, make_hall
+from evac.evidence.scaling.page import PHASES, STEP, phase_times
+from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
 
 
 def walked(people, density, name, ticks):
@@ -120,7 +120,7 @@ def test_a_jam_is_a_crowd_that_has_come_to_a_crawl():
 def test_a_crowd_that_walks_out_or_keeps_walking_is_no_jam(monkeypatch):
     variant = make_variant("DEM", STEP)
     assert Walk(make_hall(20, 2.0, 1), STEP).into_a_jam(variant) == "50 % are out"
-    monkeypatch.setattr("evac.evidence.walks.LONGEST", 0.5)
+    monkeypatch.setattr("evac.evidence.scaling.walks.LONGEST", 0.5)
     crowd = Walk(make_hall(500, 5.0, 1), STEP)
     assert crowd.into_a_jam(variant) == "longest time"
     assert crowd.time == pytest.approx(0.5 + SETTLING * TICK)

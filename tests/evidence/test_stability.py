@@ -8,11 +8,11 @@ import pytest
 from evac.evidence import scenes
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene
-from evac.evidence.stability import run
-from evac.evidence.stability_crowds import restitution
-from evac.evidence.stability_dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
-from evac.evidence.stability_maps import Curve, _dense, _places
-from evac.evidence.stability_theory import (
+from evac.evidence.stability.crowds import restitution
+from evac.evidence.stability.dem import GROWTH, NUDGE, crowd_in_corridor, nudged, settled, try_step
+from evac.evidence.stability.maps import Curve, _dense, _places
+from evac.evidence.stability.page import run
+from evac.evidence.stability.theory import (
     greatest_frequency,
     lag_limit,
     spring_forces,
@@ -20,7 +20,7 @@ from evac.evidence.stability_theory import (
     uncut_speed,
     walk_lag,
 )
-from evac.evidence.stability_trial import (
+from evac.evidence.stability.trial import (
     BEYOND,
     DEGRADED,
     HANDLED,

@@ -5,14 +5,14 @@ import csv
 import numpy as np
 import pytest
 
-from evac.evidence import classroom
-from evac.evidence.classroom import ClassTask, median_last, report_classroom, run_class, share_interval
 from evac.evidence.models import MODELS, make_model, model_overrides
-from evac.evidence.paper_figures import draw_figure_2, draw_figure_3
 from evac.evidence.report import Evidence
-from evac.evidence.school import SchoolTask, curve, longest_pause, run_school
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
-from evac.evidence.table3 import PUBLISHED, report_flow
+from evac.evidence.table3 import classroom
+from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class, share_interval
+from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
+from evac.evidence.table3.page import PUBLISHED, report_flow
+from evac.evidence.table3.school import SchoolTask, curve, longest_pause, run_school
 from evac.scenario.loading import load_case
 
 
@@ -116,8 +116,8 @@ def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_r
 
 
 def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.evidence.table3.QUICK_RUNS", {0.01: (2, 2), 0.005: (2, 1)})
-    monkeypatch.setattr("evac.evidence.table3.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
+    monkeypatch.setattr("evac.evidence.table3.page.QUICK_RUNS", {0.01: (2, 2), 0.005: (2, 1)})
+    monkeypatch.setattr("evac.evidence.table3.page.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
     evidence = Evidence("table3", tmp_path, quick=True)
     report_flow(evidence)
     page = evidence.write_page("Flow").read_text()

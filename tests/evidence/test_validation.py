@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from evac.building.reading import read_building
-from evac.evidence import validation_capacity as capacity
 from evac.evidence.report import Evidence
-from evac.evidence.validation import MODELS, in_one_sentence, run, verdict_rows
-from evac.evidence.validation_buildings import (
+from evac.evidence.validation import capacity
+from evac.evidence.validation.buildings import (
     across,
     corner,
     hall_and_stair,
@@ -20,8 +19,9 @@ from evac.evidence.validation_buildings import (
     write_case,
     write_obj,
 )
-from evac.evidence.validation_flows import weidmann
-from evac.evidence.validation_trial import Check, Criterion, Trial, mean_interval, steady_flow
+from evac.evidence.validation.flows import weidmann
+from evac.evidence.validation.page import MODELS, in_one_sentence, run, verdict_rows
+from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval, steady_flow
 
 ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)
 PERSON = {"positions": [[1.0, 1.0]], "z": 0.0, "speed": 1.0, "tau": 0.5}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evac.evidence.scenes import Scene, one_direction, packed, room
-from evac.evidence.stability_extremes import ROOM, extremes, try_extreme, try_triangle
-from evac.evidence.stability_trial import (
+from evac.evidence.stability.extremes import ROOM, extremes, try_extreme, try_triangle
+from evac.evidence.stability.trial import (
     BEYOND,
     DEGRADED,
     HANDLED,

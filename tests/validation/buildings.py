@@ -1,7 +1,7 @@
 """Simulations of small buildings written as OBJ meshes, and what their people did."""
 
-from evac.evidence.validation_buildings import write_case
-from evac.evidence.validation_kinematics import ONE
+from evac.evidence.validation.buildings import write_case
+from evac.evidence.validation.kinematics import ONE
 from evac.simulation import Simulation
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.validation_buildings import rectangle, straight_stair
+from evac.evidence.validation.buildings import rectangle, straight_stair
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 from tests.validation.buildings import crossing_times, simulate, track

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.validation_buildings import rectangle
+from evac.evidence.validation.buildings import rectangle
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 from tests.validation.buildings import simulate, track

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.evidence.validation_buildings import corner, rectangle, straight_stair
+from evac.evidence.validation.buildings import corner, rectangle, straight_stair
 from tests.validation.buildings import crossing_times, simulate, track
 
 MODELS = ["dem", "nsm1", "nsm2"]

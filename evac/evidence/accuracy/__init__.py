@@ -1,0 +1,1 @@
+"""Accuracy: error against run time, all alternatives in one run on the same problems."""

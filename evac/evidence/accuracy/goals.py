@@ -1,0 +1,224 @@
+"""Accuracy, part a: which solver is the first to a goal, by residual and by true error; what both have in common."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.accuracy.reference import PRECISION
+from evac.physics.solvers import SOLVERS
+
+Row = dict[str, Any]
+
+STARTS = ("cold", "warm")
+
+#: What a solve is judged by: what solvers stop at, and what its user wants small.
+MEASURES = ("residual", "error")
+
+#: What the page compares, in the unit of the law.
+GOALS = (1e-4, 1e-6, 1e-10)
+RATIO_GOAL = 1e-6
+WIN_GOALS = (1e-4, 1e-6, 1e-8)
+
+#: Errors below this multiple of the reference's precision are none of the solver's.
+CLEAR = 100.0
+
+
+def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where: Any) -> float | None:
+    """Return the time [s] after which residual or error is at most a goal, None if it never was.
+
+    Rows are solves to ever smaller tolerances. The time at which the goal was passed is interpolated, its
+    logarithm over that of the measure, between the first solve that is beyond the goal and the one before, so that
+    a solver that does more than it is told is neither charged for it nor credited with it.
+    """
+    before: tuple[float, float] | None = None
+    for row in rows:
+        if any(row[key] != value for key, value in where.items()):
+            continue
+        span, left = float(row["time [s]"]), max(float(row[measure]), 1e-300)
+        if left > goal:
+            before = span, left
+        elif before is None:
+            return span
+        else:
+            share = math.log(before[1] / goal) / math.log(before[1] / left)
+            return float(before[0] * (span / before[0]) ** share)
+    return None
+
+
+def problems_of(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the keys of all problems in their order."""
+    found = dict.fromkeys((row["people"], row["crowd"], row["law"]) for row in rows)
+    return [{"people": people, "crowd": crowd, "law": law} for people, crowd, law in found]
+
+
+def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str], list[Row]]:
+    """Return the solves of one problem by solver and start."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if all(row[key] == value for key, value in where.items()):
+            found.setdefault((row["solver"], row["start"]), []).append(row)
+    return found
+
+
+def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
+    """Return a row per problem, start, measure and goal: the first solver there, and the default's time over its."""
+    table = []
+    for where in problems_of(rows):
+        lines = lines_of(rows, where)
+        for start, measure, goal in itertools.product(STARTS, MEASURES, WIN_GOALS):
+            found = {solver: time_to(lines[solver, start], goal, measure) for solver in SOLVERS}
+            times = {solver: time for solver, time in found.items() if time is not None}
+            if times:
+                first = min(times, key=lambda solver: times[solver])
+                share = times[default] / times[first] if default in times else None
+                head = {**where, "start": start, "by": measure, "goal": goal}
+                table.append({**head, "first": first, f"{default} / first": share})
+    return table
+
+
+def win_rows(races: Sequence[Row], default: str) -> list[Row]:
+    """Return a row per start, measure and goal: how many problems each solver wins, and what the default loses."""
+    table = []
+    for start, measure, goal in dict.fromkeys((race["start"], race["by"], race["goal"]) for race in races):
+        here = [race for race in races if (race["start"], race["by"], race["goal"]) == (start, measure, goal)]
+        shares = [race[f"{default} / first"] for race in here]
+        reached = [share for share in shares if share is not None]
+        table.append(
+            {
+                "start": start,
+                "by": measure,
+                "to": f"{goal:.0e}",
+                "problems": len(here),
+                **{solver: sum(race["first"] == solver for race in here) for solver in SOLVERS},
+                f"{default} / first: median": float(np.median(reached)) if reached else None,
+                "greatest": max(reached, default=None),
+                "never there": len(shares) - len(reached),
+            }
+        )
+    return table
+
+
+def default_finding(races: Sequence[Row], wins: Sequence[Row], default: str) -> str:
+    """Say where the default solver wins, by true error, where another does, and what the default loses at worst."""
+    by_error = [row for row in wins if row["by"] == "error"]
+    goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
+    counts = {
+        (measure, start): ", ".join(str(row[default]) for row in wins if (row["by"], row["start"]) == (measure, start))
+        for measure in MEASURES
+        for start in STARTS
+    }
+    sentence = (
+        f"The default solver is {default}: of the {len(SOLVERS)} solvers it is the first to a true error of {goals} in"
+        f" {counts['error', 'cold']} of {max(row['problems'] for row in by_error)} problems from a cold start, and in"
+        f" {counts['error', 'warm']} from a warm one (by residual, which is not the error: {counts['residual', 'cold']}"
+        f" and {counts['residual', 'warm']})."
+    )
+    others = [solver for solver in SOLVERS if solver != default]
+    lost = max(by_error, key=lambda row: max(row[solver] for solver in others))
+    rival = max(others, key=lambda solver: lost[solver])
+    if lost[rival]:
+        sentence += (
+            f" It loses most often from a {lost['start']} start to {lost['to']}, where {rival} is first in"
+            f" {lost[rival]} of {lost['problems']}"
+        )
+        losses = [race for race in races if race["by"] == "error" and (race[f"{default} / first"] or 0.0) > 1.0]
+        if losses:
+            worst = max(losses, key=lambda race: race[f"{default} / first"])
+            sentence += (
+                f"; at worst it takes {worst[f'{default} / first']:.2g} times as long as {worst['first']}"
+                f" ({worst['people']} people, {worst['crowd']}, {worst['law']}, {worst['start']}, to {worst['goal']:g})"
+            )
+        sentence += "."
+    missed = sum(row["never there"] for row in by_error)
+    late = f" In {missed} of these races its time or its finest tolerance ended before it was there."
+    return sentence + (late if missed else "")
+
+
+def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
+    """Return a row per problem: by what factor the true error is greater than the residual, over all solves.
+
+    ``scales`` are those of the laws: errors that the reference cannot tell are left out.
+    """
+    table = []
+    for where in problems_of(rows):
+        floor = CLEAR * PRECISION * scales[where["law"]]
+        here = [
+            row["error"] / row["residual"]
+            for line in lines_of(rows, where).values()
+            for row in line
+            if row["error"] is not None and row["error"] > floor and row["residual"] > 0.0
+        ]
+        if here:
+            table.append(
+                {
+                    **where,
+                    "solves": len(here),
+                    "error / residual: median": float(np.median(here)),
+                    "least": min(here),
+                    "greatest": max(here),
+                }
+            )
+    return table
+
+
+def factors_in_words(factors: Sequence[Row]) -> str:
+    """Say that the residual is not the error, and by what factor they differ."""
+    medians = [row["error / residual: median"] for row in factors]
+    worst = max(factors, key=lambda row: row["greatest"])
+    return (
+        "The residual is not the error. It says by how much the law of each contact is broken; errors of that size in"
+        " many contacts add up along the crowd. In the median of a problem's solves the error is"
+        f" {min(medians):.2g} to {max(medians):.2g} times the residual, at most {worst['greatest']:.2g} times"
+        f" ({worst['people']} people, {worst['crowd']}, {worst['law']})."
+    )
+
+
+def goal_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the table of times to each residual, one column per solver [ms]."""
+    table = []
+    for where in problems_of(rows):
+        lines = lines_of(rows, where)
+        for start in STARTS:
+            for goal in GOALS:
+                times = {solver: time_to(lines[solver, start], goal) for solver in SOLVERS}
+                table.append(
+                    {
+                        **where,
+                        "contacts": lines[SOLVERS[0], start][0]["contacts"],
+                        "start": start,
+                        "residual": f"{goal:.0e}",
+                        **{solver: None if found is None else 1e3 * found for solver, found in times.items()},
+                    }
+                )
+    return table
+
+
+def default_rows(rows: Sequence[Row], default: str) -> list[Row]:
+    """Return a row per problem: times of the default solver, and those of the others over it."""
+    table = []
+    for where in problems_of(rows):
+        lines = lines_of(rows, where)
+        times = {f"{goal:.0e}": time_to(lines[default, "cold"], goal) for goal in GOALS}
+        times["1e-06, warm"] = time_to(lines.get((default, "warm"), ()), RATIO_GOAL)
+        ours = time_to(lines[default, "cold"], RATIO_GOAL)
+        row: Row = {**where, **{goal: None if t is None else f"{1e3 * t:.3g}" for goal, t in times.items()}}
+        for solver in (*SOLVERS, "clarabel"):
+            if solver != default:
+                row[f"{solver} / {default}"] = _ratio(lines[solver, "cold"], ours, solver == "clarabel")
+        table.append(row)
+    return table
+
+
+def _ratio(line: Sequence[Row], ours: float | None, is_library: bool) -> str:
+    """Return the time of another solver over that of the default."""
+    if ours is None:
+        return "-"
+    reached = None if is_library else time_to(line, RATIO_GOAL)
+    if reached is None:
+        # The library's one time, or the longest that a solver was given.
+        longest = max(float(row["time [s]"]) for row in line)
+        return f"{'' if is_library else '> '}{longest / ours:.2g}"
+    return f"{reached / ours:.2g}"

@@ -1,0 +1,230 @@
+"""Accuracy, part c: greatest overlap against run time on one crowd: which model to take."""
+
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.errors import SimulationError
+from evac.evidence.accuracy.data import colour_of
+from evac.evidence.accuracy.snapshots import door_crowd
+from evac.evidence.report import Evidence, new_figure
+from evac.physics.bundles import Crowd, copy_of
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.world import set_open
+from evac.registry import Registry
+
+#: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
+CLOSED, OPEN = 3.0, 2.0
+
+#: DEM's step is this share of the limit of a dense packing, h^2 6k/m = 4.
+SHARE = 0.5
+
+TICK = 0.1  # s
+
+FINISHED = "run to the end"
+
+#: Overlaps that somebody may allow [mm].
+ALLOWED = (100.0, 30.0, 10.0, 3.0, 1.0, 0.1, 0.01)
+
+#: How the names of settings, and of series that share a colour, are drawn: offset and side; fill and line.
+LABELS = {
+    "NSM1 inertial": ((-8, -6), "right"),
+    "NSM1 inertial as shipped": ((9, 0), "left"),
+    "NSM2, K_N = 1e5": ((-6, -6), "right"),
+    "NSM2, K_N = 0": ((-3, -9), "right"),
+}
+STYLES = {"NSM1 inertial as shipped": ("white", "*"), "NSM2, K_N = 0": ("white", "s--")}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A model, what is varied, and the step."""
+
+    label: str
+    model: ContactModel
+    knob: str
+    value: float
+    step: float
+
+
+def run(evidence: Evidence) -> None:
+    """Compute part c and add it to the page."""
+    people = 60 if evidence.quick else 300
+    evidence.heading("c. Greatest overlap against run time: which model to take")
+    start = _start(people, evidence.seed)
+    rows = [measure(setting, start) for setting in settings(float(start[1].mass.min()), evidence.quick)]
+    evidence.text(
+        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s.
+        DEM with stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h =
+        0.01 s, without its limit on velocities, so that the tolerance alone acts, and as it is shipped, with that
+        limit; NSM2 varies the step, with the shipped K_N = 1e5 kg and without dissipation in the normal direction.
+        The overlap is the greatest between any two bodies, or body and wall, at any step. It says nothing about the
+        rest of the trajectory, which part b is about. A run that stops with an error is a cross, at its overlap and
+        its time per second until then; none of it counts below."""
+    )
+    evidence.table("overlap", rows, "Greatest overlap and the wall time of one simulated second.")
+    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd; lower left is better.")
+    table = cheapest_rows(rows)
+    evidence.finding(which_in_words(table), "overlap", "Greatest overlap over run time: which contact model to take")
+    evidence.table(
+        "overlap_cheapest",
+        table,
+        "The cheapest of the settings above that keeps an overlap, and the cheapest of each model over it.",
+    )
+
+
+def settings(lightest: float, is_quick: bool) -> list[Setting]:
+    """Return the models with what is varied."""
+    registry = Registry()
+    get = registry.get
+    found = []
+    for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
+        step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))
+        found.append(Setting("DEM", get("contact_model", "dem")(stiffness=stiffness), "k [kg/s2]", stiffness, step))
+    for tolerance in (1e-3, 1e-5) if is_quick else (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        model = get("contact_model", "nsm1")(
+            gap_tolerance=tolerance, velocity_tolerance=tolerance / 0.01, iterations=20_000
+        )
+        found.append(Setting("NSM1 inertial", model, "gap tolerance [m]", tolerance, 0.01))
+    shipped = get("contact_model", "nsm1")()
+    tolerance = shipped.values()["gap_tolerance"]
+    found.append(Setting("NSM1 inertial as shipped", shipped, "gap tolerance [m]", tolerance, 0.01))
+    for label, dissipation in (("NSM2, K_N = 1e5", 1e5), ("NSM2, K_N = 0", 0.0)):
+        for step in (0.01, 0.002) if is_quick else (0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0.0005):
+            model = get("contact_model", "nsm2")(normal_dissipation=dissipation)
+            found.append(Setting(label, model, "h [s]", step, step))
+    return found
+
+
+def _start(people: int, seed: int) -> tuple[Engine, Crowd]:
+    """Return the crowd before its first step, the door closed."""
+    still = _Still()
+    crowd = door_crowd("settled", people, seed, still)
+    crowd.crowd.contact_force[:] = 0.0
+    return crowd.engine, crowd.crowd
+
+
+class _Still(ContactModel):
+    """Nobody moves: leaves the crowd where it starts."""
+
+    name = "still"
+
+    def run(self, engine: Any, clock: Any) -> tuple[int, int]:
+        """Make no step."""
+        return clock.last, 0
+
+
+def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
+    """Run a setting from the same start; return its row."""
+    crowd = copy_of(start[1])
+    world = start[0].world
+    world = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
+    engine = Engine(world, len(crowd.level), [])
+    per_tick = round(TICK / setting.step)
+    # Compiles; a copy, so that the run itself starts at the start.
+    Engine(world, len(crowd.level), []).advance(setting.model, copy_of(crowd), 0, 1, setting.step, False, False)
+    begin = time.perf_counter()
+    made = 0
+    outcome = FINISHED
+    for tick in range(round((CLOSED + OPEN) / TICK)):
+        if tick == round(CLOSED / TICK):
+            set_open(world, 0, True)
+        try:
+            engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+        except SimulationError as error:
+            outcome = f"stopped: {error}"
+            break
+        made += per_tick
+    walked = max(made, 1) * setting.step
+    span = time.perf_counter() - begin
+    report = engine.report()
+    return {
+        "model": setting.label,
+        "varied": setting.knob,
+        "value": f"{setting.value:.3g}",
+        "h [s]": setting.step,
+        "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
+        "time per simulated second [s]": span / walked,
+        "out": int(np.sum(crowd.level < 0)),
+        "unconverged steps": int(report["unconverged_steps"]),
+        "outcome": outcome,
+    }
+
+
+def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
+    """Draw the chart: runs to the end joined by series, stopped ones apart."""
+    figure, axis = new_figure(8.5, 5.4)
+    for model in dict.fromkeys(row["model"] for row in rows):
+        series = [row for row in rows if row["model"] == model]
+        colour = colour_of(model)
+        line = [row for row in series if row["outcome"] == FINISHED]
+        stopped = [row for row in series if row["outcome"] != FINISHED]
+        fill, style = STYLES.get(model, (colour, "o-"))
+        label = f"{model}: {series[0]['varied']}"
+        axis.loglog(*_places(line), style, color=colour, markerfacecolor=fill, markersize=7, label=label)
+        if stopped:
+            axis.loglog(*_places(stopped), "x", color=colour, markersize=9, label=f"{model}: stopped with an error")
+        offset, side = LABELS.get(model, ((5, 5), "left"))
+        for row, x, y in zip(series, *_places(series), strict=True):
+            axis.annotate(
+                row["value"], (x, y), textcoords="offset points", xytext=offset, ha=side, va="center", fontsize=7,
+                color=colour,
+            )  # fmt: skip
+    axis.margins(x=0.12, y=0.08)
+    axis.set_xlabel("wall time of one simulated second [s]")
+    axis.set_ylabel("greatest overlap [mm]")
+    axis.set_title(f"{people} people at a door, closed and then open", fontsize=10)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return figure
+
+
+def _places(rows: Sequence[dict[str, Any]]) -> tuple[list[float], list[float]]:
+    """Return where the points of rows are in the chart."""
+    return [row["time per simulated second [s]"] for row in rows], [row["greatest overlap [mm]"] for row in rows]
+
+
+def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return which setting is the cheapest for each overlap allowed, and each model's least time over its."""
+    table = []
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    for allowed in ALLOWED:
+        good = [r for r in rows if r["greatest overlap [mm]"] <= allowed and r["outcome"] == FINISHED]
+        least: dict[str, float] = {}
+        for row in good:
+            span = row["time per simulated second [s]"]
+            least[row["model"]] = min(span, least.get(row["model"], math.inf))
+        cheapest = min(good, key=lambda row: row["time per simulated second [s]"]) if good else None
+        found: dict[str, Any] = {
+            "overlap allowed [mm]": f"{allowed:g}",
+            "cheapest here": cheapest["model"] if cheapest else None,
+            "setting": "{varied} = {value}".format(**cheapest) if cheapest else None,
+            "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
+        }
+        for model in models:
+            found[f"{model} / cheapest"] = (
+                least[model] / cheapest["time per simulated second [s]"] if cheapest and model in least else None
+            )
+        table.append(found)
+    return table
+
+
+def which_in_words(table: Sequence[dict[str, Any]]) -> str:
+    """Say which setting to take for which overlap, and what DEM costs beside it."""
+    told = []
+    for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
+        settings = [f"{row['overlap allowed [mm]']} mm ({row['setting']})" for row in group]
+        if model is not None:
+            told.append(f"{model} for {', '.join(settings)}")
+    dear = [row["DEM / cheapest"] for row in table if row.get("DEM / cheapest")]
+    words = f"Which contact model to take, by the overlap that will do: {'; '.join(told)}."
+    if dear:
+        words += f" DEM takes {min(dear):.2g} to {max(dear):.2g} times as long where it gets there"
+        never = [row["overlap allowed [mm]"] for row in table if row.get("DEM / cheapest") is None]
+        words += f", and does not get to {', '.join(never)} mm at these stiffnesses." if never else "."
+    return words

@@ -1,0 +1,112 @@
+"""Accuracy, beside a peer: the projection step of cromosim, where that package is installed."""
+
+import importlib.metadata
+import importlib.util
+import time
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
+from evac.evidence.accuracy.snapshots import STEP
+from evac.evidence.report import Evidence, claim
+from evac.physics.bundles import FloatArray
+from evac.registry import Registry
+
+#: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.
+INERTIAL = Law("NSM1 inertial, equal masses", "nsm1")
+OVERDAMPED = Law("NSM1 overdamped", "nsm1", variant="overdamped")
+
+#: What evac solves to by default [m], and ever finer.
+GOALS = tuple(10.0**-k for k in range(4, 11))
+REPEATS = 9
+
+#: Target: how many times faster than cromosim a step is at least.
+LEAST_RATIO = 20
+
+#: Residual of the reference [m/s]: the overdamped problems are harder than those of `LAWS`.
+PRECISION = 1e-7
+
+
+def run(evidence: Evidence) -> None:
+    """Time one projection of a crowd at a door by cromosim and by evac, on the same problem in the same run."""
+    if importlib.util.find_spec("cromosim") is None:
+        return
+    registry = Registry()
+    people = 100 if evidence.quick else 1_000
+    rows = []
+    for kind, crowd in snapshots(people, evidence.seed, registry).items():
+        crowd.crowd.mass[:] = crowd.crowd.mass.mean()
+        for law in (INERTIAL, OVERDAMPED):
+            problem = contact_problem(crowd, law, registry)
+            rows.append({"people": people, "crowd": kind, "law": law.label, **compare(problem)})
+    evidence.heading("Beside cromosim")
+    evidence.table(
+        "cromosim",
+        rows,
+        f"The projection of one step by cromosim {importlib.metadata.version('cromosim')} with cvxopt and by evac's"
+        " default solver, on the same contacts: of the free velocities of NSM1 (inertial, the default variant, here"
+        " with the same mass for everybody, since cromosim knows no masses) and of the desired velocities (overdamped,"
+        " Maury and Venel's model, which is cromosim's own; here a step asks for more than the gain of one step):"
+        f" medians of {REPEATS} runs. Cold starts from no multipliers, as cromosim always does, warm from those of the"
+        f" step before, as a run does; both to {GOALS[0]:g} m. The error is the greatest distance to the positions of"
+        " the independent reference. The last columns go on with evac, cold, until its error is no greater than"
+        " cromosim's. cromosim is no part of evac's installation; this table is made where it is installed.",
+    )
+    claims = []
+    for law in (INERTIAL, OVERDAMPED):
+        least = min(row["cromosim / cold"] for row in rows if row["law"] == law.label)
+        claims.append(claim(f"{law.label}: the least of cromosim / cold", "at least", LEAST_RATIO, least))
+    evidence.table("cromosim_targets", claims, "Targets.")
+
+
+def compare(problem: ContactProblem) -> dict[str, Any]:
+    """Return contacts, times [ms] and errors [m] of both on one problem."""
+    from cromosim import micro
+
+    truth = problem.reference(PRECISION)
+    c = problem.size
+    contacts = problem.contacts
+    # Its unit vectors point to the other person, but away from a wall.
+    towards = np.where(contacts.other[:c, None] >= 0, -contacts.normal[:c], contacts.normal[:c])
+    table = np.column_stack([contacts.body[:c], contacts.other[:c], contacts.bias[:c] * STEP, towards])
+    discs = np.zeros((len(problem.free), 4))
+    spans: list[float] = []
+    found: FloatArray = np.zeros(0)
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        _, _, found, _, _ = micro.projection(STEP, discs, table, problem.free)
+        spans.append(time.perf_counter() - start)
+    theirs = float(np.median(spans))
+    error = STEP * float(np.hypot(*(np.asarray(found).reshape(-1, 2) - truth).T).max())
+    cold, cold_error = _solved(problem, truth, GOALS[0], is_warm=False)
+    warm, warm_error = _solved(problem, truth, GOALS[0], is_warm=True)
+    equal, own_error = cold, cold_error
+    for goal in GOALS[1:]:
+        if own_error > error:
+            equal, own_error = _solved(problem, truth, goal, is_warm=False)
+    return {
+        "contacts": c,
+        "cromosim [ms]": 1e3 * theirs,
+        "error [mm]": 1e3 * error,
+        "evac, cold [ms]": 1e3 * cold,
+        "cold: error [mm]": 1e3 * cold_error,
+        "cromosim / cold": theirs / cold,
+        "evac, warm [ms]": 1e3 * warm,
+        "warm: error [mm]": 1e3 * warm_error,
+        "cromosim / warm": theirs / warm,
+        "evac, as accurate [ms]": 1e3 * equal,
+        "cromosim / as accurate": theirs / equal,
+    }
+
+
+def _solved(problem: ContactProblem, truth: FloatArray, goal: float, *, is_warm: bool) -> tuple[float, float]:
+    """Return the median time of a solve by the default solver to a residual `goal` [m], and its error [m]."""
+    settings = problem.law.make(Registry()).values()
+    spans = []
+    for _ in range(REPEATS):
+        problem.start(is_warm)
+        start = time.perf_counter()
+        problem.solve(settings["solver"], goal / STEP, settings["iterations"])
+        spans.append(time.perf_counter() - start)
+    return float(np.median(spans)), velocity_error(problem, truth)

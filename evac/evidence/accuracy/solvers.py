@@ -1,0 +1,248 @@
+"""Accuracy, part a: contact solvers on crowds at a door, error against run time."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.accuracy.data import add_data
+from evac.evidence.accuracy.goals import (
+    STARTS,
+    WIN_GOALS,
+    default_finding,
+    default_rows,
+    factor_rows,
+    factors_in_words,
+    goal_rows,
+    race_rows,
+    win_rows,
+)
+from evac.evidence.accuracy.problems import (
+    KINDS,
+    LAWS,
+    ContactProblem,
+    Law,
+    contact_problem,
+    default_solver,
+    snapshots,
+    velocity_error,
+)
+from evac.evidence.accuracy.reference import PRECISION
+from evac.evidence.report import Evidence, new_figure, reference_time
+from evac.physics.bundles import FloatArray
+from evac.physics.solvers import SOLVERS
+from evac.registry import Registry
+
+#: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.
+TOLERANCES = tuple(10.0**-k for k in range(2, 13))
+
+#: Every kind of crowd under every law.
+PROBLEMS = tuple((kind, law) for kind in KINDS for law in LAWS)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Crowds of one size: how long a solver may take for one solve [s], and the tolerances it is given."""
+
+    people: int
+    cap: float
+    tolerances: tuple[float, ...] = TOLERANCES
+
+    def tolerances_for(self, law: Law) -> tuple[float, ...]:
+        """Return those that are, as velocities, not below the precision of the reference."""
+        return tuple(tolerance for tolerance in self.tolerances if tolerance > 0.99 * PRECISION * law.scale)
+
+
+QUICK = (Stage(100, 0.02, TOLERANCES[::2]),)
+#: The largest crowds are solved to every second power of ten only: minutes.
+FULL = (Stage(100, 0.1), Stage(1_000, 0.2), Stage(4_000, 0.6, TOLERANCES[::2]), Stage(10_000, 1.0, TOLERANCES[::2]))
+
+#: A problem on which slow solvers are given longer, so that their ratio can be stated; cap [s].
+LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
+
+
+def run(evidence: Evidence) -> None:
+    """Compute part a and add it to the page."""
+    registry = Registry()
+    default = default_solver(registry)
+    evidence.heading("a. Contact solvers: error against run time")
+    evidence.text(
+        f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
+        crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
+        no percussions, warm from those of the step before. The error is the greatest distance of the velocities
+        found from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
+        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units and is another thing."""
+    )
+    evidence.text(
+        """uzawa is the paper's solver: all percussions step along their gradient by 0.95 of the greatest fixed length.
+        accelerated_gradient steps each by its own length and goes on along the last step (Nesterov's momentum).
+        gauss_seidel puts one contact right after the other, outwards from the exit. conjugate_sweeps and
+        conjugate_faces join sweeps there and back by conjugate gradients, the second on one set of pushing contacts
+        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum."""
+    )
+    rows: list[dict[str, Any]] = []
+    for stage in QUICK if evidence.quick else FULL:
+        found = _stage_rows(stage, evidence.seed, registry)
+        rows += found
+        evidence.plot(
+            f"solvers_{stage.people}",
+            draw(stage, found),
+            f"{stage.people} people: true error over the time of one solve, cold (full lines) and warm (dashed). Lines"
+            " end where the allowed time ends, or below the precision of the reference. Dotted: the time of the"
+            " reference, for building its matrices, as many attempts as its precision takes, a direct solution of the"
+            " pushing contacts and the check of the law; its error is below the axis.",
+        )
+    _add_races(evidence, rows, default)
+    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
+    evidence.text(factors_in_words(factors))
+    evidence.table("solvers_factors", factors, "True error over residual, all solves of a problem.")
+    evidence.table(
+        "solvers_default",
+        default_rows(rows, default),
+        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of"
+        " the others over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there;"
+        " clarabel: with all that the reference's time includes.",
+    )
+    add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
+    add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")
+
+
+def _add_races(evidence: Evidence, rows: Sequence[dict[str, Any]], default: str) -> None:
+    """Add who is the first to which goal: the table of wins, and the sentence at the head of the page."""
+    races = race_rows(rows, default)
+    wins = win_rows(races, default)
+    goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
+    evidence.table(
+        "solvers_wins",
+        wins,
+        f"In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by the residual that it"
+        " stops at and by its true error. Times between two solves are interpolated, so that nobody is credited for"
+        f" doing more than a tolerance asks. {default} / first: how many times as long the default takes as the first"
+        " one, where it gets there.",
+        {"greatest": ".2f", f"{default} / first: median": ".2f"},
+    )
+    largest = max(row["people"] for row in rows)
+    evidence.finding(default_finding(races, wins, default), f"solvers_{largest}", f"Solvers on {largest} people")
+    add_data(evidence, "solvers_races", races, "Each of these races")
+
+
+def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
+    """Measure all solvers on all problems of one size."""
+    rows = []
+    crowds = snapshots(stage.people, seed, registry)
+    for kind, law in PROBLEMS:
+        problem = contact_problem(crowds[kind], law, registry)
+        start = time.perf_counter()
+        truth = problem.reference()
+        duration = time.perf_counter() - start
+        head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
+        rows.append(
+            {
+                **head,
+                "start": "cold",
+                "solver": "clarabel",
+                "tolerance": None,
+                "time [s]": duration,
+                "iterations": None,
+                "residual": None,
+                "error": None,
+                "reference run [s]": reference_time(3),
+            }
+        )
+        for solver in SOLVERS:
+            for first in STARTS:
+                cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
+                for row in measure(problem, truth, solver, first == "warm", cap, stage.tolerances_for(law)):
+                    rows.append({**head, "start": first, "solver": solver, **row, "reference run [s]": None})
+    return rows
+
+
+def measure(
+    problem: ContactProblem,
+    truth: FloatArray,
+    solver: str,
+    is_warm: bool,
+    cap: float,
+    tolerances: Sequence[float] = TOLERANCES,
+) -> list[dict[str, Any]]:
+    """Solve to ever smaller residuals until one is not reached within `cap` seconds; one row each."""
+    limit = affordable(problem, solver, cap)
+    rows = []
+    for tolerance in tolerances:
+        duration, iterations, found = median_solve(problem, solver, is_warm, tolerance / problem.law.scale, limit)
+        rows.append(
+            {
+                "tolerance": tolerance,
+                "time [s]": duration,
+                "iterations": iterations,
+                "residual": found * problem.law.scale,
+                "error": velocity_error(problem, truth),
+            }
+        )
+        if rows[-1]["residual"] > tolerance:
+            break
+    return rows
+
+
+def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
+    """Return the number of iterations that take about `cap` seconds; also compiles."""
+    few, spans = 20, {}
+    for iterations in (few, few, 5 * few):  # the first compiles; what a solve costs before its iterations drops out
+        problem.start(False)
+        start = time.perf_counter()
+        problem.solve(solver, 0.0, iterations)
+        spans[iterations] = time.perf_counter() - start
+    each = max(spans[5 * few] - spans[few], 1e-6) / (4 * few)
+    return max(few, int(cap / each))
+
+
+def median_solve(
+    problem: ContactProblem, solver: str, is_warm: bool, tolerance: float, limit: int
+) -> tuple[float, int, float]:
+    """Return median time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
+    spans: list[float] = []
+    while len(spans) < 5 and sum(spans) < 0.05:
+        problem.start(is_warm)
+        start = time.perf_counter()
+        iterations, found = problem.solve(solver, tolerance, limit)
+        spans.append(time.perf_counter() - start)
+    return float(np.median(spans)), iterations, found
+
+
+def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
+    """Draw error over time: a row of panels per law, a column per kind of crowd."""
+    figure, axes = new_figure(
+        3.4 * len(KINDS) + 1.2, 2.3 * len(LAWS), len(LAWS), len(KINDS), sharex=True, squeeze=False
+    )
+    for r, law in enumerate(LAWS):
+        for c, kind in enumerate(KINDS):
+            axis = axes[r, c]
+            here = [row for row in rows if row["law"] == law.label and row["crowd"] == kind]
+            for k, solver in enumerate(SOLVERS):
+                for first, style in zip(STARTS, ("-", "--"), strict=True):
+                    line = [row for row in here if row["solver"] == solver and row["start"] == first]
+                    axis.loglog(
+                        [1e3 * row["time [s]"] for row in line],
+                        [row["error"] for row in line],
+                        style,
+                        color=f"C{k}",
+                        marker=".",
+                        markersize=4,
+                        linewidth=1.1,
+                        label=f"{solver}, {first}",
+                    )
+            for row in here:
+                if row["solver"] == "clarabel":
+                    axis.axvline(1e3 * row["time [s]"], color="black", linestyle=":", linewidth=1.1, label="Clarabel")
+            # The reference cannot tell errors below its own.
+            axis.set_ylim(bottom=PRECISION * law.scale)
+            axis.set_title(f"{law.label}, {kind}, {here[0]['contacts']} contacts", fontsize=8)
+            axis.tick_params(labelsize=7)
+        axes[r, 0].set_ylabel(f"error [{here[0]['unit']}]", fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("time of one solve [ms]", fontsize=8)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
+    return figure

@@ -1,0 +1,75 @@
+"""Accuracy, part a: targets of the default solver, on several crowds: one alone is chance by a factor of two."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
+from evac.evidence.accuracy.solvers import affordable, median_solve
+from evac.evidence.report import Evidence, claim
+from evac.registry import Registry
+
+PEOPLE = 4_000
+
+#: Crowds, of the seeds from that of the evidence on.
+CROWDS = 5
+
+#: Under every law, cold, on a kind of crowd to a residual: the least ratio of a solver's time to the default's.
+LEAST_RATIOS = (
+    ("settled", 1e-6, "gauss_seidel", 30.0),
+    ("settled", 1e-6, "uzawa", 60.0),
+    ("arriving", 1e-4, "gauss_seidel", 10.0),
+)
+
+#: And the longest that the default may take to a small residual on a settled crowd [ms].
+SMALL, LONGEST = 1e-10, 300.0
+
+#: A solver is given so long for one solve; one that does not get there counts for as long as it was given [s].
+CAP = 5.0
+
+
+def run(evidence: Evidence) -> None:
+    """Measure and add the table to the page; not in a quick run, for it takes minutes."""
+    if evidence.quick:
+        return
+    registry = Registry()
+    default = default_solver(registry)
+    measured: dict[tuple[str, str, float], list[float]] = {}
+    for seed in range(evidence.seed, evidence.seed + CROWDS):
+        crowds = snapshots(PEOPLE, seed, registry)
+        for law in LAWS:
+            problems = {kind: contact_problem(crowds[kind], law, registry) for kind in ("settled", "arriving")}
+            for kind, goal, solver, least in LEAST_RATIOS:
+                problem = problems[kind]
+                ratio = seconds_to(problem, solver, goal) / seconds_to(problem, default, goal)
+                what = f"{kind}, {law.label}, to {goal:g} {law.unit}: {solver} / {default}"
+                measured.setdefault((what, "at least", least), []).append(ratio)
+            what = f"settled, {law.label}, to {SMALL:g} {law.unit}: {default} [ms]"
+            span = 1e3 * seconds_to(problems["settled"], default, SMALL)
+            measured.setdefault((what, "at most", LONGEST), []).append(span)
+    rows = [_row(*target, found) for target, found in measured.items()]
+    evidence.heading("Targets of the default solver")
+    evidence.table(
+        "solvers_targets",
+        rows,
+        f"From a cold start, on {PEOPLE} people, by residual: times of others over that of the default, and its own"
+        f" time, on {CROWDS} crowds of different seeds. Measured is the median; which crowd it is makes up to a factor"
+        f" of two. A solver that takes longer than {CAP:g} s counts as {CAP:g} s. {_met_in_words(rows)}",
+    )
+
+
+def seconds_to(problem: ContactProblem, solver: str, goal: float) -> float:
+    """Return the time of a cold solve to a residual in the unit of the law, or as long as the solver was given [s]."""
+    limit = affordable(problem, solver, CAP)
+    return median_solve(problem, solver, False, goal / problem.law.scale, limit)[0]
+
+
+def _row(what: str, bound: str, target: float, found: Sequence[float]) -> dict[str, Any]:
+    return {**claim(what, bound, target, float(np.median(found))), "least": min(found), "greatest": max(found)}
+
+
+def _met_in_words(rows: Sequence[dict[str, Any]]) -> str:
+    """Say how many targets are met."""
+    met = sum(row["met"] == "yes" for row in rows)
+    return f"{met} of {len(rows)} targets are met; a no is a target that this solver does not meet."

@@ -1,0 +1,275 @@
+"""Accuracy, part b: whole trajectories against the step, for each contact model and integrator of the drive."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.errors import ScenarioError
+from evac.evidence.accuracy.data import add_data
+from evac.evidence.accuracy.orders import DRIVES, EXACT, draw, drive_finding, order_rows, orders_in_words
+from evac.evidence.report import Evidence
+from evac.evidence.scenes import FloatArray, Scene, one_direction, room
+from evac.physics.bundles import make_crowd
+from evac.physics.contact_model import ContactModel
+from evac.registry import Registry
+from evac.scenario.tolerance import ERROR_PER_PATH
+
+#: Everything is solved as far as it goes: what is left is the error of the step.
+SOLVED = {"velocity_tolerance": 1e-11, "iterations": 20_000}
+
+#: Label, plugin and parameters.
+VARIANTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("DEM", "dem", {"stiffness": 1.2e5}),
+    ("NSM1 inertial", "nsm1", {**SOLVED, "gap_tolerance": 1e-12}),
+    ("NSM1 overdamped", "nsm1", {**SOLVED, "gap_tolerance": 1e-12, "variant": "overdamped"}),
+    ("NSM2, K_N = 0", "nsm2", {**SOLVED, "normal_dissipation": 0.0}),
+    ("NSM2, K_N = 1e5", "nsm2", {**SOLVED, "normal_dissipation": 1e5}),
+)
+
+#: Mass, radius, relaxation time and speed of the people here.
+MASS, RADIUS, TAU, SPEED = 80.0, 0.22, 0.5, 1.5
+
+LARGEST = 0.04  # s
+
+#: Each problem is started from so many places (quick, full), as far apart as two people who meet come nearer in a
+#: step [m]: where in a step a contact falls is chance. The places are parts of the golden section: whole parts of the
+#: distance would be whole numbers of small steps, and all starts the same one.
+PHASES = 4, 64
+SPREAD = 2.0 * SPEED * LARGEST
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+BOUNDS = (-8.0, -6.0, 8.0, 6.0)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem whose solution means something.
+
+    Attributes
+    ----------
+    name : str
+    duration : float [s]
+    scene : callable
+        Scene by shift [m].
+    exact : callable or None
+        Positions (n, 2) at the end by (plugin, parameters, shift); None: computed with the smallest step.
+    second_order : frozenset of (model, drive)
+        Where theory promises order 2; elsewhere order 1.
+    """
+
+    name: str
+    duration: float
+    scene: Callable[[float], Scene]
+    exact: Callable[[str, dict[str, Any], float], FloatArray] | None = None
+    second_order: frozenset[tuple[str, str]] = frozenset()
+
+
+def run(evidence: Evidence) -> None:
+    """Compute part b and add it to the page."""
+    registry = Registry()
+    halvings, finest = (4, 8) if evidence.quick else (7, 10)
+    shifts = shifts_of(PHASES[0] if evidence.quick else PHASES[1])
+    steps = [LARGEST / 2**k for k in range(halvings)]
+    evidence.heading("b. Trajectories: error against the step")
+    evidence.text(
+        f"""Error of the positions at the end of each problem (greatest over people, root mean square over {len(shifts)}
+        shifted starts, because it is chance when in a step a contact falls). Free walk and wall hit are compared
+        with their exact solutions, the others with the same model at a step of {LARGEST / 2**finest:.1e} s. Each
+        model is compared with the limit of its own law: this is the error of the step, not the difference between
+        laws. Steps that a model refuses are left out."""
+    )
+    rows = [
+        row
+        for problem in PROBLEMS
+        for label, plugin, parameters in VARIANTS
+        for row in measure(problem, label, plugin, parameters, shifts, steps, LARGEST / 2**finest, registry)
+    ]
+    orders = order_rows(rows)
+    evidence.table(
+        "trajectory_orders",
+        orders,
+        "Measured orders of convergence (slope over the five smallest steps, and over the two smallest) beside the"
+        " theoretical ones, and the error at h = 0.01 s. A dash: no error of the step.",
+    )
+    evidence.text(
+        f"""{orders_in_words(orders)} What theory promises: positions that walk on with the new velocity are of first
+        order, with an error of half a step times the change of velocity from start to end, hence of second order
+        where people start unaccelerated and the drive is exponential or none (DEM; NSM1 inertial, which leaves bodies
+        touching wherever in a step they meet); of first order with the explicit drive. NSM2 looks for contacts at the
+        middle of a step and answers at its end: each contact is of first order. The scatter that is left in DEM's
+        orders is none of chance: its error is h^2 times a factor that depends on what part of a step the length of
+        the contact leaves over, which is the same for all starts; at large steps, of some ten to a contact, that part
+        of the error also hides the part of first order that an explicit drive makes."""
+    )
+    fine = [row for row in rows if row["h [s]"] < 0.0101]
+    worst = max(fine, key=lambda row: row["error / (v h)"])
+    start = max(fine, key=lambda row: row["worst start / (v h)"])
+    evidence.text(
+        f"""In units of the path walked in a step, v h, the error is at most {worst["error / (v h)"]:.2g} at steps up to
+        0.01 s ({worst["problem"]}, {worst["model"]}, {worst["drive"]}), from the worst of the starts
+        {start["worst start / (v h)"]:.2g} ({start["problem"]}, {start["model"]}, {start["drive"]}); the rule of
+        --tolerance counts on {ERROR_PER_PATH:g}."""
+    )
+    evidence.plot(
+        "trajectories_step",
+        draw(rows, "h [s]"),
+        "Errors over the step; full: exponential, dashed:"
+        f" explicit, on each other where there is no drive. Errors below {EXACT:g} m, those of solver and rounding, are"
+        " not drawn; models that have no others are named.",
+    )
+    evidence.finding(drive_finding(rows), "trajectories_step", "Errors of positions over the step")
+    evidence.plot("trajectories_time", draw(rows, "time [s]"), "The same errors over run time.")
+    add_data(evidence, "trajectories", rows, "All errors")
+
+
+def shifts_of(number: int) -> list[float]:
+    """Return so many shifts of the start [m], spread over every step evenly."""
+    return [SPREAD * math.modf(0.5 + k * GOLDEN)[0] for k in range(number)]
+
+
+def measure(
+    problem: Problem,
+    label: str,
+    plugin: str,
+    parameters: dict[str, Any],
+    shifts: Sequence[float],
+    steps: Sequence[float],
+    finest: float,
+    registry: Registry,
+) -> list[dict[str, Any]]:
+    """Return a row per drive and step: error over all shifts, run time."""
+    model = registry.get("contact_model", plugin)(**parameters)
+    truths = []
+    for shift in shifts:
+        if problem.exact is not None:
+            truths.append(problem.exact(plugin, parameters, shift))
+        else:
+            truths.append(walked(problem, model, shift, finest, "exponential")[0])
+    rows = []
+    for drive in DRIVES:
+        for step in steps:
+            try:
+                model.check_scene(problem.scene(0.0).border(step, drive == "explicit"))
+            except ScenarioError:
+                continue
+            found = [walked(problem, model, shift, step, drive) for shift in shifts]
+            errors = [_distance(place, truth) for (place, _), truth in zip(found, truths, strict=True)]
+            path = _fastest(problem) * step
+            error = math.sqrt(float(np.mean(np.square(errors))))
+            rows.append(
+                {
+                    "problem": problem.name,
+                    "model": label,
+                    "drive": drive,
+                    "h [s]": step,
+                    "error [m]": error,
+                    "error / (v h)": error / path,
+                    "worst start / (v h)": max(errors) / path,
+                    "time [s]": float(np.median([span for _, span in found])),
+                    "theory": 2 if (label, drive) in problem.second_order else 1,
+                }
+            )
+    return rows
+
+
+def walked(problem: Problem, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
+    """Return the positions at the end (n, 2) [m] and the time it took [s]."""
+    engine, crowd = problem.scene(shift).start()
+    steps = round(problem.duration / step)
+    start = time.perf_counter()
+    # Ticks far apart: a person keeps its place in the list of bodies, and the warm start its memory.
+    engine.advance(model, crowd, 0, steps, step, drive == "explicit", False)
+    return crowd.position, time.perf_counter() - start
+
+
+def _distance(places: FloatArray, truth: FloatArray) -> float:
+    """Return the greatest distance of two sets of positions [m]."""
+    return float(np.max(np.hypot(*(places - truth).T)))
+
+
+def _fastest(problem: Problem) -> float:
+    """Return the greatest speed that somebody wants or starts with [m/s]."""
+    crowd = problem.scene(0.0).crowd
+    return float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max()))
+
+
+def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:
+    """Return people in a large room who all aim along x, or elsewhere with `extra` directions added."""
+    settings = {"mass": MASS, "radius": RADIUS, "tau": TAU, "speed": SPEED, **settings}
+    crowd = make_crowd(position, velocity, **settings)
+    if extra is not None:
+        crowd.extra_direction[:] = extra
+    return Scene(BOUNDS, room(BOUNDS, walls), one_direction(BOUNDS), crowd)
+
+
+def _free_walk(shift: float) -> Scene:
+    return _scene([[-5.0 + shift, 0.0]])
+
+
+def _free_walk_end(plugin: str, parameters: dict[str, Any], shift: float) -> FloatArray:
+    duration = 2.0
+    if parameters.get("variant") == "overdamped":
+        return np.array([[-5.0 + shift + SPEED * duration, 0.0]])
+    walked_length = SPEED * (duration - TAU * (1.0 - math.exp(-duration / TAU)))
+    return np.array([[-5.0 + shift + walked_length, 0.0]])
+
+
+#: The wall hit of the paper's fig. 2: relaxation so slow that there is no drive.
+NO_DRIVE = 1e12
+HIT_SPEED = math.sqrt(0.5)
+
+
+def _wall_hit(shift: float) -> Scene:
+    return _scene([[0.0, 0.5 + shift]], [[HIT_SPEED, -HIT_SPEED]], walls=[[-7.0, 0.0, 7.0, 0.0]], tau=NO_DRIVE)
+
+
+def _wall_hit_end(plugin: str, parameters: dict[str, Any], shift: float) -> FloatArray:
+    duration = 0.8
+    if parameters.get("variant") == "overdamped":  # walks on as it wants, along the wall
+        return np.array([[SPEED * duration, 0.5 + shift]])
+    left = duration - (0.5 + shift - RADIUS) / HIT_SPEED
+    if plugin == "dem":  # half a period of the spring, and back as fast as it came
+        back = HIT_SPEED * (left - math.pi * math.sqrt(MASS / parameters["stiffness"]))
+    else:
+        spring = parameters.get("normal_dissipation", 0.0) / 2.0
+        back = max(0.0, (spring - MASS) / (spring + MASS)) * HIT_SPEED * left
+    return np.array([[HIT_SPEED * duration, RADIUS + back]])
+
+
+def _pair(shift: float, offset: float) -> Scene:
+    return _scene([[-1.0 + shift, 0.0], [1.0, offset]], [[SPEED, 0.0], [-SPEED, 0.0]], [[0.0, 0.0], [-2.0, 0.0]])
+
+
+def _line(shift: float) -> Scene:
+    return _scene(
+        [[-0.6 - shift, 0.0], [0.0, 0.0], [2 * RADIUS, 0.0]], [[SPEED, 0.0], [0.0, 0.0], [0.0, 0.0]], tau=NO_DRIVE
+    )
+
+
+def _corridor(shift: float) -> Scene:
+    """Return twelve people who press into a corridor 1.1 m wide."""
+    places = np.array([[-0.55 * k - 0.8, 0.52 * j + 0.05 * (k % 2)] for k in range(4) for j in (-1, 0, 1)])
+    places[:, 0] += shift
+    walls = [[0.0, 0.55, 7.0, 0.55], [0.0, -0.55, 7.0, -0.55], [0.0, 0.55, 0.0, 5.0], [0.0, -5.0, 0.0, -0.55]]
+    aim = np.column_stack([np.zeros(12), -0.6 * places[:, 1]])
+    speed = 1.2 + 0.05 * np.arange(12)
+    return _scene(places, 0.0, aim, walls, speed=speed)
+
+
+#: DEM's steps are those of the leapfrog method where nobody is accelerated at the start.
+LEAPFROG = frozenset({("DEM", "exponential")})
+UNDRIVEN = LEAPFROG | {("DEM", "explicit")}
+MIDPOINT = frozenset({("NSM2, K_N = 0", "exponential"), ("NSM2, K_N = 1e5", "exponential")})
+
+PROBLEMS = (
+    Problem("free walk", 2.0, _free_walk, _free_walk_end, MIDPOINT),
+    Problem("wall hit", 0.8, _wall_hit, _wall_hit_end, UNDRIVEN),
+    Problem("head-on pair", 1.2, lambda shift: _pair(shift, 0.0), None, LEAPFROG),
+    Problem("oblique pair", 1.2, lambda shift: _pair(shift, 0.2), None, LEAPFROG | {("NSM1 inertial", "exponential")}),
+    Problem("three in line", 0.8, _line, None, UNDRIVEN),
+    Problem("corridor", 0.8, _corridor),
+)

@@ -1,0 +1,1 @@
+"""Lean: what leaving out saves what a scene does not need."""

@@ -1,0 +1,229 @@
+"""What leaving out saves: each part forced in on scenes that do not need it, and the start-up of each command."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from evac.directions.routes import STRATEGIES
+from evac.evidence.lean import unused_route
+from evac.evidence.lean.commands import report_commands, report_output
+from evac.evidence.models import model_overrides
+from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.registry import Registry
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+MODELS = ("DEM", "NSM1 inertial", "NSM2")
+SCENES = ("square_room", "primary_school")
+
+#: Arrays of the crowd that must be the same to the last bit, at every tick.
+COMPARED = ("position", "velocity", "level", "distance", "exit_time")
+
+#: K_T [kg] with which NSM2 needs its tangential law, so that the crossing tests can be forced in alone.
+TANGENTIAL = 1.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part that can be left out, and how it is forced in.
+
+    Attributes
+    ----------
+    name : str
+        As `evac explain` lists it.
+    overrides : mapping
+        What names it in a case that does not need it.
+    full : bool
+        Whether unused fields, forces and behaviours are forced in (``evac run --full``).
+    tests : bool
+        Whether the compiled step is told to do what it need not (``evac run --full``, too).
+    base : Part, optional
+        The run that it is compared with, which has everything else; None compares with nothing.
+    """
+
+    name: str
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    full: bool = False
+    tests: bool = False
+    base: "Part | None" = None
+
+
+LEAN = Part("nothing")
+FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
+
+#: What a case can name without needing it.
+NAMED = (
+    Part("force: social, of strength 0", {"forces.social": {"strength": 0.0}}, full=True, base=FIELDS),
+    Part("behaviour: response_time, of 0 s", {"behaviours.response_time": {"time": 0.0}}, full=True, base=FIELDS),
+    Part("behaviour: teacher_following, no teachers", {"behaviours.teacher_following": {}}, full=True, base=FIELDS),
+    Part("behaviour: route_choice, one route", {"behaviours.route_choice": {}}, full=True, base=FIELDS),
+)
+
+
+def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
+    """Return the parts that can be forced into a shipped case under a model, which needs none of them."""
+    used = {route.strategy for route in Simulation(load_case(name)).fields.routes}
+    parts = [
+        Part(f"fields: {strategy}", {"behaviours.unused_route": {"strategy": strategy}}, base=LEAN)
+        for strategy in STRATEGIES
+        if strategy not in used
+    ]
+    parts.append(FIELDS)
+    tests = "portals: tests for walls, portals and exits"
+    if model == "NSM2":
+        sticky = Part("tangential law", {"contact.nsm2.tangential_dissipation": TANGENTIAL})
+        parts.append(Part(tests, sticky.overrides, tests=True, base=sticky))
+        parts.append(Part("tangential contact, with these tests", tests=True, base=LEAN))
+    else:
+        parts.append(Part(tests, tests=True, base=LEAN))
+    return [*parts, *named]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run: seconds of set-up and of the loop, and the arrays of every tick."""
+
+    setup: float
+    loop: float
+    states: list[dict[str, np.ndarray]]
+
+
+def run(evidence: Evidence) -> None:
+    """Compute the page."""
+    rounds, school_rounds = (2, 1) if evidence.quick else (25, 5)
+    rows = scene_rows("square_room", 10.0, NAMED, rounds)
+    rows += scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
+    _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
+    report_output(evidence, rounds)
+    report_commands(evidence)
+    evidence.write_page("Leaving out what a scene does not need")
+
+
+def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
+    """Return a row for each model and part: what it costs when forced in, and whether every bit is the same.
+
+    All variants run in turns, round after round; a cost is the difference to the part's base in the same round.
+    """
+    registry = Registry([unused_route.__file__])
+    rows = []
+    for model in MODELS:
+        shared = {"simulation.duration": duration, "simulation.seed": 1} | model_overrides(model)
+        parts = parts_of(name, model, named)
+        variants = {part.name: part for part in [LEAN, *(part.base for part in parts if part.base), *parts]}
+        cases = {key: load_case(name, {**shared, **part.overrides}, (), registry) for key, part in variants.items()}
+        trial(cases[LEAN.name], LEAN)  # not counted: the kernels are loaded
+        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds)]
+        for part in parts:
+            rows.append({"scene": name, "model": model} | _part_row(part, trials))
+    return rows
+
+
+def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, Any]:
+    """Return what a part has cost over some rounds: median, least and greatest."""
+    assert part.base is not None
+    pairs = [(one[part.name], one[part.base.name]) for one in trials]
+    setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
+    loop = [100.0 * (forced.loop - base.loop) / base.loop for forced, base in pairs]
+    return {
+        "part forced in": part.name,
+        "set-up [ms]": float(np.median(setup)),
+        "set-up, least [ms]": min(setup),
+        "set-up, greatest [ms]": max(setup),
+        "loop without it [ms]": 1e3 * float(np.median([base.loop for _, base in pairs])),
+        "loop [%]": float(np.median(loop)),
+        "loop, least [%]": min(loop),
+        "loop, greatest [%]": max(loop),
+        "same bits": "yes" if all(same_bits(*pair) for pair in pairs) else "NO",
+    }
+
+
+def trial(case: Any, part: Part) -> Trial:
+    """Run a case tick by tick with a part forced in."""
+    start = time.perf_counter()
+    simulation = Simulation(case, full=part.full)
+    ready = time.perf_counter()
+    simulation.engine.full = part.tests
+    spent, states = 0.0, []
+    while not simulation.ended:
+        tick = time.perf_counter()
+        simulation.advance_tick()
+        spent += time.perf_counter() - tick
+        crowd = simulation.population.crowd
+        states.append({name: getattr(crowd, name).copy() for name in COMPARED})
+    return Trial(ready - start, spent, states)
+
+
+def same_bits(one: Trial, other: Trial) -> bool:
+    """Say whether two runs have the same ticks and in each the same arrays, to the last bit."""
+    return len(one.states) == len(other.states) and all(
+        a[name].tobytes() == b[name].tobytes()
+        for a, b in zip(one.states, other.states, strict=True)
+        for name in COMPARED
+    )
+
+
+def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
+    """Add what the parts cost."""
+    same = sum(row["same bits"] == "yes" for row in rows)
+    told = "A quick run is too short to tell what it costs."
+    if not evidence.quick:
+        told = f"Greatest costs: {'; '.join(_greatest(rows, scene) for scene in SCENES)}."
+    evidence.text(
+        f"""Forcing in what a scene does not need leaves the trajectories the same to the last bit in {same} of
+        {len(rows)} comparisons. {told}"""
+    )
+    evidence.heading("Parts forced in")
+    evidence.text(
+        f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
+        in turns ({rounds}). A cost is the difference to the run without the part in the same round: the median, and the
+        least and the greatest, between which noise may lie on both sides of zero. After every tick
+        {", ".join(COMPARED)} of everybody are compared byte by byte with that run. A field is forced in by a behaviour
+        that offers its route to nobody; forces and behaviours are named by the case without being needed, and are
+        compared with a run that has the fields of all strategies. The tests of every body in every step for walls,
+        portals and exits on its path are switched on in the compiled step; the same switch turns on NSM2's tangential
+        law at K_T = 0, so that there the tests alone are measured at K_T = {TANGENTIAL:g} kg, where both runs need the
+        law. Stair speeds and a contact solve in a step without contacts cannot be forced in, and a position correction
+        would change the trajectories."""
+    )
+    formats = {"loop [%]": "+.1f", "loop, least [%]": "+.1f", "loop, greatest [%]": "+.1f"}
+    evidence.table("parts", rows, "What each part adds when forced in.", formats)
+    _plot_parts(evidence, rows)
+
+
+def _greatest(rows: Sequence[dict[str, Any]], scene: str) -> str:
+    """Return which parts cost most in a scene, in the loop and in the set-up."""
+    own = [row for row in rows if row["scene"] == scene]
+    loop = max(own, key=lambda row: float(row["loop [%]"]))
+    setup = max(own, key=lambda row: float(row["set-up [ms]"]))
+    return (
+        f"{scene}: {loop['loop [%]']:+.0f} % of the loop ({loop['part forced in']}, {loop['model']}) and "
+        f"{setup['set-up [ms]']:+.0f} ms of set-up ({setup['part forced in']}, {setup['model']})"
+    )
+
+
+def _plot_parts(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
+    """Draw what each part adds to the loop, with its range, a column for each scene and a bar for each model."""
+    names = list(dict.fromkeys(row["part forced in"] for row in rows))
+    figure, axes = new_figure(10.0, 1.0 + 0.5 * len(names), 1, len(SCENES), sharey=True)
+    height = 0.8 / len(MODELS)
+    for axis, scene in zip(axes, SCENES, strict=True):
+        for shift, model in enumerate(MODELS):
+            own = [row for row in rows if row["scene"] == scene and row["model"] == model]
+            place = [names.index(row["part forced in"]) + height * (shift - 0.5 * (len(MODELS) - 1)) for row in own]
+            middle = [row["loop [%]"] for row in own]
+            ends = [
+                [row["loop [%]"] - row["loop, least [%]"] for row in own],
+                [row["loop, greatest [%]"] - row["loop [%]"] for row in own],
+            ]
+            axis.barh(place, middle, height, color=MODEL_COLOURS[model], label=model)
+            axis.errorbar(middle, place, xerr=ends, fmt="none", ecolor="0.4", elinewidth=0.8)
+        axis.axvline(0.0, color="0.3", linewidth=0.8)
+        axis.set(xlabel="added to the loop [%]", title=scene)
+    axes[0].set_yticks(range(len(names)), names, fontsize=8)
+    axes[0].invert_yaxis()
+    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, ncols=len(MODELS), loc="outside upper center")
+    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
+    evidence.plot("parts", figure, caption)

@@ -1,0 +1,1 @@
+"""Scaling: time and memory per person-step against the number of people."""

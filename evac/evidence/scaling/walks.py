@@ -1,0 +1,176 @@
+"""Crowds walked in a hall: for a time or into a jam, and what a person-step then costs."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.models import COARSE, make_model
+from evac.evidence.scaling.halls import Hall
+from evac.physics.bundles import Crowd, copy_of
+from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.world import make_world
+
+TICK = 0.1  # s
+
+#: A crowd is jammed when the median of speed over desired speed has fallen below this.
+JAMMED = 0.25
+
+#: A crowd that has not jammed by then has walked long enough [s]; so has one of which this share is out.
+LONGEST = 8.0
+WALKED_OUT = 0.5
+
+#: Ticks walked with the model as it is shipped between the jam and the timing.
+SETTLING = 2
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A contact model as it is walked.
+
+    Attributes
+    ----------
+    name : str
+        Under which the tables show it.
+    model : ContactModel
+        As it is timed.
+    rough : ContactModel
+        As it walks to the jam: NSM1, whose solve is the dearest, with a coarse tolerance.
+    step : float [s]
+    """
+
+    name: str
+    model: ContactModel
+    rough: ContactModel
+    step: float
+
+
+def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> Variant:
+    """Return a variant by the model's name in `models.MODELS`, with other parameters and a label where given."""
+    model = make_model(name, **parameters)
+    coarse: dict[str, Any] = {**parameters, **COARSE}
+    rough = make_model(name, **coarse) if name.startswith("NSM1") else model
+    return Variant(label or name, model, rough, step)
+
+
+class Walk:
+    """A copy of a hall's crowd on its way, tick by tick."""
+
+    def __init__(self, hall: Hall, step: float) -> None:
+        self.crowd: Crowd = copy_of(hall.crowd)
+        self.engine = Engine(make_world(hall.building, hall.fields), len(self.crowd.level), [])
+        self.step = step
+        self.per_tick = round(TICK / step)
+        self.made = 0  # steps
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.made * self.step
+
+    @property
+    def inside(self) -> int:
+        """Number of people inside."""
+        return int((self.crowd.level >= 0).sum())
+
+    @property
+    def pace(self) -> float:
+        """Median of speed over desired speed of who is inside; 0 of nobody."""
+        inside = self.crowd.level >= 0
+        speed = np.hypot(*self.crowd.velocity[inside].T)
+        return float(np.median(speed / self.crowd.speed[inside, 0])) if len(speed) else 0.0
+
+    def advance(self, model: ContactModel, ticks: int = 1) -> None:
+        """Make some ticks.
+
+        Raises
+        ------
+        SimulationError
+            The model cannot make a step.
+        """
+        for _ in range(ticks):
+            self.engine.advance(model, self.crowd, self.made, self.per_tick, self.step, False, False)
+            self.made += self.per_tick
+
+    def freely(self, variant: Variant, ticks: int) -> str:
+        """Walk for a time; return what ended the walk.
+
+        Raises
+        ------
+        SimulationError
+            The model cannot make a step.
+        """
+        self.advance(variant.model, ticks)
+        return "time"
+
+    def into_a_jam(self, variant: Variant) -> str:
+        """Walk until the crowd is jammed, and on until it has settled; return what ended the walk.
+
+        Raises
+        ------
+        SimulationError
+            The model cannot make a step.
+        """
+        people = len(self.crowd.level)
+        ended = ""
+        while not ended:
+            self.advance(variant.rough)
+            if self.inside < (1.0 - WALKED_OUT) * people:
+                ended = f"{100.0 * WALKED_OUT:.0f} % are out"
+            elif self.pace < JAMMED:
+                ended = "jam"
+            elif self.time >= LONGEST:
+                ended = "longest time"
+        self.advance(variant.model, SETTLING)
+        return ended
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the timed ticks of a walk have cost."""
+
+    seconds: float  # median of a step
+    per_person: float  # median of a person-step [s]
+    spread: float  # greatest over least
+    builds: float  # of the lists, per step
+    iterations: float  # per step
+
+
+def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
+    """Time some ticks of a walk, Python's part included.
+
+    Raises
+    ------
+    SimulationError
+        The model cannot make a step.
+    """
+    spans, per_person = [], []
+    before = walk.engine.report()
+    for _ in range(ticks):
+        inside = walk.inside
+        start = time.perf_counter()
+        walk.advance(model)
+        spans.append((time.perf_counter() - start) / walk.per_tick)
+        per_person.append(spans[-1] / max(inside, 1))
+    after = walk.engine.report()
+    steps = ticks * walk.per_tick
+    return Cost(
+        float(np.median(spans)),
+        float(np.median(per_person)),
+        max(spans) / min(spans),
+        (after["list_builds"] - before["list_builds"]) / steps,
+        (after["iterations"] - before["iterations"]) / steps,
+    )
+
+
+def memory(walk: Walk) -> int:
+    """Return the bytes of all arrays that grow with the people."""
+    engine = walk.engine
+    return sum(_bytes(bundle) for bundle in (walk.crowd, engine.bodies, engine.lists, engine.contacts, engine.events))
+
+
+def _bytes(bundle: Any) -> int:
+    """Return the bytes of an array, or of all arrays in a bundle."""
+    return int(bundle.nbytes) if isinstance(bundle, np.ndarray) else sum(_bytes(part) for part in bundle)

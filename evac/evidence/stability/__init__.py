@@ -1,0 +1,1 @@
+"""Stability: stiff and extreme cases, cell by cell, beside the theory."""

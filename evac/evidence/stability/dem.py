@@ -1,0 +1,197 @@
+"""DEM's limit of stability: stiffness against step on a pressed crowd, and the limit of contact networks."""
+
+import numpy as np
+
+from evac.evidence import scenes
+from evac.evidence.report import Evidence
+from evac.evidence.scenes import Scene
+from evac.evidence.stability.maps import Cell, Curve, show_map
+from evac.evidence.stability.theory import greatest_frequency, step_limit, uncut_speed
+from evac.evidence.stability.trial import Trial, Verdict, attempt, judge, make_model
+from evac.physics.bundles import Crowd, make_crowd
+
+DRIVES = {"explicit drive": True, "exponential drive": False}
+
+#: A pressed crowd at rest gets random velocities of this size; what differs then must not become so much larger.
+NUDGE = 1e-6  # m/s
+GROWTH = 100.0
+STEPS = 400
+
+#: Desired speed of the pressed crowds at tau = 0.5 s: little, so that even k = 1e3 holds them [m/s].
+PRESS = 0.05
+
+
+def crowd_in_corridor(number: int, rows: int, mass: float, radius: float = 0.2, tau: float = 0.5) -> Scene:
+    """Return people in a triangular packing that fills a corridor's width, walking against its end."""
+    bounds = (0.0, 0.0, 8.0, (2 * rows + 1) * radius)
+    crowd = make_crowd(
+        scenes.packed(number, rows, radius, 8.0, 0.0), radius=radius, mass=mass, tau=tau, speed=PRESS * tau / 0.5
+    )
+    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+
+def pair_at_wall() -> Scene:
+    """Return two people behind each other, walking against a wall."""
+    bounds = (0.0, 0.0, 8.0, 4.0)
+    crowd = make_crowd([(7.8, 2.0), (7.4, 2.0)], mass=60.0, speed=PRESS)
+    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+
+def ring_around_big() -> Scene:
+    """Return 40 small bodies pressing from all sides against a big one of the same mass."""
+    bounds = (0.0, 0.0, 8.0, 8.0)
+    angle = 2.0 * np.pi * np.arange(40) / 40
+    ring = 4.0 + 2.1 * np.column_stack([np.cos(angle), np.sin(angle)])
+    crowd = make_crowd(
+        np.vstack([[(4.0, 4.0)], ring]),
+        radius=np.array([2.0] + 40 * [0.1]),
+        mass=60.0,
+        speed=np.array([0.0] + 40 * [PRESS]),
+    )
+    return Scene(bounds, scenes.room(bounds), scenes.towards(bounds, (4.0, 4.0), 0.05), crowd)
+
+
+def settled(scene: Scene, stiffness: float) -> Scene:
+    """Return the scene pressed to rest, the load m v / tau unchanged, with a tau that damps its slowest waves."""
+    crowd = scene.crowd
+    period = float(np.sqrt(crowd.mass.min() / stiffness))
+    tau = 8.0 * period
+    hurried = crowd._replace(tau=np.full_like(crowd.tau, tau), speed=crowd.speed * (tau / crowd.tau)[:, None])
+    start = Scene(scene.room, scene.building, scene.fields, hurried)
+    step = 0.1 * period
+    model = make_model("DEM", stiffness=stiffness)
+    rest = attempt(model, start, step, 12_000 * step, every=6_000 * step, checked=False)
+    return Scene(scene.room, scene.building, scene.fields, crowd._replace(position=rest.position[-1]))
+
+
+def nudged(scene: Scene, generator: np.random.Generator) -> Scene:
+    """Return the scene with small random velocities."""
+    crowd: Crowd = scene.crowd._replace(velocity=NUDGE * generator.standard_normal(scene.crowd.position.shape))
+    return Scene(scene.room, scene.building, scene.fields, crowd)
+
+
+def try_step(scene: Scene, stiffness: float, step: float, explicit: bool, checked: bool) -> Verdict:
+    """Return the verdict on a nudged crowd after `STEPS` steps, beside the same crowd without the nudge."""
+    plain = scene.crowd._replace(velocity=np.zeros_like(scene.crowd.velocity))
+    trials = [
+        attempt(
+            make_model("DEM", stiffness=stiffness),
+            Scene(scene.room, scene.building, scene.fields, crowd),
+            step,
+            STEPS * step,
+            explicit=explicit,
+            every=STEPS * step,
+            checked=checked,
+        )
+        for crowd in (scene.crowd, plain)
+    ]
+
+    def growth(trial: Trial) -> float:
+        return float(np.abs(trial.velocity[-1] - trials[1].velocity[-1]).max() / NUDGE)
+
+    return judge(trials[0], growth, GROWTH, GROWTH, "times the nudge")
+
+
+def stiffness_map(evidence: Evidence) -> None:
+    """Map stiffness against step, with the limit of the pressed crowd's own network drawn in."""
+    stiffnesses = 10.0 ** np.arange(3.0, 9.1, 3.0 if evidence.quick else 0.5)
+    steps = 10.0 ** np.arange(-5.0, -0.9, 1.0 if evidence.quick else 0.25)
+    cells, curves = [], {}
+    limits: dict[str, list[float]] = {drive: [] for drive in DRIVES}
+    for stiffness in stiffnesses:
+        rest = settled(crowd_in_corridor(30, 5, 60.0), stiffness)
+        frequency = greatest_frequency(rest, rest.crowd.position, stiffness)
+        start = nudged(rest, evidence.generator("stiffness"))
+        for drive, explicit in DRIVES.items():
+            limits[drive].append(step_limit(frequency, 0.5, explicit))
+            for words, checked in (("as a run does it", True), ("border check left out", False)):
+                cells += [
+                    Cell(f"{drive}, {words}", stiffness, step, try_step(start, stiffness, step, explicit, checked))
+                    for step in steps
+                ]
+    for drive in DRIVES:
+        for words in ("as a run does it", "border check left out"):
+            curves[f"{drive}, {words}"] = [Curve("limit of the contact network", list(stiffnesses), limits[drive])]
+    show_map(
+        evidence,
+        "dem_stiffness",
+        sorted(cells, key=lambda cell: cell.panel),
+        ("stiffness k [kg/s²]", "step h [s]"),
+        "DEM, 30 people pressed against a wall, nudged: does the nudge grow beyond 100 times itself within 400 steps? "
+        "The curve is the limit of the network's own greatest frequency (eigenvalues), driving included.",
+        curves,
+        columns=2,
+    )
+
+
+def network_limits(evidence: Evidence) -> None:
+    """Tabulate the limit of several networks: theory, what the model lets pass, and where a nudge begins to grow."""
+    stiffness = 1.2e5
+    cases = {
+        "two people at a wall": pair_at_wall(),
+        "30 equal people packed": crowd_in_corridor(30, 5, 60.0),
+        "the same, tau 0.01 s": crowd_in_corridor(30, 5, 60.0, tau=0.01),
+        "40 small ones around a big one": ring_around_big(),
+    }
+    rows = []
+    for name, scene in cases.items():
+        rest = settled(scene, stiffness)
+        frequency = greatest_frequency(rest, rest.crowd.position, stiffness)
+        start = nudged(rest, evidence.generator("network"))
+        for drive, explicit in DRIVES.items():
+            rows.append(
+                {
+                    "network": name,
+                    "drive": drive,
+                    "omega_max² m / k": frequency**2 * 60.0 / stiffness,
+                    "limit by theory [s]": step_limit(frequency, float(scene.crowd.tau[0]), explicit),
+                    "plain steps grow beyond [s]": _plain_limit(start, stiffness, explicit),
+                    "a run cuts beyond [s]": _cut_limit(start, stiffness, explicit),
+                    "a run refuses beyond [s]": _refused_limit(scene, stiffness, explicit),
+                }
+            )
+    evidence.table(
+        "dem_networks",
+        rows,
+        "DEM at k = 1.2e5 kg/s², 60 kg: the greatest stable step of four contact networks, by the eigenvalues of the "
+        "network and by plain steps of eq. 17 made apart from the engine; beyond which step a run cuts its steps, and "
+        "beyond which it does not start. At least one of the last two must lie below the theory's limit.",
+        {key: ".5f" for key in rows[0] if key.endswith("[s]")},
+    )
+
+
+def _plain_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
+    """Return the step beyond which the nudge grows in plain steps, by bisection."""
+    return _bisect(lambda step: uncut_speed(scene, stiffness, step, explicit, STEPS) <= GROWTH * NUDGE)
+
+
+def _cut_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
+    """Return the step beyond which a run cuts its steps, by bisection."""
+    model = make_model("DEM", stiffness=stiffness)
+
+    def is_whole(step: float) -> bool:
+        trial = attempt(model, scene, step, 10.0 * step, explicit=explicit, checked=False)
+        return not trial.message and not trial.handling()
+
+    return _bisect(is_whole)
+
+
+def _refused_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:
+    """Return the step beyond which the model refuses to start, by bisection."""
+    model = make_model("DEM", stiffness=stiffness)
+
+    def is_taken(step: float) -> bool:
+        return not attempt(model, scene, step, step, explicit=explicit).message
+
+    return _bisect(is_taken)
+
+
+def _bisect(holds) -> float | None:  # type: ignore[no-untyped-def]
+    """Return the step [s] between 1e-4 and 0.1 at which `holds` turns false, None if it does not."""
+    low, high = 1e-4, 0.1
+    if holds(high):
+        return None
+    for _ in range(12):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low

@@ -1,0 +1,287 @@
+"""The extreme scenes, each for every contact model, and what came of them."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from evac.errors import EvacError
+from evac.evidence import scenes
+from evac.evidence.report import Evidence
+from evac.evidence.scenes import Bounds, Scene
+from evac.evidence.stability.trial import (
+    REFUSED,
+    RIGHT,
+    SMALL_OVERLAP,
+    VARIANTS,
+    WRONG,
+    Trial,
+    Verdict,
+    attempt,
+    deepest_overlap,
+    greatest_overlap,
+    judge,
+    judge_overlap,
+    last_overlap,
+    last_speed,
+    make_model,
+)
+from evac.physics.bundles import make_crowd
+
+ROOM = (0.0, 0.0, 6.0, 4.0)
+
+STEP = 0.01
+
+#: The models tried on scenes that take long.
+LARGE = ("DEM", "NSM1 inertial", "NSM2 K_N = 1e5")
+
+#: How long a crowd presses against a closed door: long enough for 10,000 to have walked up to each other [s].
+PRESSED = 12.0
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """An extreme scene, and by what it is judged."""
+
+    words: str
+    make: Callable[[], Scene]
+    verdict: Callable[[str, Trial], Verdict]  # of a contact model's name and its trial
+    duration: float = 5.0
+    every: float = 0.1
+    tolerance: float | None = None  # of the solvers [m/s], where it is not the default
+
+
+def coincident() -> Scene:
+    """Return two people at the same place."""
+    return _in_room(ROOM, [(2.0, 2.0), (2.0, 2.0)], speed=1.0)
+
+
+def half_overlapping() -> Scene:
+    """Return four people who overlap by half."""
+    return _in_room(ROOM, [(2.0, 2.0), (2.2, 2.0), (2.1, 2.2), (2.0, 1.8)], speed=1.0)
+
+
+def denser_than_discs() -> Scene:
+    """Return a start denser than discs can pack: 40 bodies of 7.9 m2 in all on 4 m2."""
+    bounds = (0.0, 0.0, 2.0, 2.0)
+    grid = np.linspace(0.26, 1.74, 7)
+    places = np.array([(x, y + 0.01 * k) for k, x in enumerate(grid) for y in grid[:6]])[:40]
+    return _in_room(bounds, places, radius=0.25, speed=1.0)
+
+
+def closed_door(people: int) -> Scene:
+    """Return people who press against a closed door of 1 m from all over the room."""
+    rows = round(np.sqrt(0.75 * people))
+    bounds = (0.0, 0.0, 1.0 + 0.37 * (people // rows + 1), 0.42 * (rows + 1))
+    middle = 0.5 * bounds[3]
+    door = (bounds[2], middle - 0.5, bounds[2], middle + 0.5)
+    places = scenes.packed(people, rows, 0.2, bounds[2] - 0.02, 0.02, 0.02)
+    return Scene(
+        bounds,
+        scenes.room(bounds, exits=(door,)),
+        scenes.towards(bounds, (bounds[2] + 0.1, middle)),
+        make_crowd(places, speed=1.5),
+        is_closed=True,
+    )
+
+
+def narrow_door() -> Scene:
+    """Return twelve people at an open door of 0.3 m, narrower than their bodies of 0.4 m."""
+    return Scene(
+        ROOM,
+        scenes.room(ROOM, exits=((6.0, 1.85, 6.0, 2.15),)),
+        scenes.towards(ROOM, (6.2, 2.0)),
+        make_crowd(scenes.packed(12, 4, 0.2, 5.0, 1.0, 0.01), speed=1.5),
+    )
+
+
+def squeezed() -> Scene:
+    """Return three people of 0.4 m between two walls 0.3 m apart."""
+    return _in_room((0.0, 0.0, 6.0, 0.3), [(1.0, 0.15), (2.0, 0.1), (3.0, 0.2)], speed=1.0)
+
+
+def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:
+    """Return people `gap` [m] apart who walk against a wall, at UTM coordinates."""
+    bounds = (east, north, east + 6.0, north + 4.0)
+    return _in_room(bounds, scenes.packed(12, 4, 0.2, east + 5.9, north + 1.0, gap), speed=1.5)
+
+
+def standing_room() -> Scene:
+    """Return 20 people who walk against a wall for as long as they are let."""
+    return _in_room((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5)
+
+
+def _in_room(bounds: Bounds, position: ArrayLike, **settings: Any) -> Scene:
+    crowd = make_crowd(position, **settings)
+    return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+
+def extremes(quick: bool) -> dict[str, Extreme]:
+    """Return the extreme scenes by name; quick ones are smaller and shorter."""
+    number, hour = (400, 60.0) if quick else (10_000, 3600.0)
+    sideways = 0.1 * np.sqrt(2.0 * 1.2e5 / 80.0)  # DEM: the springs' energy of a start 0.1 m off the middle [m/s]
+    return {
+        "coincident centres": _overlap_to_remove(coincident, 5.0),
+        "half-overlapping start": _overlap_to_remove(half_overlapping, 5.0),
+        "denser than discs can pack": _overlap_to_remove(denser_than_discs, 2.0),
+        f"{number} people at a closed door": Extreme(
+            f"greatest overlap in {PRESSED:g} s, as on the map of speeds",
+            lambda: closed_door(number),
+            lambda variant, trial: judge_overlap(variant, trial, STEP),
+            PRESSED,
+            1.0,
+        ),
+        "door narrower than a body": Extreme(
+            "people who came through, right up to 0", narrow_door, _bounded(_people_out, 0.0, 0.0, "people"), 10.0
+        ),
+        "squeezed between two walls": Extreme(
+            "speed beyond the desired one, right up to 0.02 m/s",
+            squeezed,
+            _bounded(_speed_beyond, 0.02, sideways, "m/s"),
+        ),
+        "UTM coordinates": Extreme(
+            "greatest distance to the same run at the origin, both solved to 1e-9 m/s, right up to 1e-6 m",
+            lambda: far_from_origin(0.03),
+            _bounded(lambda trial: _far_and_near(trial, 0.03)[0], 1e-6, 1e-6, "m"),
+            0.5,
+            tolerance=1e-9,
+        ),
+        "UTM coordinates, touching": Extreme(
+            "greatest overlap beyond that of the same run at the origin, right up to 1e-3 m",
+            lambda: far_from_origin(0.0),
+            _bounded(lambda trial: _far_and_near(trial, 0.0)[1], 1e-3, 1e-3, "m"),
+            2.0,
+        ),
+        f"{hour:g} s against a wall": Extreme(
+            "speed in the last second, right up to 0.005 m/s",
+            standing_room,
+            _bounded(last_speed, 0.005, 1.5, "m/s"),
+            hour,
+            1.0,
+        ),
+    }
+
+
+def _bounded(
+    measure: Callable[[Trial], float], right: float, tolerable: float, unit: str, is_reported: bool = False
+) -> Callable[[str, Trial], Verdict]:
+    """Return the verdict by one measure with the same bounds for every contact model."""
+    return lambda _, trial: judge(trial, measure, right, tolerable, unit, is_reported=is_reported)
+
+
+def _overlap_to_remove(make: Callable[[], Scene], duration: float) -> Extreme:
+    """Return the extreme of a start with overlaps, which a model may leave as they are by its theory, and say so."""
+    scene = make()
+    start = deepest_overlap(scene, scene.crowd.position)
+    words = f"overlap left after {duration:g} s, right up to {SMALL_OVERLAP:g} m; {start:.3g} m at the start"
+    return Extreme(words, make, _bounded(_overlap_left, SMALL_OVERLAP, start, "m", is_reported=True), duration)
+
+
+def _overlap_left(trial: Trial) -> float:
+    """Return the overlap at the end [m], infinite if the report conceals the start's."""
+    return last_overlap(trial) if np.isfinite(greatest_overlap(trial)) else np.inf
+
+
+def _speed_beyond(trial: Trial) -> float:
+    """Return by how much the greatest speed exceeds the greatest desired one [m/s]."""
+    return max(0.0, float(trial.speed().max() - trial.crowd.speed.max()))
+
+
+def _people_out(trial: Trial) -> float:
+    return float((trial.crowd.level < 0).sum())
+
+
+def _far_and_near(trial: Trial, gap: float) -> tuple[float, float]:
+    """Return the greatest distance to the same run at the origin, and the greatest overlap beyond that one's [m]."""
+    near = attempt(trial.model, far_from_origin(gap, 0.0, 0.0), STEP, float(trial.time[-1]))
+    distance = np.abs(trial.position[-1] - trial.scene.room[:2] - near.position[-1]).max()
+    return float(distance), max(0.0, greatest_overlap(trial) - greatest_overlap(near))
+
+
+def try_extreme(extreme: Extreme, variant: str) -> Verdict:
+    """Return the verdict on one extreme scene with one contact model."""
+    model = make_model(variant)
+    if extreme.tolerance is not None and "velocity_tolerance" in model.declared():
+        model = make_model(variant, velocity_tolerance=extreme.tolerance)
+    trial = attempt(model, extreme.make(), STEP, extreme.duration, every=extreme.every)
+    return extreme.verdict(variant, trial)
+
+
+#: A building of one triangle: a file in the OFF format, and the rest of the case.
+TRIANGLE = "OFF\n3 1 0\n0 0 0\n6 0 0\n0 6 0\n3 0 1 2\n"
+CASE = """
+title = "A building of one triangle"
+[building]
+mesh = "triangle.off"
+[[building.exits]]
+name = "door"
+segment = [[0.0, 1.0], [0.0, 2.0]]
+z = 0.0
+[[people]]
+name = "visitors"
+number = 5
+positions = [[2.0, 1.0], [3.0, 1.0], [2.0, 2.0], [1.0, 3.0], [3.0, 2.0]]
+z = 0.0
+radius = 0.2
+mass = 80.0
+tau = 0.5
+speed = 1.3
+[contact]
+model = "{model}"
+[simulation]
+duration = 30.0
+"""
+
+
+def try_triangle(model: str) -> Verdict:
+    """Return the verdict on a building of one triangle with an exit on its side: all five are to get out."""
+    from evac.scenario.loading import load_case
+    from evac.simulation import Simulation
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "triangle.off").write_text(TRIANGLE)
+        (folder / "case.toml").write_text(CASE.format(model=model))
+        try:
+            simulation = Simulation(load_case(folder / "case.toml"))
+            simulation.run()
+        except EvacError as error:
+            return Verdict(REFUSED, np.nan, str(error))
+    inside = float(simulation.population.inside)
+    return Verdict(RIGHT if inside == 0.0 else WRONG, inside, f"{inside:.0f} of 5 still inside after 30 s")
+
+
+def extreme_scenes(evidence: Evidence) -> None:
+    """Try every extreme scene with every contact model and tabulate the verdicts."""
+    rows = []
+    for name, extreme in extremes(evidence.quick).items():
+        variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
+        for variant in variants:
+            verdict = try_extreme(extreme, variant)
+            rows.append(
+                {
+                    "scene": name,
+                    "model": variant,
+                    "verdict": verdict.kind,
+                    "judged by": extreme.words,
+                    "error": verdict.error,
+                    "words": verdict.words,
+                }
+            )
+    for name in ("dem", "nsm1", "nsm2"):
+        verdict = try_triangle(name)
+        rows.append(
+            {
+                "scene": "building of one triangle",
+                "model": name,
+                "verdict": verdict.kind,
+                "judged by": "people still inside after 30 s",
+                "error": verdict.error,
+                "words": verdict.words,
+            }
+        )
+    evidence.table("extremes", rows, f"Extreme scenes at h = {STEP} s.")

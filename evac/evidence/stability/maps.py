@@ -1,0 +1,207 @@
+"""The maps: what each contact model makes of a plane of two numbers, cell by cell, beside its theory."""
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.report import Evidence, new_figure
+from evac.evidence.scenes import FloatArray
+from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
+
+#: Colours of the verdicts (Okabe-Ito, with grey and black).
+COLOURS = {
+    RIGHT: "#009E73",
+    HANDLED: "#56B4E9",
+    DEGRADED: "#E69F00",
+    BEYOND: "#CC3311",
+    REFUSED: "0.75",
+    WRONG: "#000000",
+}
+
+#: What marks refused cells in which a body would have been pressed through a wall.
+WALL_MARK: Mapping[str, Any] = {"marker": "|", "color": "0.35", "markersize": 6}
+
+#: Line styles of the curves, in the order in which their labels come up.
+STYLES = ("-", "--", ":", "-.")
+
+#: Points between two given ones of a curve: it bends between cells, whose values are not evenly spaced.
+BETWEEN = 60
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One trial of a map."""
+
+    panel: str
+    x: float
+    y: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of the theory: points (x, y), straight between them in logarithms, and what they are.
+
+    The same label has the same style in all panels.
+    """
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+
+
+def show_map(
+    evidence: Evidence,
+    name: str,
+    cells: Sequence[Cell],
+    axes: tuple[str, str],
+    caption: str,
+    curves: Mapping[str, Sequence[Curve]] | None = None,
+    columns: int = 3,
+) -> None:
+    """Write NAME.csv with every cell, draw NAME.png, and put the plot and the sums by panel on the page.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    name : str
+    cells : sequence of Cell
+        Each panel's cells form a full grid.
+    axes : (str, str)
+        What x and y are, with units.
+    caption : str
+    curves : dict of panel to curves
+        The theory.
+    columns : int
+        Panels beside each other.
+    """
+    write_cells(evidence, name, cells, axes)
+    panels = list(dict.fromkeys(cell.panel for cell in cells))
+    columns = min(columns, len(panels))
+    rows = -(-len(panels) // columns)
+    figure, drawn = new_figure(1.0 + 3.4 * columns, 0.9 + 3.1 * rows, rows, columns, squeeze=False)
+    labels = dict.fromkeys(curve.label for panel in (curves or {}).values() for curve in panel)
+    styles = dict(zip(labels, STYLES, strict=False))
+    for axis, panel in zip(drawn.ravel(), panels, strict=False):
+        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], (curves or {}).get(panel, ()), styles)
+        axis.set_title(panel, fontsize=9)
+    for axis in drawn.ravel()[len(panels) :]:
+        axis.set_visible(False)
+    for axis in drawn[-1]:
+        axis.set_xlabel(axes[0])
+    for axis in drawn[:, 0]:
+        axis.set_ylabel(axes[1])
+    _draw_legend(figure, cells, styles)
+    evidence.plot(name, figure, caption)
+    evidence.table(
+        f"{name}_sums",
+        [_sums(panel, [cell for cell in cells if cell.panel == panel]) for panel in panels],
+        f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
+    )
+    messages: dict[str, str] = {}
+    for cell in cells:
+        if cell.verdict.kind == REFUSED:
+            messages.setdefault(re.sub(r"[-\d.e+()]+", "", cell.verdict.words), cell.verdict.words)
+    if messages:
+        evidence.text("Refusals, one of each kind:")
+        for message in messages.values():
+            evidence.text(f"- {message}")
+
+
+def write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
+    """Write NAME.csv: one line for each cell, with its verdict, error and words."""
+    with (evidence.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["panel", *axes, "verdict", "error", "words"])
+        for cell in cells:
+            writer.writerow([cell.panel, cell.x, cell.y, cell.verdict.kind, cell.verdict.error, cell.verdict.words])
+
+
+def _sums(panel: str, cells: Sequence[Cell]) -> dict[str, str | int | float]:
+    """Return how many cells of a panel got each verdict, and the greatest error of those that ran."""
+    errors = [cell.verdict.error for cell in cells if np.isfinite(cell.verdict.error)]
+    counts = {kind: sum(cell.verdict.kind == kind for cell in cells) for kind in VERDICTS}
+    return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
+
+
+def _draw_panel(  # type: ignore[no-untyped-def]
+    axis, cells: Sequence[Cell], curves: Sequence[Curve], styles: Mapping[str, str]
+) -> None:
+    """Draw one panel: squares at equal distances whatever the values, with the theory laid over them."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patheffects import withStroke
+
+    x_values = sorted({cell.x for cell in cells})
+    y_values = sorted({cell.y for cell in cells})
+    kinds = np.full((len(y_values), len(x_values)), np.nan)
+    for cell in cells:
+        column, row = x_values.index(cell.x), y_values.index(cell.y)
+        kinds[row, column] = VERDICTS.index(cell.verdict.kind)
+        if cell.verdict.kind == WRONG:
+            axis.plot(column + 0.5, row + 0.5, "X", color="w", markersize=4)
+        elif _met_a_wall(cell):
+            axis.plot(column + 0.5, row + 0.5, **WALL_MARK)
+    colours = ListedColormap([COLOURS[kind] for kind in VERDICTS])
+    axis.pcolormesh(kinds, cmap=colours, vmin=-0.5, vmax=len(VERDICTS) - 0.5, edgecolors="w", linewidth=0.5, zorder=0)
+    for curve in curves:
+        x, y = _places(x_values, _dense(curve.x)), _places(y_values, _dense(curve.y))
+        (line,) = axis.plot(x + 0.5, y + 0.5, color="k", linestyle=styles[curve.label], linewidth=1.6)
+        line.set_path_effects([withStroke(linewidth=3.2, foreground="w")])
+    axis.set_xlim(0, len(x_values))
+    axis.set_ylim(0, len(y_values))
+    axis.set_xticks(*_ticks(x_values), rotation=45, fontsize=7)
+    axis.set_yticks(*_ticks(y_values), fontsize=7)
+    axis.grid(False)
+
+
+def _met_a_wall(cell: Cell) -> bool:
+    """Say whether a trial was stopped because somebody would have been pressed through a wall."""
+    return cell.verdict.kind == REFUSED and "wall" in cell.verdict.words
+
+
+def _dense(values: Sequence[float]) -> FloatArray:
+    """Return values with more between them, evenly in logarithms."""
+    given = np.arange(len(values))
+    wanted = np.linspace(0.0, given[-1], BETWEEN * (len(values) - 1) + 1)
+    return np.asarray(np.exp(np.interp(wanted, given, np.log(np.asarray(values, dtype=float)))))
+
+
+def _ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
+    """Return places and labels: all values where there are few, else the powers of ten among them."""
+    few = len(values) <= 10
+    chosen = [k for k, value in enumerate(values) if few or np.isclose(np.log10(value) % 1.0, (0.0, 1.0)).any()]
+    return [k + 0.5 for k in chosen], [f"{values[k]:.3g}" for k in chosen]
+
+
+def _places(values: Sequence[float], wanted: FloatArray) -> FloatArray:
+    """Return where numbers lie among the cells' values, logarithmically; nowhere if there are fewer than two."""
+    usable = [k for k, value in enumerate(values) if 0.0 < value < np.inf]
+    if len(usable) < 2:
+        return np.full(len(wanted), np.nan)
+    logarithm = np.log([values[k] for k in usable])
+    places = np.array(usable, dtype=float)
+    sought = np.log(np.asarray(wanted, dtype=float))
+    found = np.interp(sought, logarithm, places)
+    first = (places[1] - places[0]) / (logarithm[1] - logarithm[0])
+    last = (places[-1] - places[-2]) / (logarithm[-1] - logarithm[-2])
+    found = np.where(sought < logarithm[0], places[0] + first * (sought - logarithm[0]), found)
+    return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), found))
+
+
+def _draw_legend(figure, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:  # type: ignore[no-untyped-def]
+    from matplotlib.lines import Line2D
+
+    present = {cell.verdict.kind for cell in cells}
+    handles = [
+        Line2D([], [], linestyle="", marker="s", markersize=9, color=COLOURS[kind], label=kind)
+        for kind in VERDICTS
+        if kind in present
+    ]
+    if any(_met_a_wall(cell) for cell in cells):
+        handles.append(Line2D([], [], linestyle="", label="refused at a wall", **WALL_MARK))
+    handles += [Line2D([], [], color="k", linestyle=style, label=label) for label, style in styles.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)

@@ -1,0 +1,198 @@
+"""Maps of the step: against the relaxation time, the walking speed, the ratio of masses and of radii."""
+
+import numpy as np
+
+from evac.evidence import scenes
+from evac.evidence.report import Evidence
+from evac.evidence.scenes import Scene
+from evac.evidence.stability.maps import Cell, Curve, show_map
+from evac.evidence.stability.theory import lag_limit, step_limit, walk_lag
+from evac.evidence.stability.trial import (
+    SMALL_OVERLAP,
+    STIFFNESS,
+    VARIANTS,
+    Trial,
+    attempt,
+    greatest_overlap,
+    judge,
+    judge_overlap,
+    make_model,
+)
+from evac.physics.bundles import make_crowd
+
+#: A lag behind the exact walk that counts as right [m].
+SMALL_LAG = 0.01
+
+ROOM = (0.0, 0.0, 6.0, 4.0)
+
+
+def refusal(tau: float, explicit: bool = False, mass: float = 80.0) -> float:
+    """Return the step [s] beyond which DEM refuses to start: that of a packing of equal bodies, omega^2 = 6 k / m."""
+    return step_limit(np.sqrt(6.0 * STIFFNESS / mass), tau, explicit)
+
+
+def walk_against_wall(speed: float, tau: float = 0.5) -> Scene:
+    """Return twelve people half a metre from a wall, walking towards it."""
+    crowd = make_crowd(scenes.packed(12, 4, 0.2, 5.5, 1.0, 0.05), speed=speed, tau=tau)
+    return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+
+
+def tau_map(evidence: Evidence) -> None:
+    """Map the relaxation time against the step, for both drives, on a free walk whose exact path is known."""
+    taus = 10.0 ** np.arange(-4.0, 1.1, 1.0 if evidence.quick else 0.5)
+    steps = [0.01, 0.1] if evidence.quick else [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5]
+    bounds = (0.0, 0.0, 12.0, 4.0)
+    speed, duration = 1.5, 5.0
+    cells, curves = [], {}
+    for variant in ("DEM", "NSM1 inertial", "NSM2 K_N = 1e5"):
+        for drive, explicit in (("explicit", True), ("exponential", False)):
+            panel = f"{variant}, {drive} drive"
+
+            midpoint = variant.startswith("NSM2")
+            for tau in taus:
+                crowd = make_crowd([(1.0, 2.0)], speed=speed, tau=tau)
+                scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+                def lag(trial: Trial, tau: float = tau) -> float:
+                    exact = 1.0 + speed * (trial.time + tau * np.expm1(-trial.time / tau))
+                    return float(np.abs(trial.position[:, 0, 0] - exact).max())
+
+                for step in steps:
+                    trial = attempt(make_model(variant), scene, step, duration, explicit=explicit, every=0.5)
+                    allowed = 1.01 * speed * walk_lag(tau, step, duration, explicit, midpoint)
+                    cells.append(Cell(panel, tau, step, judge(trial, lag, SMALL_LAG, allowed, "m")))
+            curves[panel] = [
+                Curve("explicit drive oscillates beyond h = tau", [1e-4, 1.0], [1e-4, 1.0]),
+                Curve("explicit drive grows beyond h = 2 tau", [5e-5, 0.5], [1e-4, 1.0]),
+            ][: 2 if explicit else 0]
+            fine = np.geomspace(taus[0], taus[-1], 61)
+            lags = [lag_limit(SMALL_LAG / speed, tau, duration, explicit, midpoint) for tau in fine]
+            curves[panel].append(Curve("lag of 1 cm by theory", list(fine), lags))
+            if variant == "DEM":
+                limits = [refusal(tau, explicit) for tau in fine]
+                curves[panel].append(Curve("limit of a packing, ω² = 6 k / m", list(fine), limits))
+    show_map(
+        evidence,
+        "tau",
+        cells,
+        ("relaxation time tau [s]", "step h [s]"),
+        "One person walks from rest to 1.5 m/s for 5 s; the error is the greatest distance [m] to the exact path. "
+        "Right: 1 cm. Degraded: up to the error of the same steps in theory, and 1 % of it.",
+        curves,
+        columns=2,
+    )
+
+
+def speed_map(evidence: Evidence) -> None:
+    """Map the walking speed against the step, on people who walk against a wall."""
+    speeds = [0.0, 1.5, 10.0] if evidence.quick else [0.0, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0]
+    steps = [0.01, 0.1, 0.5] if evidence.quick else [1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5]
+    cells, curves = [], {}
+    for variant in VARIANTS:
+        for speed in speeds:
+            scene = walk_against_wall(speed)
+            for step in steps:
+                duration = 3.0 if speed >= 0.5 else 8.0
+                trial = attempt(make_model(variant), scene, step, duration, every=0.1)
+                cells.append(Cell(variant, speed, step, judge_overlap(variant, trial, step)))
+        if variant.startswith("NSM2"):
+            fast = np.array([0.1, 10.0])
+            curves[variant] = [Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * SMALL_OVERLAP / fast))]
+    impact = SMALL_OVERLAP / np.sqrt(80.0 / STIFFNESS)
+    curves["DEM"] = [Curve("impact v sqrt(m / k) of 2 mm", [impact, impact], [1e-4, 1.0]), _packing_limit([0.05, 20.0])]
+    show_map(
+        evidence,
+        "speed",
+        cells,
+        ("walking speed [m/s]", "step h [s]"),
+        "Twelve people of 80 kg, tau 0.5 s, walk against a wall for 3 s (slow ones for 8 s); the error is the "
+        "greatest overlap [m], of "
+        "bodies and with walls. Right: 0.1 mm for NSM1, its tolerance, at every step; 2 mm for the others. "
+        "Degraded: up to what theory allows, h v for NSM2, 2 sum(m v / tau) / k + v sqrt(sum(m) / k) for DEM.",
+        curves,
+    )
+
+
+def overlap_order(evidence: Evidence) -> None:
+    """Tabulate the greatest overlap against the step, with the power of h that it falls with."""
+    steps = [0.1, 0.01] if evidence.quick else [0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4]
+    rows = []
+    for variant in VARIANTS:
+        trials = [attempt(make_model(variant), walk_against_wall(1.5), step, 2.0, every=0.1) for step in steps]
+        overlap = [np.nan if trial.message else greatest_overlap(trial) for trial in trials]
+        usable = np.isfinite(overlap) & (np.array(overlap) > 0.0)
+        power = None
+        if usable.sum() > 1:
+            power = float(np.polyfit(np.log(np.array(steps)[usable]), np.log(np.array(overlap)[usable]), 1)[0])
+        cells = {f"h = {step:g} s": f"{value:.2g}" for step, value in zip(steps, overlap, strict=True)}
+        rows.append({"model": variant, **cells, "power of h": power})
+    evidence.table(
+        "overlap",
+        rows,
+        "Greatest overlap [m] of the twelve people who walk against a wall at 1.5 m/s, against the step. Theory: DEM's "
+        "does not depend on h, NSM1's is at most its tolerance of 1e-4 m, NSM2's falls with the first power of h. "
+        "(nan: refused.)",
+    )
+
+
+def mass_map(evidence: Evidence) -> None:
+    """Map the ratio of masses against the step, on a pack in which heavy and light take turns."""
+    ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
+    steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
+    cells = []
+    limits = [step_limit(np.sqrt(6.0 * STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
+    for variant in VARIANTS:
+        for ratio in ratios:
+            mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
+            crowd = make_crowd(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
+            scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+            for step in steps:
+                trial = attempt(make_model(variant), scene, step, 2.0)
+                cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
+    show_map(
+        evidence,
+        "mass_ratio",
+        cells,
+        ("ratio of masses", "step h [s]"),
+        "Twenty people, light (80 kg / sqrt(ratio)) and heavy (80 kg sqrt(ratio)) in turns, walk against a wall at "
+        "1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
+        {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios),
+    )
+
+
+def radius_map(evidence: Evidence) -> None:
+    """Map the ratio of radii against the step, on a mixed crowd."""
+    ratios = [1.0, 100.0] if evidence.quick else [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
+    steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
+    bounds = (0.0, 0.0, 4.0, 4.0)
+    cells = []
+    for variant in VARIANTS:
+        for ratio in ratios:
+            radius = np.geomspace(0.25, 0.25 / ratio, 30)
+            places = scenes.scattered(30, bounds, radius, evidence.generator("radius", str(ratio)))
+            crowd = make_crowd(places, radius=radius, speed=1.5)
+            scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+            for step in steps:
+                trial = attempt(make_model(variant), scene, step, 2.0)
+                cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
+    show_map(
+        evidence,
+        "radius_ratio",
+        cells,
+        ("ratio of radii", "step h [s]"),
+        "Thirty people of 80 kg, the largest of radius 0.25 m, the others smaller in equal ratios, walk against a wall "
+        "at 1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
+        {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios),
+    )
+
+
+def _packing_limit(x: list[float]) -> Curve:
+    """Return the step beyond which DEM refuses people of 80 kg with tau 0.5 s, for all x alike."""
+    return Curve("limit of a packing, ω² = 6 k / m", x, [refusal(0.5)] * len(x))
+
+
+def _half_paths(ratios: list[float]) -> dict[str, list[Curve]]:
+    """Return the curves at which NSM2's overlap h v / 2 of people at 1.5 m/s is small."""
+    step = 2.0 * SMALL_OVERLAP / 1.5
+    curve = Curve("overlap h v / 2 of 2 mm", ratios, [step] * len(ratios))
+    return {variant: [curve] for variant in VARIANTS if variant.startswith("NSM2")}

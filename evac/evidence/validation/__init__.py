@@ -1,0 +1,1 @@
+"""Validation: the standard tests of the field, put to every contact model."""

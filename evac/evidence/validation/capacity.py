@@ -1,0 +1,153 @@
+"""Two surveys that several tests draw on: flow and speed on stairs, and doors that block for good."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.evidence.validation.buildings import CROWD_SPEED, across, hall_and_stair, rectangle
+from evac.evidence.validation.flows import STAIR_FLOW
+from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval, steady_flow
+
+FloatArray = NDArray[np.float64]
+
+STAIR_WIDTHS = (1.0, 1.2, 1.8)  # m
+WAYS = ("down", "up")
+DOOR_WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.2)  # m
+PEOPLE = 100
+
+#: Width of the door of IMO 4 and greatest flow through it.
+IMO_DOOR = 1.0  # m
+IMO_FLOW = 1.33  # 1/s
+
+#: Who is faster than so many times the own stair speed is pushed [-].
+PUSHED = 1.2
+
+COLUMN = {"down": "speed_down", "up": "speed_up"}
+
+
+@dataclass(frozen=True)
+class Stair:
+    """Runs on one stair: width [m], way, the steady flow of each [1/s], and all speeds over the own stair speed."""
+
+    trial: Trial
+    width: float
+    way: str
+    flows: FloatArray
+    ratios: FloatArray
+
+
+@dataclass(frozen=True)
+class Door:
+    """Runs at one door: its width [m], and the flow of each over its whole time [1/s], NaN where it blocked."""
+
+    trial: Trial
+    width: float
+    flows: FloatArray
+
+
+def run_stair(trial: Trial, width: float, way: str) -> Stair:
+    """Run a hundred people over the stair of ISO 12, from the hall at its head or at its foot."""
+    left, right = (0, 0, 8, 10), (15, 0, 23, 10)
+    area = ("hall", left, 3.0) if way == "down" else ("hall", right, 0.0)
+    way_out = ("end", across(23, 0, 10), 0.0) if way == "down" else ("end", across(0, 0, 10), 3.0)
+    crowd = {"area": "hall", "number": PEOPLE, "speed": CROWD_SPEED}
+    runs = trial.runs(hall_and_stair(width), [way_out], [crowd], [area], **{"output.every": 0.1})
+    found = [_on_the_flight(outcome, way) for outcome in runs]
+    return Stair(
+        trial, width, way, np.array([flow for flow, _ in found]), np.concatenate([ratio for _, ratio in found])
+    )
+
+
+def _on_the_flight(outcome: Outcome, way: str) -> tuple[float, FloatArray]:
+    """Return the steady flow onto the flight [1/s], and meanwhile all speeds on it over the own stair speed."""
+    flight = next(level for level in outcome.results.building.levels if level.kind == "flight")
+    times = outcome.first_times(outcome.results.moves.target == flight.index)
+    column = {"up": 1, "down": 2}[way]
+    own = outcome.results.crowd.speed[:, column]
+    trajectory = outcome.trajectory
+    begin, end = np.quantile(times, (0.2, 0.8))
+    is_steady = (trajectory.time >= begin) & (trajectory.time <= end)
+    on_it = (trajectory.level == flight.index) & is_steady[:, None]
+    along = np.abs(trajectory.velocity[..., :2] @ flight.uphill) / np.cos(flight.slope)
+    return float("nan") if outcome.is_blocked else steady_flow(times), (along / own)[on_it]
+
+
+def stair_row(stair: Stair) -> dict[str, Any]:
+    """Return what the page tells of a stair."""
+    flows = stair.flows / stair.width
+    low, high = mean_interval(flows) or (None, None)
+    return {
+        "width [m]": stair.width,
+        "way": stair.way,
+        "model": stair.trial.model,
+        "runs": len(flows),
+        "flow per metre [1/s/m]": float(flows.mean()),
+        "from": low,
+        "to": high,
+        "published [1/s/m]": "{:g} to {:g}".format(*STAIR_FLOW),
+        "over the greatest published": float(flows.mean()) / STAIR_FLOW[1],
+        "speed over own stair speed, median": float(np.median(stair.ratios)),
+        f"share above {PUSHED:g}": float((stair.ratios > PUSHED).mean()),
+    }
+
+
+def run_door(trial: Trial, width: float) -> Door:
+    """Run a hundred people in a room of 8 x 5 m out of a door in the middle of its short wall (IMO 4)."""
+    runs = trial.runs(
+        [rectangle(0, 0, 8, 5)],
+        [("door", across(8, 2.5 - width / 2, 2.5 + width / 2), 0.0)],
+        [{"area": "room", "number": PEOPLE, "speed": CROWD_SPEED}],
+        [("room", (0, 0, 8, 5), 0.0)],
+    )
+    return Door(trial, width, np.array([_whole_flow(outcome) for outcome in runs]))
+
+
+def _whole_flow(outcome: Outcome) -> float:
+    """Return the flow from the first to the last who leaves [1/s]; NaN if people are left."""
+    times = outcome.exit_times
+    return float("nan") if outcome.is_blocked else float((len(times) - 1) / (times[-1] - times[0]))
+
+
+def stair_checks(stairs: Sequence[Stair]) -> list[Check]:
+    """ISO 12 and the published flows, from the stairs of one model in ascending width."""
+    checks = []
+    for way in WAYS:
+        own = [stair for stair in stairs if stair.way == way]
+        flows = np.array([stair.flows for stair in own])
+        check = own[0].trial.check
+        widths = ", ".join(f"{stair.width:g}" for stair in own)
+        words = f"flow {way}, on a wider stair over on the next narrower, the least ({widths} m)"
+        wider = Criterion("ISO 12", words, "ISO 20414", low=1.0)
+        checks.append(check(wider, (flows[1:] / flows[:-1]).min(axis=0)))
+        words = f"flow {way} a stair of {own[0].width:g} m [1/s/m]"
+        checks.append(
+            check(Criterion("stair flow (IMO, SFPE)", words, "IMO, SFPE", *STAIR_FLOW), flows[0] / own[0].width)
+        )
+    return checks
+
+
+def door_checks(doors: Sequence[Door]) -> list[Check]:
+    """IMO 4, from the doors of its width."""
+    words = f"flow of {PEOPLE} people through a door of {IMO_DOOR:g} m, whole time [1/s]"
+    criterion = Criterion("IMO 4, NIST 5.2, ISO 11", words, "IMO", high=IMO_FLOW)
+    return [door.trial.check(criterion, door.flows) for door in doors if door.width == IMO_DOOR]
+
+
+def door_row(door: Door) -> dict[str, Any]:
+    """Return what the page tells of a door."""
+    free = door.flows[~np.isnan(door.flows)]
+    low, high = mean_interval(free) or (None, None)
+    return {
+        "width [m]": door.width,
+        "model": door.trial.model,
+        "runs": len(door.flows),
+        "blocked": len(door.flows) - len(free),
+        "share blocked": 1.0 - len(free) / len(door.flows),
+        "flow [1/s]": float(free.mean()) if len(free) else None,
+        "from": low,
+        "to": high,
+        "flow per metre [1/s/m]": float(free.mean()) / door.width if len(free) else None,
+    }

@@ -1,0 +1,212 @@
+"""What a validation test is made of: a model that is put to it, runs, and values held against a criterion."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from evac.evidence.models import model_overrides
+from evac.evidence.validation.buildings import Face, Segment, write_case
+from evac.output.results import Results
+from evac.output.trajectory import Trajectory, read_trajectory
+from evac.running import run
+from evac.scenario.case import Case
+
+FloatArray = NDArray[np.float64]
+
+#: Of the interval of a mean over runs.
+CONFIDENCE = 0.95
+
+#: Share of the people who pass before and after the stretch in which a flow is taken as steady.
+MARGIN = 0.2
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What a test asks: a quantity, the band it must lie in, and who says so.
+
+    Attributes
+    ----------
+    test : str
+        As the field calls it, "RiMEA 2".
+    quantity : str
+        What is measured, with its unit.
+    source : str
+        Where the band comes from.
+    low, high : float
+        The band; infinite where it is open.
+    """
+
+    test: str
+    quantity: str
+    source: str
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def band(self) -> str:
+        """The band in words."""
+        if self.low == self.high:
+            return f"{self.low:g}"
+        if not np.isfinite(self.low):
+            return f"at most {self.high:.4g}"
+        if not np.isfinite(self.high):
+            return f"at least {self.low:.4g}"
+        return f"{self.low:.4g} to {self.high:.4g}"
+
+    def holds(self, value: float) -> bool:
+        """Say whether a value lies in the band."""
+        return self.low <= value <= self.high
+
+    @property
+    def reference(self) -> float:
+        """The middle of the band, or its one bound."""
+        bounds = [bound for bound in (self.low, self.high) if np.isfinite(bound)]
+        return float(np.mean(bounds))
+
+
+@dataclass(frozen=True)
+class Check:
+    """What a model made of a criterion: one value of each run, NaN of a run that blocked for good."""
+
+    criterion: Criterion
+    model: str
+    values: tuple[float, ...]
+
+    @cached_property
+    def found(self) -> FloatArray:
+        """The values of the runs that did not block."""
+        return np.array([value for value in self.values if not np.isnan(value)])
+
+    @property
+    def blocked(self) -> int:
+        """Number of runs that blocked."""
+        return len(self.values) - len(self.found)
+
+    @property
+    def mean(self) -> float | None:
+        """Mean of the values; None if every run blocked."""
+        return float(self.found.mean()) if len(self.found) else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Interval of the mean (Student's t); None of fewer than two values."""
+        return mean_interval(self.found)
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether no run blocked and the mean lies in the band."""
+        return not self.blocked and self.mean is not None and self.criterion.holds(self.mean)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether no bound lies inside the interval of the mean."""
+        low, high = self.interval or (0.0, 0.0)
+        return not any(low < bound < high for bound in (self.criterion.low, self.criterion.high))
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is passed, and if not, by how much it is missed."""
+        if self.is_passed:
+            return "yes" if self.is_certain else f"yes, not certain: {self.mean:.3g}"
+        if self.mean is None or self.blocked:
+            return f"NO: {self.blocked} of {len(self.values)} runs block"
+        bound = self.criterion.high if self.mean > self.criterion.high else self.criterion.low
+        times = f", {self.mean / bound:.3g} times the bound" if bound not in (0.0, 1.0) else ""
+        return f"NO{'' if self.is_certain else ', not certain'}: {self.mean:.3g}{times}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run as its result folder tells it: people.csv, the trajectory, and the results themselves."""
+
+    results: Results
+    people: Sequence[Mapping[str, str]]
+    trajectory: Trajectory
+
+    def numbers(self, column: str) -> FloatArray:
+        """Return a column of people.csv, (people,); NaN where it is empty."""
+        return np.array([float(row[column] or "nan") for row in self.people])
+
+    @property
+    def exit_times(self) -> FloatArray:
+        """Exit times in ascending order, of those who are out [s]."""
+        times = self.numbers("exit_time")
+        return np.sort(times[np.isfinite(times)])
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether people are left."""
+        return self.results.evacuated < self.results.people
+
+    @property
+    def last_out(self) -> float:
+        """Time at which the last one left [s]; NaN if people are left."""
+        return float("nan") if self.is_blocked else float(self.exit_times[-1])
+
+    def first_times(self, is_counted: NDArray[np.bool_]) -> FloatArray:
+        """Return when each person first made one of the moves `is_counted` (m,), in ascending order [s]."""
+        moves = self.results.moves
+        _, first = np.unique(moves.row[is_counted], return_index=True)  # moves are in order of time
+        return np.sort(moves.time[is_counted][first])
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A contact model under test: its name in the evidence, and the seeds of the runs that a test makes."""
+
+    model: str
+    seeds: tuple[int, ...]
+
+    def runs(
+        self,
+        faces: Iterable[Face],
+        exits: Iterable[tuple[str, Segment, float]],
+        people: Iterable[Mapping[str, Any]],
+        areas: Iterable[tuple[str, Sequence[float], float]] = (),
+        **sections: Any,
+    ) -> list[Outcome]:
+        """Write a building and its case to a temporary folder and run it with each seed; see `write_case`."""
+        with TemporaryDirectory() as folder:
+            given = {**model_overrides(self.model), **sections}
+            case = write_case(Path(folder), faces, exits, people, areas, given)
+            return self.run_case(case)
+
+    def run_case(self, case: Case) -> list[Outcome]:
+        """Run a case with each seed, through its result folder."""
+        quiet = {"output.picture": False, "output.animation": False, **model_overrides(self.model)}
+        return [conduct(case.change({**quiet, "simulation.seed": seed})) for seed in self.seeds]
+
+    def check(self, criterion: Criterion, values: Iterable[float]) -> Check:
+        """Hold one value of each run against a criterion."""
+        return Check(criterion, self.model, tuple(float(value) for value in values))
+
+
+def conduct(case: Case) -> Outcome:
+    """Run a case into a folder and read back what the folder holds."""
+    with TemporaryDirectory() as place:
+        results = run(case, place)
+        with (Path(place) / "people.csv").open(newline="", encoding="utf-8") as file:
+            people = list(csv.DictReader(file))
+        return Outcome(results, people, read_trajectory(place))
+
+
+def steady_flow(times: FloatArray) -> float:
+    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s."""
+    first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
+    return float((last - first) / (times[last] - times[first])) if last > first else float("nan")
+
+
+def mean_interval(values: FloatArray) -> tuple[float, float] | None:
+    """Return the interval of the mean of `values` (Student's t); None of fewer than two."""
+    if len(values) < 2:
+        return None
+    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
+    return float(values.mean()) - half, float(values.mean()) + half
