@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from evac.evidence.accuracy import rows as rows_part
 from evac.evidence.accuracy import targets
 from evac.evidence.accuracy.data import add_data, order_of
 from evac.evidence.accuracy.egress import DEFAULT, biases_in_words, flow_of
@@ -68,6 +69,20 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     assert (fourth["target"], fourth["measured"], fourth["met"]) == ("at most 300", "1000.0", "no")
     assert rows[-1]["what"] == "settled, NSM2, K_N = 1e5, to 1e-10 m/s: accelerated_sweeps [ms]"
     assert f"{2 * len(LAWS)} of {4 * len(LAWS)} targets are met" in evidence.write_page("x").read_text()
+
+
+def test_people_in_rows_touch_and_every_solver_is_timed_on_them(registry, tmp_path, monkeypatch):
+    """Some of the contacts push, and every solver is timed or said to have been given its time."""
+    monkeypatch.setattr(rows_part, "LAWS", LAWS[:2])
+    evidence = Evidence("accuracy", tmp_path, quick=True)
+    rows_part.run(evidence)
+    with (tmp_path / "solvers_rows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["to"] for row in rows] == ["0.0001 m", "1e-06 m", "0.0001 m/s", "1e-06 m/s"]
+    for row in rows:
+        assert int(row["contacts"]) > 200  # of 100 people
+        assert all(float(row[solver].lstrip("> ")) > 0.0 for solver in SOLVERS)
+        assert row["first"] == min(SOLVERS, key=lambda solver: float(row[solver].lstrip("> ")))
 
 
 def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, registry):

@@ -5,6 +5,7 @@ from evac.evidence.accuracy import (
     fields,
     overlap,
     peer,
+    rows,
     solvers,
     targets,
     tolerance,
@@ -16,6 +17,7 @@ from evac.evidence.report import Evidence
 PARTS = (
     solvers,
     targets,
+    rows,
     peer,
     trajectories,
     overlap,

@@ -13,6 +13,7 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
+from evac.evidence.scenes import packed
 from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
@@ -21,6 +22,9 @@ from evac.physics.world import make_world, set_open
 DENSITY = 3.5  # people per m2
 DOOR = 1.0  # m
 STEP = 0.01  # s
+
+#: Distance of people in rows, of bodies 0.4 m wide [m].
+ROW = 0.42
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,8 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     ----------
     kind : str
         ``"arriving"``: half-way through the time that the crowd needs to pack at the door; ``"settled"``: pressed
-        against the closed door for twice that time.
+        against the closed door for twice that time; ``"in rows"``: equal people who stood in rows before the closed
+        door, 2 cm apart, and have walked towards it for two seconds, so that the rows close up.
     people : int
     seed : int
     model : ContactModel
@@ -57,13 +62,13 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     """
     side = float(np.sqrt(people / DENSITY))
     generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
-    crowd = _crowd(people, side, generator)
+    crowd = _rows(people, side) if kind == "in rows" else _crowd(people, side, generator)
     building = door_room(side)
     engine = Engine(make_world(building, door_fields(side)), people, [])
     if kind != "arriving":
         set_open(engine.world, 0, False)
     packing = 0.35 * side / 1.3
-    seconds = {"arriving": packing, "settled": 2.0 * packing + 2.0}[kind]
+    seconds = {"arriving": packing, "settled": 2.0 * packing + 2.0, "in rows": 2.0}[kind]
     made = 10 * int(np.ceil(10.0 * seconds))
     for first in range(0, made, 10):
         engine.advance(model, crowd, first, 10, STEP, False, False)
@@ -127,3 +132,9 @@ def _crowd(people: int, side: float, generator: np.random.Generator) -> Crowd:
         tau=generator.uniform(0.1, 0.5, people),
         speed=speed,
     )
+
+
+def _rows(people: int, side: float) -> Crowd:
+    """Return equal people in rows against the wall with the door, 2 cm apart."""
+    rows = int((side - 0.5 * ROW - 0.02) / ROW)
+    return make_crowd(packed(people, rows, 0.2, side - 0.02, 0.02, ROW - 0.4), speed=1.5)
