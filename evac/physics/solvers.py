@@ -126,8 +126,9 @@ def solve_or_retry(
 ):
     """Solve; where that leaves more than `enough` [m/s], solve again, cold, by a stronger method.
 
-    That is the one that solves equations once it knows who pushes, best where masses differ by orders of magnitude,
-    with four times the iterations. Parameters as for `solve`; returns (iterations, residual, 1 if it was solved again).
+    That is the one that solves equations once it knows who pushes, best where masses differ by orders of magnitude;
+    each of its iterations takes four times as long. Parameters as for `solve`; returns (iterations, residual, 1 if it
+    was solved again).
     """
     iterations, found = solve(
         method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit
@@ -139,7 +140,7 @@ def solve_or_retry(
         contacts.friction[c] = 0.0
     method = CONJUGATE_FACES if method != CONJUGATE_FACES else CONJUGATE_SWEEPS
     again, found = solve(
-        method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, 4 * limit
+        method, bodies, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit
     )
     return iterations + again, found, 1
 
