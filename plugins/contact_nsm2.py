@@ -32,7 +32,7 @@ TOUCH = 1e-9
 #: A step without solution at K_N = infinity is solved again with this dissipation [kg].
 FALLBACK = 1e5
 
-#: Overlap above which the optional position correction acts [m].
+#: Tolerance of overlaps of the optional position correction [m].
 OVERLAP = 2e-4
 
 

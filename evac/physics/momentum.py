@@ -147,7 +147,7 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
         _go_on(rows, bodies, share)
         uphill, change = _sweep_on(rows, n, share)
         iteration += 1
-        if back:
+        if back and iteration < limit:
             further, change = _sweep_back(rows, n)
             uphill += further
             iteration += 1

@@ -38,3 +38,8 @@ def test_each_number_is_doubted_alone_and_with_a_way_out(change, words):
 def test_contacts_that_give_back_what_springs_took_are_not_doubted():
     springs = {"driving_work": 1000.0, "contact_dissipation": 8900.0, "contact_creation": 8700.0}
     assert doubts_about(ALL_RIGHT | {"energy": springs}, 0.2) == ()
+
+
+def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
+    braked = {"driving_work": -1000.0, "contact_dissipation": 5.0, "contact_creation": 0.0}
+    assert doubts_about(ALL_RIGHT | {"energy": braked}, 0.2) == ()

@@ -36,6 +36,17 @@ def test_egress_counts_exit_times_in_order(results):
     assert (time.tolist(), number.tolist()) == ([0.0], [0])
 
 
+def test_doubts_are_of_the_smallest_body_and_in_the_summary(results, tmp_path):
+    deep = results.report | {"greatest_overlap": 0.15}
+    assert replace(results, report=deep).doubts != ()
+    large = results.crowd._replace(radius=np.full(5, 0.4))
+    assert replace(results, report=deep, crowd=large).doubts == ()
+    mixed = replace(results, report=deep, crowd=large._replace(radius=np.array([0.4, 0.4, 0.2, 0.4, 0.4])))
+    mixed.write(tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["doubts"] == list(mixed.doubts)
+    assert len(mixed.doubts) == 1
+
+
 def test_folder_holds_summary_egress_and_people(results, tmp_path):
     results.write(tmp_path / "new" / "result")
     folder = tmp_path / "new" / "result"
