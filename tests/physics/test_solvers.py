@@ -370,6 +370,19 @@ def test_sweeps_of_an_orderly_crowd_run_back_and_forth():
 
 
 @pytest.mark.parametrize("seed", [2, 3])
+def test_rises_between_sweeps_back_and_forth_cost_little(seed):
+    """The energy rises here also once sweeps run back and forth, but not soon: they keep their momentum."""
+    contacts, free = ring(200, seed)
+    velocity = np.zeros_like(free)
+    code = SOLVERS.index("accelerated_sweeps")
+    iterations, found = run_solver(
+        code, np.full(len(free), 1.0 / 80.0), free, velocity, contacts, INELASTIC, 0.0, 1e-6, 2000
+    )
+    assert found <= 1e-6
+    assert iterations < 700
+
+
+@pytest.mark.parametrize("seed", [2, 3])
 def test_overlaps_are_parted_to_rounding(seed):
     """From rest the energy starts at zero, where no rise is small beside it."""
     contacts, free = ring(60, seed)
