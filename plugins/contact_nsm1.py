@@ -203,7 +203,7 @@ def _keep_apart(bodies, contacts, law, tolerance):
         INELASTIC,
         0.0,
         tolerance,
-        law.iterations,
+        4 * law.iterations,
     )
     for i in range(n):
         bodies.inverse_mass[i] = 1.0 / bodies.mass[i]

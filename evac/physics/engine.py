@@ -25,7 +25,11 @@ _ADVICE = {
         " the run started with overlaps; make contacts stiffer (of 'dem': contact.dem.stiffness), or use"
         " contact.model = 'nsm1'"
     ),
-    TOO_FAST: "moves too fast for the step even cut into {parts} parts; check speeds, forces, masses and overlaps",
+    TOO_FAST: (
+        "moves too fast for the step even cut into {parts} parts, or faster than {fastest:g} m/s; check speeds, forces,"
+        " masses and overlaps; where people are squeezed, percussions of 'nsm2' grow with"
+        " contact.nsm2.normal_dissipation: lower it, or use contact.model = 'nsm1'"
+    ),
     TOO_STIFF: (
         "has contacts too stiff for the step even cut into {parts} parts; lower contact.dem.stiffness or use a smaller"
         " simulation.step"
@@ -143,9 +147,8 @@ class Engine:
         elif status == EVENTS_FULL:
             self.events = Events(self.events.count, *(_grown(array) for array in self.events[1:]))
         else:
-            raise SimulationError(
-                f"t = {time:.3f} s: {self._place()} {_ADVICE[status].format(parts=stepping.GREATEST_PARTS)}"
-            )
+            advice = _ADVICE[status].format(parts=stepping.GREATEST_PARTS, fastest=stepping.FASTEST)
+            raise SimulationError(f"t = {time:.3f} s: {self._place()} {advice}")
 
     def _place(self) -> str:
         """Name the body that the failure is about."""

@@ -24,6 +24,9 @@ __all__ = ["TOO_FAST", "TOO_STIFF"]
 #: A step is cut into at most this many parts before the run is stopped.
 GREATEST_PARTS = 256
 
+#: Nobody is thrown faster than this but by contacts that make energy: the run is stopped [m/s].
+FASTEST = 100.0
+
 
 @kernel
 def gather(world, crowd, bodies, lists, contacts):
@@ -141,18 +144,21 @@ def seek(world, bodies, lists, contacts):
 
 
 @inner
+def _speed(bodies, i):
+    """Return the speed of body i in the step, before or after the drive, whichever is greater [m/s]."""
+    free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
+    return max(free, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2) ** 0.5
+
+
+@inner
 def is_too_fast(bodies, h, fastest, limit):
     """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
     if h * fastest <= limit:
         return False
     for i in range(bodies.count[0]):
-        if bodies.level[i] >= 0:
-            square = max(
-                bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
-            )
-            if h * h * square > limit * limit:
-                bodies.count[1] = i
-                return True
+        if bodies.level[i] >= 0 and h * _speed(bodies, i) > limit:
+            bodies.count[1] = i
+            return True
     return False
 
 
@@ -203,6 +209,8 @@ def open_step(bodies, events, tally):
 @kernel
 def cut(bodies, lists, contacts, events, tally, fired, status, parts):
     """Go back to the start of the step; return the number of parts to try next, 0 if more do not help."""
+    # Percussions that make energy make the more of it the smaller the parts.
+    is_thrown = status == TOO_FAST and _speed(bodies, bodies.count[1]) > FASTEST
     restore(bodies, lists)
     events.count[0] = fired
     contacts.count[1] = 0
@@ -218,7 +226,7 @@ def cut(bodies, lists, contacts, events, tally, fired, status, parts):
         return 0
     tally[0, entry] += 1.0
     tally[1, entry] += 1.0
-    return 2 * parts if parts < GREATEST_PARTS else 0
+    return 2 * parts if parts < GREATEST_PARTS and not is_thrown else 0
 
 
 # Parts bundled for contact models that are written in numpy and call them from Python.

@@ -8,7 +8,7 @@ from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import fields_towards, make_building, make_engine, name_of, uniform_fields, walk
 
-#: One iteration of Uzawa's method, four of the stronger one, and a tolerance that they do not reach.
+#: One iteration of Uzawa's method, one of the stronger one, and a tolerance that they do not reach.
 HOPELESS = {"solver": "uzawa", "iterations": 1, "velocity_tolerance": 1e-14}
 GAP = make_building(walls=[(-1, 0, 1, 0), (1, 0.36, -1, 0.36)])
 
@@ -24,17 +24,17 @@ def test_every_step_that_does_not_converge_is_counted_with_what_it_leaves(model)
     report = walk(model, crowd, 4, building=building, fields=fields_towards((0.0, 0.9))).report()
     assert report["unconverged_steps"] == 4
     assert report["solves"] == report["retried_solves"] == 4 + report["repeated_searches"]
-    assert report["iterations"] == report["solves"] * (1 + 4)
+    assert report["iterations"] == report["solves"] * (1 + 1)
     assert 1e-14 < report["greatest_residual"] < 1.5
 
 
 def test_a_fall_back_from_the_elastic_law_counts_its_solves():
-    """One iteration of the elastic problem, which has no solution, and those of the one in its place."""
+    """Ten iterations of the elastic problem, which has no solution, and those of the one in its place."""
     crowd = make_crowd([(0, 0.18)], [(0.0, -1.0)], radius=0.2, speed=1.0)
-    model = Nsm2(normal_dissipation=float("inf"), **HOPELESS)
+    model = Nsm2(normal_dissipation=float("inf"), **HOPELESS | {"iterations": 10})
     report = walk(model, crowd, 1, building=GAP, fields=uniform_fields(1, (0.0, -1.0))).report()
     assert report["elastic_fallbacks"] == report["solves"] == report["retried_solves"] == 1
-    assert report["iterations"] >= 1 + 1 + 1
+    assert report["iterations"] > 10
     assert report["greatest_residual"] < 0.1  # of the second problem, not of the first
 
 
