@@ -27,8 +27,8 @@ def doubts_about(report: Mapping[str, Any], smallest_radius: float) -> tuple[str
     overlap, energy = report["greatest_overlap"], report["energy"]
     if overlap > DEEP * smallest_radius:
         found.append(
-            f"bodies overlapped by up to {overlap:.2f} m, the smallest radius being {smallest_radius:.2f} m: a smaller "
-            "simulation.step, stiffer contacts or contact.model nsm1 keep them apart"
+            f"bodies overlapped by up to {overlap:.2f} m, the smallest radius being {smallest_radius:.2f} m: use a "
+            "smaller simulation.step or stiffer contacts; 'nsm1' keeps people apart who do not start in one another"
         )
     unconverged = report["unconverged_steps"]
     if unconverged:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evac.errors import SimulationError
 from evac.physics.bundles import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm2 import Nsm2
@@ -67,3 +68,13 @@ def test_a_fast_body_that_is_braked_within_the_step_still_cuts_it():
     assert engine.report()["too_fast_steps"] == 1
     np.testing.assert_allclose(crowd.velocity, [(7.5, 0.0)], rtol=1e-14)
     np.testing.assert_allclose(crowd.position, [(0.005 * (22.5 + 11.25), 0.0)], rtol=1e-14)
+
+
+def test_who_is_thrown_faster_than_anybody_can_be_ends_the_run():
+    """With a step of 0.01 s, 99 m/s take eight parts, so that no path is longer than a radius; 101 m/s take none."""
+    crowd = make_crowd([(0, 0)], [(99.0, 0.0)], radius=0.2, tau=FREE)
+    engine = walk(Nsm2(), crowd, 1)
+    assert engine.report()["too_fast_steps"] == 3
+    crowd = make_crowd([(0, 0)], [(101.0, 0.0)], radius=0.2, tau=FREE)
+    with pytest.raises(SimulationError, match=r"person 0 .* faster than 100 m/s; check speeds"):
+        walk(Nsm2(), crowd, 1)
