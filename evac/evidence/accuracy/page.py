@@ -3,6 +3,7 @@
 from evac.evidence.accuracy import (
     egress,
     fields,
+    headroom,
     overlap,
     peer,
     rows,
@@ -17,6 +18,7 @@ from evac.evidence.report import Evidence
 PARTS = (
     solvers,
     targets,
+    headroom,
     rows,
     peer,
     trajectories,
