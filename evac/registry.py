@@ -31,6 +31,7 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_response_time",
     "evac_plugins.behaviour_teacher_following",
     "evac_plugins.behaviour_route_choice",
+    "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
     "evac_plugins.cases",
 )

@@ -7,6 +7,7 @@ distances of the moment, so results do not depend on when they were built.
 
 from evac.jit import inner
 from evac.physics.bundles import Bodies, Lists, World
+from evac.physics.cells import fill_cells
 
 OK = 0
 PAIRS_FULL = 1
@@ -58,51 +59,6 @@ def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
 
 
 @inner
-def _fill_cells(bodies, lists, size):
-    """Sort the bodies into square cells by counting; return origin, size and numbers of cells."""
-    n = bodies.count[0]
-    big = 1e300
-    x_min, y_min, x_max, y_max = big, big, -big, -big
-    for i in range(n):
-        if bodies.level[i] >= 0:
-            x_min = min(x_min, bodies.position[i, 0])
-            x_max = max(x_max, bodies.position[i, 0])
-            y_min = min(y_min, bodies.position[i, 1])
-            y_max = max(y_max, bodies.position[i, 1])
-    cells = lists.cell_start.shape[0] - 1
-    while (int((x_max - x_min) / size) + 1.0) * (int((y_max - y_min) / size) + 1.0) > cells:
-        size *= 1.5
-    nx = int((x_max - x_min) / size) + 1
-    ny = int((y_max - y_min) / size) + 1
-    start = lists.cell_start
-    for c in range(nx * ny + 1):
-        start[c] = 0
-    for i in range(n):
-        lists.cell_of[i] = -1
-        if bodies.level[i] >= 0:
-            column = int((bodies.position[i, 0] - x_min) / size)
-            row = int((bodies.position[i, 1] - y_min) / size)
-            lists.cell_of[i] = column * ny + row
-            start[column * ny + row + 1] += 1
-    for c in range(nx * ny):
-        start[c + 1] += start[c]
-    # Filled from behind, each cell's counter walks down to its start and its bodies stand in rising order.
-    for i in range(n - 1, -1, -1):
-        c = lists.cell_of[i]
-        if c >= 0:
-            start[c + 1] -= 1
-            lists.cell_body[start[c + 1]] = i
-    for c in range(nx * ny):
-        start[c] = start[c + 1]
-    placed = 0
-    for i in range(n):
-        if lists.cell_of[i] >= 0:
-            placed += 1
-    start[nx * ny] = placed
-    return nx, ny
-
-
-@inner
 def _build_pairs(world, bodies, lists):
     n = bodies.count[0]
     greatest = 0.0
@@ -117,7 +73,8 @@ def _build_pairs(world, bodies, lists):
             lists.pair_start[i + 1] = 0
         return OK
     span = lists.span[0] + lists.span[1]
-    nx, ny = _fill_cells(bodies, lists, 2.0 * greatest + span)
+    size = 2.0 * greatest + span
+    nx, ny = fill_cells(n, bodies.position, bodies.level, size, lists.cell_start, lists.cell_of, lists.cell_body)
     capacity = lists.pair_body.shape[0]
     used = 0
     for i in range(n):

@@ -1,0 +1,213 @@
+"""Headway: the published speed, and who is followed, against exact numbers and a search over all pairs."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import shapely
+
+from evac.behaviour import BehaviourScene
+from evac.physics.bundles import make_crowd
+from evac_plugins.behaviour_headway import Headway
+from evac_plugins.contact_nsm1 import Nsm1
+from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields
+
+EAST, WEST, NORTH, NORTH_EAST = (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (math.sqrt(0.5), math.sqrt(0.5))
+
+
+def prepared(crowd, building=None, fields=None, **parameters):
+    """Return the behaviour, ready to act on a crowd."""
+    building = building or make_building()
+    behaviour = Headway(**parameters)
+    fields = fields or uniform_fields(len(building.levels))
+    behaviour.prepare(BehaviourScene(crowd, building, fields, (), np.random.default_rng(1), 0.1))
+    return behaviour
+
+
+def factors(position, building=None, fields=None, time=0.0, route=None, level=0, start_time=0.0, speed=1.2, **given):
+    """Return what becomes of the speed factors of people at places."""
+    crowd = make_crowd(position, level=level, start_time=start_time, speed=speed)
+    if route is not None:
+        crowd.route[:] = route
+    prepared(crowd, building, fields, **given).act(crowd, time)
+    return crowd.speed_factor
+
+
+@pytest.mark.parametrize("distance", [0.31, 0.6, 1.0, 1.49])
+def test_the_speed_is_the_distance_beyond_the_length_over_the_time_gap(distance):
+    assert factors([[0.0, 0.0], [distance, 0.0]]) == pytest.approx([(distance - 0.3) / 1.2, 1.0], rel=1e-12)
+
+
+def test_it_is_the_own_speed_from_where_that_is_slower():
+    assert factors([[0.0, 0.0], [1.51, 0.0]]).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("distance", [0.1, 0.3])
+def test_nearer_than_the_length_one_stands(distance):
+    assert factors([[0.0, 0.0], [distance, 0.0]]).tolist() == [0.0, 1.0]
+
+
+def test_time_gap_and_length_are_those_given():
+    found = factors([[0.0, 0.0], [1.0, 0.0]], speed=2.0, time_gap=0.5, length=0.4)
+    assert found[0] == pytest.approx((1.0 - 0.4) / 0.5 / 2.0)
+
+
+def test_the_nearest_of_several_ahead_counts():
+    assert factors([[0.0, 0.0], [1.2, 0.1], [0.8, 0.0], [1.0, -0.1]])[0] == pytest.approx(0.5 / 1.2)
+
+
+def test_a_factor_that_others_have_set_is_what_is_wanted():
+    crowd = make_crowd([[0.0, 0.0], [0.8, 0.0], [0.0, 5.0], [0.8, 5.0]], speed=1.2)
+    crowd.speed_factor[:] = [0.5, 1.0, 0.1, 1.0]
+    prepared(crowd).act(crowd, 0.0)
+    # 0.6 m/s wanted, 0.5 left; 0.12 m/s wanted, less than 0.5.
+    assert crowd.speed_factor == pytest.approx([0.5 / 1.2, 1.0, 0.1, 1.0])
+
+
+@pytest.mark.parametrize(("across", "is_followed"), [(0.29, True), (-0.29, True), (0.31, False), (-0.31, False)])
+def test_only_who_stands_on_the_line_is_followed(across, is_followed):
+    distance = math.hypot(0.8, across)
+    expected = (distance - 0.3) / 1.2 if is_followed else 1.0
+    assert factors([[0.0, 0.0], [0.8, across]])[0] == pytest.approx(expected)
+
+
+def test_nobody_follows_who_is_behind_or_beside():
+    assert factors([[0.0, 0.0], [-0.5, 0.0]])[0] == 1.0
+    assert factors([[0.0, 0.0], [0.0, 0.25]]).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("other", "is_followed"), [(EAST, True), (NORTH_EAST, True), (NORTH, False), (WEST, False)], ids=str
+)
+def test_who_goes_another_way_is_not_followed(other, is_followed):
+    found = factors([[0.0, 0.0], [0.8, 0.0]], fields=uniform_fields(1, EAST, other), route=[0, 1])
+    assert found[0] == pytest.approx(0.5 / 1.2 if is_followed else 1.0)
+
+
+def test_who_has_not_set_off_is_not_followed_until_it_does():
+    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "start_time": [0.0, 5.0]}
+    assert factors(**people, time=4.9)[0] == 1.0
+    assert factors(**people, time=5.0)[0] == pytest.approx(0.5 / 1.2)
+
+
+def test_who_is_out_is_not_followed():
+    assert factors([[0.0, 0.0], [0.8, 0.0]], level=[0, -1])[0] == 1.0
+
+
+def test_of_two_side_by_side_at_a_door_the_nearer_goes_first():
+    """Each stands ahead of the other, for their ways meet; the travel time decides."""
+    found = factors([[-0.2, 0.16], [-0.2, -0.14]], fields=fields_towards((0.0, 0.0)), length=0.35)
+    assert found[1] == 1.0
+    assert found[0] < 0.1
+
+
+def test_of_two_on_two_routes_whose_ways_meet_one_goes_first():
+    to_door = fields_towards((0.0, 0.0))
+    for places in ([[-0.3, 0.1], [-0.25, -0.1]], [[-0.25, 0.1], [-0.3, -0.1]]):
+        one, other = places
+        e, f = (-np.array(place) / np.hypot(*place) for place in (one, other))
+        fields = uniform_fields(1, tuple(e), tuple(f))
+        found = factors(places, fields=fields, route=[0, 1])
+        assert sorted(found == 1.0) == [False, True]
+        assert (found == factors(places, fields=to_door)).all()
+
+
+def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
+    crowd = make_crowd([[0.0, 0.0], [0.7, 0.0]], speed=[[1.2, 0.5, 0.8]] * 2)
+    building = make_building()
+    slope = 0.5
+    flight = type(building.levels[0])(
+        **{**building.levels[0].__dict__, "uphill": np.array([1.0, 0.0]), "slope": slope, "kind": "flight"}
+    )
+    building = type(building)(**{**building.__dict__, "levels": (flight,)})
+    prepared(crowd, building).act(crowd, 0.0)
+    assert crowd.speed_factor[0] == pytest.approx(min(1.0, 0.4 / (0.5 * math.cos(slope))))
+
+
+def test_a_single_person_needs_none():
+    behaviour = Headway()
+    scene = SimpleNamespace(crowd=make_crowd([[0.0, 0.0]]))
+    assert not behaviour.is_needed(scene)
+    assert behaviour.is_needed(SimpleNamespace(crowd=make_crowd([[0.0, 0.0], [1.0, 0.0]])))
+
+
+def test_through_a_wall_nobody_is_seen_but_beside_it():
+    behind = [[0.0, 0.0], [0.8, 0.0]]
+    assert factors(behind, building=make_building(walls=[(0.4, -1.0, 0.4, 1.0)]))[0] == 1.0
+    assert factors(behind, building=make_building(walls=[(0.4, 0.1, 0.4, 1.0)]))[0] < 1.0
+
+
+def test_far_ahead_a_wall_hides_too():
+    """The fast look farther than the reach of one bucket of walls."""
+    people = {"position": [[-3.0, 0.0], [3.0, 0.0]], "speed": 8.0}
+    assert factors(**people)[0] == pytest.approx(5.7 / 8.0)
+    for x in np.linspace(-2.9, 2.9, 13):
+        assert factors(**people, building=make_building(walls=[(x, -0.1, x, 0.1)]))[0] == 1.0, x
+
+
+def test_across_a_portal_people_are_followed_and_on_another_storey_they_are_not():
+    bounds = ((-10.0, -10.0, 0.4, 10.0), (0.4, -10.0, 10.0, 10.0))
+    doorway = make_building(bounds, portals=[(0, 1, (0.4, -0.5, 0.4, 0.5))])
+    above = make_building(bounds)
+    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "level": [0, 1]}
+    assert factors(**people, building=doorway)[0] == pytest.approx(0.5 / 1.2)
+    assert factors(**people, building=above)[0] == 1.0
+    beside = {"position": [[0.0, 2.0], [0.8, 2.0]], "level": [0, 1]}
+    assert factors(**beside, building=doorway)[0] == 1.0
+
+
+def nearest_followed(crowd, directions, remaining, walls, length, i):
+    """Return the distance to whom person i follows, from the rules of the docstring and shapely's geometry."""
+    found = math.inf
+    for j in range(len(crowd.level)):
+        step = crowd.position[j] - crowd.position[i]
+        e, f = directions[crowd.route[i]], directions[crowd.route[j]]
+        beside = abs(e[0] * step[1] - e[1] * step[0])
+        if j == i or e @ step <= 0.0 or beside > length or e @ f <= 0.0:
+            continue
+        if crowd.route[i] == crowd.route[j]:
+            if remaining[j] >= remaining[i]:
+                continue
+        elif (e + f) @ step <= 0.0:
+            continue
+        if not shapely.LineString([crowd.position[i], crowd.position[j]]).intersects(walls):
+            found = min(found, math.hypot(*step))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_everybody_does_what_a_search_over_all_pairs_tells(seed):
+    draw = np.random.default_rng(seed)
+    n, length, time_gap = 300, 0.3, 1.0
+    angles = draw.uniform(-math.pi, math.pi, 3)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    walls = draw.uniform(-8.0, 8.0, (12, 2, 2))
+    crowd = make_crowd(draw.uniform(-8.0, 8.0, (n, 2)), speed=draw.uniform(0.6, 2.0, n))
+    crowd.route[:] = draw.integers(0, 3, n)
+    fields = uniform_fields(1, *map(tuple, directions))
+    prepared(crowd, make_building(walls=walls.reshape(-1, 4)), fields).act(crowd, 0.0)
+    remaining = 100.0 - np.einsum("nk,nk->n", directions[crowd.route], crowd.position)
+    lines = shapely.MultiLineString([*walls])
+    slowed = 0
+    for i in range(n):
+        spacing = nearest_followed(crowd, directions, remaining, lines, length, i)
+        expected = min(1.0, max(0.0, (spacing - length) / (time_gap * crowd.speed[i, 0])))
+        assert crowd.speed_factor[i] == pytest.approx(expected, abs=1e-12), i
+        slowed += expected < 1.0
+    assert slowed > 60
+
+
+def test_a_fast_person_ends_up_behind_a_slow_one_at_the_time_gap():
+    """Both at 0.8 m/s at last, 0.3 m + 1 s x 0.8 m/s apart, and never in touch."""
+    crowd = make_crowd([[-9.0, 0.0], [-7.0, 0.0]], speed=[1.6, 0.8], radius=0.14)
+    behaviour, engine, model = prepared(crowd), make_engine(crowd), Nsm1()
+    apart = []
+    for tick in range(110):
+        crowd.speed_factor[:] = 1.0
+        behaviour.act(crowd, 0.1 * tick)
+        engine.advance(model, crowd, 10 * tick, 10, 0.01, False, False)
+        apart.append(crowd.position[1, 0] - crowd.position[0, 0])
+    assert crowd.velocity[:, 0] == pytest.approx(0.8, abs=1e-3)
+    assert apart[-1] == pytest.approx(1.1, abs=2e-3)
+    assert min(apart) > 0.28
