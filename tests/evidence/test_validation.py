@@ -20,7 +20,7 @@ from evac.evidence.validation.buildings import (
     write_obj,
 )
 from evac.evidence.validation.flows import weidmann
-from evac.evidence.validation.page import MODELS, in_one_sentence, run, verdict_rows
+from evac.evidence.validation.page import QUICK_SUBJECTS, in_one_sentence, run, verdict_rows
 from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval, steady_flow
 
 ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)
@@ -124,6 +124,19 @@ def test_an_outcome_is_what_the_folder_holds():
         assert outcome.trajectory.position.shape[1] == 1
 
 
+def test_with_headway_the_slow_are_followed_and_not_pushed():
+    """Two in line, 1.2 m/s behind 0.6 m/s: contact pushes the slow one on, headway does not."""
+    people = [{**PERSON, "positions": [[0.5, 1.0]], "speed": 1.2}, {**PERSON, "speed": 0.6}]
+    building = [rectangle(0, 0, 10, 2)], [("end", across(10, 0, 2), 0.0)]
+    times = {}
+    for headway in (False, True):
+        trial = Trial("NSM1 inertial", (1,), headway)
+        assert trial.name == ("NSM1 inertial, headway" if headway else "NSM1 inertial")
+        times[headway] = trial.runs(*building, people)[0].numbers("exit_time")
+    assert times[True][1] == pytest.approx(9.0 / 0.6 + 0.5, abs=0.02)
+    assert times[False][1] < times[True][1] - 2.0
+
+
 def test_people_left_make_a_run_blocked():
     (outcome,) = Trial("DEM", (1,)).runs(
         [rectangle(0, 0, 6, 2)], [("end", across(6, 0, 2), 0.0)], [PERSON], **{"simulation.duration": 2.0}
@@ -176,7 +189,8 @@ def test_quick_run_writes_verdicts_stairs_and_doors(tmp_path):
     with (tmp_path / "verdicts.csv").open() as file:
         verdicts = list(csv.DictReader(file))
     for test in ("RiMEA 1", "RiMEA 2", "RiMEA 3", "RiMEA 6", "RiMEA 14"):
-        assert {row["NSM2"] for row in verdicts if row["test"] == test} == {"yes"}, test
+        for name in ("NSM2", "NSM2, headway"):
+            assert {row[name] for row in verdicts if row["test"] == test} == {"yes"}, (name, test)
     for name in ("tests", "stairs", "doors"):
         with (tmp_path / f"{name}.csv").open() as file:
-            assert {row["model"] for row in csv.DictReader(file)} <= set(MODELS), name
+            assert {row["model"] for row in csv.DictReader(file)} == {subject.name for subject in QUICK_SUBJECTS}, name

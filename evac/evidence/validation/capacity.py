@@ -22,6 +22,16 @@ PEOPLE = 100
 IMO_DOOR = 1.0  # m
 IMO_FLOW = 1.33  # 1/s
 
+#: Least and greatest flow measured in laboratories through bottlenecks, by width; whose, the page tells [1/s].
+LABORATORY = {
+    0.6: (1.12, 1.48),
+    0.7: (1.22, 1.25),
+    0.8: (1.29, 1.74),
+    0.9: (1.53, 2.26),
+    1.0: (1.71, 2.77),
+    1.2: (2.03, 2.75),
+}
+
 #: Who is faster than so many times the own stair speed is pushed [-].
 PUSHED = 1.2
 
@@ -82,7 +92,7 @@ def stair_row(stair: Stair) -> dict[str, Any]:
     return {
         "width [m]": stair.width,
         "way": stair.way,
-        "model": stair.trial.model,
+        "model": stair.trial.name,
         "runs": len(flows),
         "flow per metre [1/s/m]": float(flows.mean()),
         "from": low,
@@ -142,7 +152,7 @@ def door_row(door: Door) -> dict[str, Any]:
     low, high = mean_interval(free) or (None, None)
     return {
         "width [m]": door.width,
-        "model": door.trial.model,
+        "model": door.trial.name,
         "runs": len(door.flows),
         "blocked": len(door.flows) - len(free),
         "share blocked": 1.0 - len(free) / len(door.flows),
@@ -150,4 +160,5 @@ def door_row(door: Door) -> dict[str, Any]:
         "from": low,
         "to": high,
         "flow per metre [1/s/m]": float(free.mean()) / door.width if len(free) else None,
+        "laboratory [1/s]": "{:g} to {:g}".format(*LABORATORY[door.width]),
     }

@@ -74,7 +74,7 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Check:
-    """What a model made of a criterion: one value of each run, NaN of a run that blocked for good."""
+    """What a trial's `name` made of a criterion: one value of each run, NaN of a run that blocked for good."""
 
     criterion: Criterion
     model: str
@@ -160,10 +160,24 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Trial:
-    """A contact model under test: its name in the evidence, and the seeds of the runs that a test makes."""
+    """A contact model under test, by its name in the evidence, and the seeds of the runs that a test makes.
+
+    With `headway` the behaviour of that name is in use, with its defaults.
+    """
 
     model: str
     seeds: tuple[int, ...]
+    headway: bool = False
+
+    @property
+    def name(self) -> str:
+        """What tables and plots call what is under test."""
+        return f"{self.model}, headway" if self.headway else self.model
+
+    @property
+    def overrides(self) -> dict[str, Any]:
+        """Keys of a case that make it so; headway comes behind the behaviours that the case names."""
+        return model_overrides(self.model) | ({"behaviours.headway": {}} if self.headway else {})
 
     def runs(
         self,
@@ -175,18 +189,17 @@ class Trial:
     ) -> list[Outcome]:
         """Write a building and its case to a temporary folder and run it with each seed; see `write_case`."""
         with TemporaryDirectory() as folder:
-            given = {**model_overrides(self.model), **sections}
-            case = write_case(Path(folder), faces, exits, people, areas, given)
+            case = write_case(Path(folder), faces, exits, people, areas, {**sections, **self.overrides})
             return self.run_case(case)
 
     def run_case(self, case: Case) -> list[Outcome]:
         """Run a case with each seed, through its result folder."""
-        quiet = {"output.picture": False, "output.animation": False, **model_overrides(self.model)}
+        quiet = {"output.picture": False, "output.animation": False, **self.overrides}
         return [conduct(case.change({**quiet, "simulation.seed": seed})) for seed in self.seeds]
 
     def check(self, criterion: Criterion, values: Iterable[float]) -> Check:
         """Hold one value of each run against a criterion."""
-        return Check(criterion, self.model, tuple(float(value) for value in values))
+        return Check(criterion, self.name, tuple(float(value) for value in values))
 
 
 def conduct(case: Case) -> Outcome:
