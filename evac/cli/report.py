@@ -42,8 +42,9 @@ def _show_outcome(summary: dict[str, Any]) -> None:
 
 
 def _show_places(summary: dict[str, Any]) -> None:
-    exits = [(name, use["people"], use["last_out"]) for name, use in summary["exits"].items()]
-    show_table("Exits", ("exit", "people", "last out [s]"), exits)
+    columns = ("people", "last_out", "width", "flow", "flow_per_metre")
+    exits = [(name, *(use[column] for column in columns)) for name, use in summary["exits"].items()]
+    show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
     if summary["stairs"]:
         stairs = [
             (name, use["people"], use["greatest_number"], use["last_left"]) for name, use in summary["stairs"].items()

@@ -6,6 +6,9 @@ from typing import Any
 #: An overlap beyond this share of the smallest radius is no contact any more: people pass through one another.
 DEEP = 0.5
 
+#: The greatest flow that laboratories have measured through bottlenecks: Daamen and Hoogendoorn (2010) [1/s/m].
+MEASURED = 2.8
+
 #: Energy made by contacts beyond what they took is noticed where it is more than this share of the work of driving.
 MADE = 0.01
 
@@ -49,3 +52,23 @@ def doubts_about(report: Mapping[str, Any], smallest_radius: float) -> tuple[str
             "smaller simulation.step"
         )
     return tuple(found)
+
+
+def doubts_about_flows(exits: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return a line for each exit that people left faster than they do in any laboratory, with the way out.
+
+    Parameters
+    ----------
+    exits : mapping
+        As `evac.output.flows.exit_table` returns it.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return tuple(
+        f"{use['flow_per_metre']:.1f} people per second and metre left by {name!r}, more than the {MEASURED} that "
+        "laboratories have measured: they are pushed out; [behaviours.headway] lets people slow down behind others"
+        for name, use in exits.items()
+        if (use["flow_per_metre"] or 0.0) > MEASURED
+    )

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from evac.building.model import Building
 from evac.directions.routes import Route
-from evac.output.doubts import doubts_about
+from evac.output.doubts import doubts_about, doubts_about_flows
 from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
+from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.physics.bundles import Crowd
 
@@ -154,7 +155,12 @@ class Results:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What the numbers of the run say against it, a line each."""
-        return doubts_about(self.report, float(self.crowd.radius.min()))
+        return (*doubts_about(self.report, float(self.crowd.radius.min())), *doubts_about_flows(self.exits))
+
+    @cached_property
+    def exits(self) -> Mapping[str, Mapping[str, Any]]:
+        """How each exit was used, by name: see `evac.output.flows.exit_table`."""
+        return exit_table(self.building, self.crowd.exit_used, self.crowd.exit_time)
 
     @cached_property
     def moves(self) -> Moves:
@@ -222,7 +228,7 @@ class Results:
             "doubts": self.doubts,
             "simulated_time": self.time,
             "steps": self.steps,
-            "exits": self._exit_table(),
+            "exits": self.exits,
             "left_by_other_exits": len(self.left_by_other_exits),
             "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
             "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},
@@ -263,13 +269,6 @@ class Results:
             }
             for p in self.stuck
         ]
-
-    def _exit_table(self) -> dict[str, dict[str, Any]]:
-        table = {}
-        for exit_ in self.building.exits:
-            times = self.crowd.exit_time[self.crowd.exit_used == exit_.index]
-            table[exit_.name] = {"people": times.size, "last_out": times.max() if times.size else None}
-        return table
 
 
 def plain(value: Any) -> Any:

@@ -74,7 +74,6 @@ def test_overrides_gather():
     ],
 )
 def test_nothing_is_imported_before_it_is_needed(code, absent, tmp_path):
-    check = f"{code}; import sys; print(*(set({absent!r}) & set(sys.modules)), sep='', end='', file=sys.stderr)"
+    check = f"{code}; import sys; print('imported:', *(set({absent!r}) & set(sys.modules)))"
     process = subprocess.run([sys.executable, "-c", check], cwd=tmp_path, capture_output=True, text=True, check=True)
-    left = "evac: 20 of 20 people are still inside (duration over): 20 on 'room'"
-    assert process.stderr.splitlines()[-1:] in ([], [left])
+    assert process.stdout.splitlines()[-1] == "imported:"

@@ -17,7 +17,7 @@ SUMMARY = {
     "simulated_time": 10.0,
     "steps": 1000,
     "seed": 7,
-    "exits": {"door": {"people": 5, "last_out": 9.0}},
+    "exits": {"door": {"people": 5, "last_out": 9.0, "width": 0.8, "flow": None, "flow_per_metre": None}},
     "stairs": {"main": {"people": 4, "greatest_number": 3, "last_left": 6.0}},
     "contact": {
         "model": "dem",
@@ -70,7 +70,10 @@ def test_contact_is_told_in_millimetres_and_joules(shown):
 def test_places_and_phases_stand_under_their_heads(shown):
     lines, _ = shown()
     for head, row in (
-        (["exit", "people", "last out [s]"], ["door", "5", "9"]),
+        (
+            ["exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"],
+            ["door", "5", "9", "0.8", "-", "-"],
+        ),
         (["stair", "people", "greatest number", "last left [s]"], ["main", "4", "3", "6"]),
         (["phase", "s"], ["physics", "1.5"]),
     ):

@@ -21,7 +21,7 @@ from evac.evidence.validation.buildings import (
 )
 from evac.evidence.validation.flows import weidmann
 from evac.evidence.validation.page import QUICK_SUBJECTS, in_one_sentence, run, verdict_rows
-from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval, steady_flow
+from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval
 
 ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)
 PERSON = {"positions": [[1.0, 1.0]], "z": 0.0, "speed": 1.0, "tau": 0.5}
@@ -66,13 +66,6 @@ def test_interval_of_a_mean_is_students():
     low, high = mean_interval(np.array([1.0, 2.0, 3.0]))
     assert (low, high) == pytest.approx((2.0 - 4.302653 / 3**0.5, 2.0 + 4.302653 / 3**0.5), rel=1e-6)
     assert mean_interval(np.array([1.0])) is None
-
-
-def test_steady_flow_leaves_out_both_ends():
-    times = np.concatenate([[0.0, 50.0], 100.0 + 0.5 * np.arange(6), [200.0, 300.0]])
-    assert steady_flow(times) == pytest.approx(6 / (200.0 - 100.0))
-    assert steady_flow(0.25 * np.arange(100)) == pytest.approx(4.0)
-    assert np.isnan(steady_flow(np.array([1.0])))
 
 
 def test_weidmanns_curve_has_its_published_values():

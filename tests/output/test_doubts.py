@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from evac.output.doubts import doubts_about
+from evac.output.doubts import MEASURED, doubts_about, doubts_about_flows
 
 ALL_RIGHT = {
     "steps": 100,
@@ -43,3 +43,10 @@ def test_contacts_that_give_back_what_springs_took_are_not_doubted():
 def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
     braked = {"driving_work": -1000.0, "contact_dissipation": 5.0, "contact_creation": 0.0}
     assert doubts_about(ALL_RIGHT | {"energy": braked}, 0.2) == ()
+
+
+def test_only_flows_beyond_measured_ones_are_doubted_and_the_exit_is_named():
+    flows = {"few": None, "slow": MEASURED, "fast": 2.91}
+    (doubt,) = doubts_about_flows({name: {"flow_per_metre": flow} for name, flow in flows.items()})
+    assert doubt.startswith("2.9 people per second and metre left by 'fast'")
+    assert "[behaviours.headway]" in doubt

@@ -29,6 +29,14 @@ def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results):
     assert pushed.left_by_other_exits.tolist() == by_first.tolist()
 
 
+def test_people_who_rush_out_are_doubted(results, monkeypatch):
+    monkeypatch.setattr("evac.output.flows.FEWEST", 5)
+    for seconds, doubted in ((0.4, False), (0.3, True)):
+        rush = results.crowd._replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
+        doubts = replace(results, crowd=rush).summary()["doubts"]
+        assert any("people per second and metre left by 'door'" in doubt for doubt in doubts) == doubted
+
+
 def test_egress_counts_exit_times_in_order(results):
     time, number = results.egress()
     assert (time.tolist(), number.tolist()) == ([0.0, 4.0, 9.0], [0, 1, 2])
@@ -57,7 +65,8 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     assert (summary["simulated_time"], summary["steps"]) == (20.0, 2000)
     assert summary["stuck"] == [{"person": 3, "level": "floor 2", "x": 2.0, "y": 5.0}]
     assert summary["warnings"] == ["a narrow place"]
-    assert summary["exits"] == {"door": {"people": 2, "last_out": 9.0}}
+    door = {"people": 2, "last_out": 9.0, "width": 1.0, "flow": None, "flow_per_metre": None}
+    assert summary["exits"] == {"door": door}
     assert (summary["contact"]["greatest_overlap"], summary["contact"]["residual"]) == (1e-4, None)
     assert summary["doubts"] == []
     assert summary["wall_time"] == {"contact": 1.5}

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from evac.evidence.validation.buildings import CROWD_SPEED, across, hall_and_stair, rectangle
 from evac.evidence.validation.flows import STAIR_FLOW
-from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval, steady_flow
+from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval
+from evac.output.flows import steady_flow
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.evidence.validation.buildings import CROWD_SPEED, Face, across, rectangle, straight_stair, two_rooms
-from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, steady_flow
+from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
+from evac.output.flows import steady_flow
 
 FloatArray = NDArray[np.float64]
 

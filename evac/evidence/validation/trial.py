@@ -24,9 +24,6 @@ FloatArray = NDArray[np.float64]
 #: Of the interval of a mean over runs.
 CONFIDENCE = 0.95
 
-#: Share of the people who pass before and after the stretch in which a flow is taken as steady.
-MARGIN = 0.2
-
 
 @dataclass(frozen=True)
 class Criterion:
@@ -209,12 +206,6 @@ def conduct(case: Case) -> Outcome:
         with (Path(place) / "people.csv").open(newline="", encoding="utf-8") as file:
             people = list(csv.DictReader(file))
         return Outcome(results, people, read_trajectory(place))
-
-
-def steady_flow(times: FloatArray) -> float:
-    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s."""
-    first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
-    return float((last - first) / (times[last] - times[first])) if last > first else float("nan")
 
 
 def mean_interval(values: FloatArray) -> tuple[float, float] | None:

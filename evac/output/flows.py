@@ -1,0 +1,54 @@
+"""How many people pass in a second: the flow through exits."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.building.model import Building
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+#: Share of the people who pass before and after the stretch in which a flow is taken as steady.
+MARGIN = 0.2
+
+#: Fewer people than this make no steady flow.
+FEWEST = 20
+
+
+def steady_flow(times: FloatArray) -> float:
+    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s."""
+    first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
+    return float((last - first) / (times[last] - times[first])) if last > first else float("nan")
+
+
+def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, dict[str, Any]]:
+    """Return the use of each exit, by name.
+
+    Parameters
+    ----------
+    building : Building
+    exit_used : (n,) int32
+        Exit of each person, -1 of those inside.
+    exit_time : (n,) [s]
+
+    Returns
+    -------
+    mapping of str to dict
+        ``people``, ``last_out`` [s], ``width`` [m], ``flow`` [1/s] and ``flow_per_metre`` [1/s/m]; None where nobody
+        left, and for flows of fewer than `FEWEST` people.
+    """
+    table = {}
+    for exit_ in building.exits:
+        times = np.sort(exit_time[exit_used == exit_.index])
+        flow = steady_flow(times) if times.size >= FEWEST else None
+        table[exit_.name] = {
+            "people": times.size,
+            "last_out": float(times[-1]) if times.size else None,
+            "width": exit_.width,
+            "flow": flow,
+            "flow_per_metre": None if flow is None else flow / exit_.width,
+        }
+    return table
