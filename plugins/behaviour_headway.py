@@ -1,4 +1,4 @@
-"""Headway: people slow down behind those who walk ahead of them, before bodies touch."""
+"""Headway: people steer clear of others and slow down behind those ahead, before bodies touch."""
 
 import math
 from collections.abc import Sequence
@@ -17,6 +17,22 @@ from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import reaches, side_of
 from evac.physics.world import make_world
 
+#: A repulsion below this share of the desired direction is left out.
+FAINT = 0.01
+
+#: Size of the cells in which people are looked for [m].
+CELL = 1.0
+
+
+class Rule(NamedTuple):
+    """The parameters of `Headway`, and the distance from which on a repulsion is faint [m]."""
+
+    time_gap: float
+    length: float
+    repulsion: float
+    range: float
+    cutoff: float
+
 
 class Sights(NamedTuple):
     """What everybody is about to do at a tick, and who stands in which cell of the plan."""
@@ -27,46 +43,46 @@ class Sights(NamedTuple):
     start: IntArray  # cells, as `fill_cells` leaves them
     cell_of: IntArray
     slots: IntArray
-
-
-class Rule(NamedTuple):
-    """The parameters of `Headway`."""
-
-    time_gap: float
-    length: float
+    cells: IntArray  # (2,) numbers of cells along x and y
 
 
 class Headway(Behaviour):
-    """Slows people down behind those ahead: the speed of Tordeux, Chraibi and Seyfried (2016).
+    """Decides as the collision-free speed model does (Tordeux, Chraibi and Seyfried, 2016).
 
     Without it people walk at full speed until bodies touch, and crowds pass doors and stairs several times
-    faster than measured ones. The speed that a person wants becomes
+    faster than measured ones. To the desired direction is added, for each person in sight at a distance s,
+
+        a exp((l - s) / D)    away from that person,
+
+    and the speed that a person wants becomes
 
         min(v, max(0, (s - l) / T))
 
-    v being what it wanted before, T `time_gap`, l `length`, and s the distance of centres to the nearest of those whom
-    it follows. It follows who
+    v being what it wanted before, and s the distance of centres to the nearest of those whom it follows: who
 
     - stands ahead, no farther than l beside the line on which it walks, in sight, also through portals;
     - has set off, and goes its way: the angle between their desired directions is below 90 degrees;
     - is farther on: has less travel time left on the same route, or, on another route, is ahead along the sum of both
       directions too. So of two side by side at a door one goes first, and nobody waits for whom it holds up.
 
-    Bodies wider than l still touch, at (2 r - l) / T. People who come towards it, cross its way or wait are not
-    followed: they are met as before, by forces and contact.
+    Bodies wider than l still touch, at (2 r - l) / T. In a case it comes last of the behaviours, for it takes speeds
+    and directions as the others have left them.
 
     References
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
-    (2016), 225-232, with T = 1 s and l = 0.3 m. Whom one follows is nearest ahead there; the last two rules are ours.
+    (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of the same model in JuPedSim. There one
+    follows who is nearest ahead; the last two rules, sight and contact are ours.
     """
 
     name = "headway"
     reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
-    writes = ("speed_factor",)
+    writes = ("speed_factor", "extra_direction")
 
     time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", unit="s", above=0.0)
     length = Parameter(0.3, "distance of centres at which one stands behind another, l", unit="m", minimum=0.0)
+    repulsion = Parameter(8.0, "how much people who are `length` apart turn from each other, a", minimum=0.0)
+    range = Parameter(0.1, "range of that, D", unit="m", minimum=0.01)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Make room for what is seen at a tick."""
@@ -79,11 +95,14 @@ class Headway(Behaviour):
             start=np.zeros(4 * n + 1025, np.int32),
             cell_of=np.zeros(n, np.int32),
             slots=np.zeros(n, np.int32),
+            cells=np.zeros(2, np.int32),
         )
+        cutoff = self.length + self.range * math.log(self.repulsion / FAINT) if self.repulsion > FAINT else 0.0
+        self._rule = Rule(self.time_gap, self.length, self.repulsion, self.range, cutoff)
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Slow down everybody who is too near to somebody ahead."""
-        keep_gaps(self._world, crowd, self._sights, Rule(self.time_gap, self.length), time)
+        """Turn everybody from who is near, and slow down who is too near to somebody ahead."""
+        keep_clear(self._world, crowd, self._sights, self._rule, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False for a single person."""
@@ -91,26 +110,62 @@ class Headway(Behaviour):
 
 
 @kernel
-def keep_gaps(world, crowd, sights, rule, time):  # type: ignore[no-untyped-def]
-    """Apply the rule of `Headway` to everybody inside who has set off."""
-    fastest = look_around(world, crowd, sights, time)
-    if fastest <= 0.0:
-        return
+def keep_clear(world, crowd, sights, rule, time):  # type: ignore[no-untyped-def]
+    """Apply the rules of `Headway` to everybody inside who has set off."""
     n = crowd.level.shape[0]
-    size = rule.length + rule.time_gap * fastest
-    nx, ny = fill_cells(n, crowd.position, crowd.level, size, sights.start, sights.cell_of, sights.slots)
+    inside = 0
+    for i in range(n):
+        inside += crowd.level[i] >= 0
+    if inside == 0:
+        return
+    nx, ny = fill_cells(n, crowd.position, crowd.level, CELL, sights.start, sights.cell_of, sights.slots)
+    sights.cells[0] = nx
+    sights.cells[1] = ny
+    for i in range(n):
+        if crowd.level[i] >= 0:
+            px, py = repulsion(world, crowd, sights, rule, i)
+            crowd.extra_direction[i, 0] += px
+            crowd.extra_direction[i, 1] += py
+    look_around(world, crowd, sights, time)
     for i in range(n):
         full = rule.time_gap * sights.wanted[i]
         if full > 0.0:
-            spare = spacing(world, crowd, sights, i, rule.length, rule.length + full, nx, ny) - rule.length
+            spare = spacing(world, crowd, sights, i, rule.length, rule.length + full) - rule.length
             if spare < full:
                 crowd.speed_factor[i] *= max(spare / full, 0.0)
 
 
 @inner
+def block_of(sights, i, reach):  # type: ignore[no-untyped-def]
+    """Return columns and rows of the cells within a reach [m] of person i, as first and last + 1."""
+    nx, ny = sights.cells[0], sights.cells[1]
+    column = sights.cell_of[i] // ny
+    row = sights.cell_of[i] - column * ny
+    ring = int(min(reach / CELL, nx + ny)) + 1
+    return max(column - ring, 0), min(column + ring + 1, nx), max(row - ring, 0), min(row + ring + 1, ny)
+
+
+@inner
+def repulsion(world, crowd, sights, rule, i):  # type: ignore[no-untyped-def]
+    """Return what is added to the direction of person i: the sum of a exp((l - s) / D) away from who is near."""
+    px, py = 0.0, 0.0
+    left, right, low, high = block_of(sights, i, rule.cutoff)
+    for cx in range(left, right):
+        for slot in range(sights.start[cx * sights.cells[1] + low], sights.start[cx * sights.cells[1] + high]):
+            j = sights.slots[slot]
+            dx = crowd.position[j, 0] - crowd.position[i, 0]
+            dy = crowd.position[j, 1] - crowd.position[i, 1]
+            s = math.sqrt(dx * dx + dy * dy)
+            if 0.0 < s < rule.cutoff and sees(world, crowd, i, j):
+                push = rule.repulsion * math.exp((rule.length - s) / rule.range)
+                px -= push * dx / s
+                py -= push * dy / s
+    return px, py
+
+
+@inner
 def look_around(world, crowd, sights, time):  # type: ignore[no-untyped-def]
-    """Set what everybody is about to do; return the greatest desired speed [m/s]."""
-    fastest = 0.0
+    """Set what everybody is about to do."""
     for i in range(crowd.level.shape[0]):
         sights.wanted[i] = 0.0
         level = crowd.level[i]
@@ -122,21 +177,16 @@ def look_around(world, crowd, sights, time):  # type: ignore[no-untyped-def]
         sights.wanted[i] = desired_speed(world, crowd, i, ex, ey)
         x, y = crowd.position[i, 0], crowd.position[i, 1]
         sights.remaining[i] = sample_travel_time(world.fields, x, y, level, crowd.route[i])
-        fastest = max(fastest, sights.wanted[i])
-    return fastest
 
 
 @inner
-def spacing(world, crowd, sights, i, length, farthest, nx, ny):  # type: ignore[no-untyped-def]
+def spacing(world, crowd, sights, i, length, farthest):  # type: ignore[no-untyped-def]
     """Return the distance of person i to the nearest of those whom it follows, inf from `farthest` on [m]."""
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     nearest = farthest
-    column = sights.cell_of[i] // ny
-    row = sights.cell_of[i] - column * ny
-    for cx in range(max(column - 1, 0), min(column + 2, nx)):
-        low = cx * ny + max(row - 1, 0)
-        high = cx * ny + min(row + 2, ny)
-        for slot in range(sights.start[low], sights.start[high]):
+    left, right, low, high = block_of(sights, i, farthest)
+    for cx in range(left, right):
+        for slot in range(sights.start[cx * sights.cells[1] + low], sights.start[cx * sights.cells[1] + high]):
             j = sights.slots[slot]
             dx = crowd.position[j, 0] - crowd.position[i, 0]
             dy = crowd.position[j, 1] - crowd.position[i, 1]
@@ -150,7 +200,7 @@ def spacing(world, crowd, sights, i, length, farthest, nx, ny):  # type: ignore[
 
 @inner
 def follows(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
-    """Say whether person j, at (dx, dy) from i, goes the way of i and is ahead of it."""
+    """Say whether person j, at (dx, dy) from i, goes the way of i and is farther on."""
     if sights.wanted[j] <= 0.0:
         return False
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]

@@ -1,4 +1,4 @@
-"""Headway: the published speed, and who is followed, against exact numbers and a search over all pairs."""
+"""Headway: the published speed and turn, and who is followed, against exact numbers and searches over all pairs."""
 
 import math
 from types import SimpleNamespace
@@ -25,13 +25,23 @@ def prepared(crowd, building=None, fields=None, **parameters):
     return behaviour
 
 
-def factors(position, building=None, fields=None, time=0.0, route=None, level=0, start_time=0.0, speed=1.2, **given):
-    """Return what becomes of the speed factors of people at places."""
+def acted(position, building=None, fields=None, time=0.0, route=None, level=0, start_time=0.0, speed=1.2, **given):
+    """Return people at places after the behaviour has acted on them."""
     crowd = make_crowd(position, level=level, start_time=start_time, speed=speed)
     if route is not None:
         crowd.route[:] = route
     prepared(crowd, building, fields, **given).act(crowd, time)
-    return crowd.speed_factor
+    return crowd
+
+
+def factors(position, **given):
+    """Return what becomes of the speed factors of people at places, if nobody turns from anybody."""
+    return acted(position, repulsion=0.0, **given).speed_factor
+
+
+def turns(position, **given):
+    """Return what is added to the directions of people at places."""
+    return acted(position, **given).extra_direction
 
 
 @pytest.mark.parametrize("distance", [0.31, 0.6, 1.0, 1.49])
@@ -60,7 +70,7 @@ def test_the_nearest_of_several_ahead_counts():
 def test_a_factor_that_others_have_set_is_what_is_wanted():
     crowd = make_crowd([[0.0, 0.0], [0.8, 0.0], [0.0, 5.0], [0.8, 5.0]], speed=1.2)
     crowd.speed_factor[:] = [0.5, 1.0, 0.1, 1.0]
-    prepared(crowd).act(crowd, 0.0)
+    prepared(crowd, repulsion=0.0).act(crowd, 0.0)
     # 0.6 m/s wanted, 0.5 left; 0.12 m/s wanted, less than 0.5.
     assert crowd.speed_factor == pytest.approx([0.5 / 1.2, 1.0, 0.1, 1.0])
 
@@ -121,7 +131,7 @@ def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
         **{**building.levels[0].__dict__, "uphill": np.array([1.0, 0.0]), "slope": slope, "kind": "flight"}
     )
     building = type(building)(**{**building.__dict__, "levels": (flight,)})
-    prepared(crowd, building).act(crowd, 0.0)
+    prepared(crowd, building, repulsion=0.0).act(crowd, 0.0)
     assert crowd.speed_factor[0] == pytest.approx(min(1.0, 0.4 / (0.5 * math.cos(slope))))
 
 
@@ -157,6 +167,58 @@ def test_across_a_portal_people_are_followed_and_on_another_storey_they_are_not(
     assert factors(**beside, building=doorway)[0] == 1.0
 
 
+def test_people_turn_from_each_other_by_the_published_repulsion():
+    (left, right) = turns([[0.0, 0.0], [0.3, 0.4]])
+    push = 8.0 * math.exp((0.3 - 0.5) / 0.1)
+    assert left == pytest.approx([-0.6 * push, -0.8 * push], rel=1e-12)
+    assert right == pytest.approx(-left)
+    (left, _) = turns([[0.0, 0.0], [0.3, 0.4]], repulsion=5.0, range=0.2, length=0.4)
+    assert np.hypot(*left) == pytest.approx(5.0 * math.exp((0.4 - 0.5) / 0.2))
+
+
+def test_a_faint_repulsion_is_left_out_and_none_is_none():
+    reach = 0.3 + 0.1 * math.log(8.0 / 0.01)
+    assert np.hypot(*turns([[0.0, 0.0], [0.999 * reach, 0.0]])[0]) == pytest.approx(0.01, rel=0.02)
+    assert turns([[0.0, 0.0], [1.001 * reach, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert turns([[0.0, 0.0], [0.2, 0.0]], repulsion=0.0).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert turns([[0.0, 0.0], [0.0, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+def test_people_turn_from_who_waits_but_not_from_who_is_out_or_hidden():
+    assert turns([[0.0, 0.0], [0.5, 0.0]], start_time=[0.0, 9.0])[0, 0] < -0.5
+    assert turns([[0.0, 0.0], [0.5, 0.0]], level=[0, -1])[0].tolist() == [0.0, 0.0]
+    wall = make_building(walls=[(0.25, -1.0, 0.25, 1.0)])
+    assert turns([[0.0, 0.0], [0.5, 0.0]], building=wall)[0].tolist() == [0.0, 0.0]
+
+
+def test_who_has_turned_follows_on_the_way_turned_to():
+    """A third person turns the first by 45 degrees, out of the line of the second."""
+    push = 8.0 * math.exp((0.3 - 0.4) / 0.1)
+    crowd = acted([[0.0, 0.0], [1.2, 0.0], [0.0, -0.4]])
+    assert crowd.extra_direction[0] == pytest.approx([0.0, push])
+    assert push > 1.0
+    assert crowd.speed_factor[0] == 1.0
+    assert acted([[0.0, 0.0], [1.2, 0.0]]).speed_factor[0] < 1.0
+
+
+def test_two_who_come_towards_each_other_pass():
+    """A little beside each other they turn aside; without repulsion they push each other to a standstill or aside."""
+    crowd = make_crowd([[-3.0, 0.02], [3.0, -0.02]], speed=1.2, radius=0.2)
+    crowd.route[:] = [0, 1]
+    fields = uniform_fields(1, EAST, WEST)
+    behaviour, engine, model = prepared(crowd, fields=fields), make_engine(crowd, fields=fields), Nsm1()
+    nearest = math.inf
+    for tick in range(60):
+        crowd.speed_factor[:] = 1.0
+        crowd.extra_direction[:] = 0.0
+        behaviour.act(crowd, 0.1 * tick)
+        engine.advance(model, crowd, 10 * tick, 10, 0.01, False, False)
+        nearest = min(nearest, np.hypot(*(crowd.position[1] - crowd.position[0])))
+    assert crowd.position[0, 0] > 2.0
+    assert crowd.position[1, 0] < -2.0
+    assert nearest > 0.35
+
+
 def nearest_followed(crowd, directions, remaining, walls, length, i):
     """Return the distance to whom person i follows, from the rules of the docstring and shapely's geometry."""
     found = math.inf
@@ -186,7 +248,7 @@ def test_everybody_does_what_a_search_over_all_pairs_tells(seed):
     crowd = make_crowd(draw.uniform(-8.0, 8.0, (n, 2)), speed=draw.uniform(0.6, 2.0, n))
     crowd.route[:] = draw.integers(0, 3, n)
     fields = uniform_fields(1, *map(tuple, directions))
-    prepared(crowd, make_building(walls=walls.reshape(-1, 4)), fields).act(crowd, 0.0)
+    prepared(crowd, make_building(walls=walls.reshape(-1, 4)), fields, repulsion=0.0).act(crowd, 0.0)
     remaining = 100.0 - np.einsum("nk,nk->n", directions[crowd.route], crowd.position)
     lines = shapely.MultiLineString([*walls])
     slowed = 0
@@ -198,6 +260,25 @@ def test_everybody_does_what_a_search_over_all_pairs_tells(seed):
     assert slowed > 60
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_everybody_turns_as_a_sum_over_all_pairs_tells(seed):
+    draw = np.random.default_rng(seed)
+    walls = draw.uniform(-4.0, 4.0, (6, 2, 2))
+    crowd = make_crowd(draw.uniform(-4.0, 4.0, (150, 2)), speed=1.2)
+    prepared(crowd, make_building(walls=walls.reshape(-1, 4))).act(crowd, 0.0)
+    lines, turned = shapely.MultiLineString([*walls]), 0
+    for i, here in enumerate(crowd.position):
+        expected = np.zeros(2)
+        for there in np.delete(crowd.position, i, axis=0):
+            step, distance = there - here, np.hypot(*(there - here))
+            push = 8.0 * math.exp((0.3 - distance) / 0.1)
+            if push > 0.01 and not shapely.LineString([here, there]).intersects(lines):
+                expected -= push * step / distance
+        assert crowd.extra_direction[i] == pytest.approx(expected, abs=1e-9), i
+        turned += np.hypot(*expected) > 0.1
+    assert turned > 50
+
+
 def test_a_fast_person_ends_up_behind_a_slow_one_at_the_time_gap():
     """Both at 0.8 m/s at last, 0.3 m + 1 s x 0.8 m/s apart, and never in touch."""
     crowd = make_crowd([[-9.0, 0.0], [-7.0, 0.0]], speed=[1.6, 0.8], radius=0.14)
@@ -205,6 +286,7 @@ def test_a_fast_person_ends_up_behind_a_slow_one_at_the_time_gap():
     apart = []
     for tick in range(110):
         crowd.speed_factor[:] = 1.0
+        crowd.extra_direction[:] = 0.0
         behaviour.act(crowd, 0.1 * tick)
         engine.advance(model, crowd, 10 * tick, 10, 0.01, False, False)
         apart.append(crowd.position[1, 0] - crowd.position[0, 0])

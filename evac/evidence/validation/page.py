@@ -92,7 +92,7 @@ SOURCES = (
     {
         "name": "headway",
         "what": "Tordeux, Chraibi and Seyfried, Collision-free speed model for pedestrian dynamics (2016)",
-        "read in": "the speed function and its parameters as others quote them",
+        "read in": "the model and its parameters as others quote them, and as JuPedSim ships it",
     },
 )
 
@@ -206,8 +206,8 @@ def _report_tests(evidence: Evidence, checks: Sequence[Check]) -> None:
         f"""Every building is written to a mesh file, loaded with a case.toml, run into a result folder, and judged by
         what that folder holds. Bodies, masses and relaxation times are the defaults of case.toml but where one person
         is timed by hand; speeds are those of the test, or those of men of 30 to 50 years (IMO). Without headway people
-        walk at full speed until bodies touch, as in the paper; with it the behaviour of that name slows them down
-        behind others, by a published rule with its published parameters. Found is the mean over runs with different
+        walk at full speed until bodies touch, as in the paper; with it they turn from others and slow down behind them,
+        by a published model with published parameters (docs/physics.md). Found is the mean over runs with different
         seeds, from and to its {100 * CONFIDENCE:.0f} % interval (Student's t). A check is passed
         if the mean lies in what is expected and no run is blocked: a run that ends with people inside, nobody having
         moved on for a minute. Nothing is tuned to pass a test."""
@@ -282,7 +282,7 @@ def draw(checks: Sequence[Check]) -> Any:
     axis.set(xscale="log", xlim=edges, ylim=(len(criteria) - 0.5, -0.5), xlabel="found over expected")
     axis.minorticks_off()
     axis.set_xticks([0.2, 0.5, 1.0, 2.0, 5.0], ["0.2", "0.5", "1", "2", "5"])
-    axis.legend(frameon=False, ncols=len(models), loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axis.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
 
 
