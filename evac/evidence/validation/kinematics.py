@@ -27,6 +27,9 @@ SPEED_BY_AGE = {20: 1.61, 30: 1.54, 40: 1.48, 50: 1.41, 60: 1.27, 70: 1.07}
 DEVIATION = 0.31
 PER_AGE = 50
 
+#: So far apart nobody minds the other, with headway neither [m].
+LANE = 1.2
+
 #: Response times of NIST test 1.1 and ISO test 1, with the distribution they are held against.
 RESPONSES = {
     "uniform": ({"uniform": [10.0, 100.0]}, stats.uniform(10.0, 90.0)),
@@ -157,10 +160,10 @@ def _walked(trial: Trial, groups: Sequence[Mapping[str, Any]]) -> list[FloatArra
     """Return the speeds at which people of `groups` walk 11 m side by side, a lane each, a run each [m/s]."""
     people, lane = [], 0
     for group in groups:
-        places = [[1.0, 0.3 + 0.6 * (lane + k)] for k in range(PER_AGE)]
+        places = [[1.0, LANE * (0.5 + lane + k)] for k in range(PER_AGE)]
         people.append({**ONE, **group, "positions": places, "z": 0.0})
         lane += PER_AGE
-    width = 0.6 * lane
+    width = LANE * lane
     found = trial.runs([rectangle(0, 0, 12, width)], [("end", across(12, 0, width), 0.0)], people)
     return [11.0 / (outcome.numbers("exit_time") - ONE["tau"]) for outcome in found]
 
