@@ -8,6 +8,7 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
+from evac.evidence.scaling import headway
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DOOR, RADIUS, make_hall
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
@@ -149,9 +150,28 @@ def test_page_is_written(tmp_path, monkeypatch):
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"README.md", "run.json", "claims.csv", "scaling.csv", "scaling.png", "phases.csv", "phases.png"}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "phases", "headway")}
+    assert names == {"README.md", "run.json", "scaling.png", "phases.png", *tables}
     with (tmp_path / "phases.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)
     assert len(rows) == 2 * (2 * len(scaling.MODELS) + 1)
     assert {row["model"] for row in rows if row["state"] == "jammed"} == {*scaling.MODELS, scaling.STIFF_NAME}
+
+
+def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):
+    """Calls take 1 s, or 3 s where they decide; nobody is out so soon."""
+    spans = {"advance": 1.0, "act": 3.0}
+    hall = make_hall(20, 2.0, 1)
+
+    def timed(call):
+        call()
+        return spans["act" if "act" in call.__code__.co_names else "advance"]
+
+    monkeypatch.setattr(headway, "_timed", timed)
+    monkeypatch.setattr(headway, "WARM", 0)
+    monkeypatch.setattr(headway, "TIMED", 3)
+    costs = headway.compare(hall, make_variant("NSM2", STEP))
+    assert costs["without"] == costs["with: steps"] == pytest.approx(1e9 / 10 / 20)
+    assert costs["with: headway itself"] == pytest.approx(3.0 * costs["without"])
+    assert costs["with / without"] == pytest.approx(4.0)

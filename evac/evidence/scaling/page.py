@@ -14,7 +14,7 @@ from evac.errors import SimulationError
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, claim, new_figure, timed
-from evac.evidence.scaling import phases
+from evac.evidence.scaling import headway, phases
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.scaling.walks import (
     JAMMED,
@@ -78,6 +78,7 @@ def run(evidence: Evidence) -> None:
     evidence.heading("Targets")
     evidence.table("claims", claims, "Target and measured; medians.")
     _report_scaling(evidence, rows, sizes)
+    headway.run(evidence, MODELS, STEP)
     evidence.write_page("Time and memory against the number of people")
 
 

@@ -1,0 +1,70 @@
+"""What keeping one's distance costs, and saves: the same hall without and with the behaviour headway."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.evidence.report import Evidence
+from evac.evidence.scaling.halls import Hall, make_hall
+from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
+from evac.registry import Registry
+
+PEOPLE, QUICK_PEOPLE = 10_000, 100
+
+#: People per m2 at the start.
+DENSITIES = (2.0, 5.0)
+
+#: Ticks walked before the timing, and ticks timed.
+WARM, TIMED = 10, 15
+
+
+def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
+    """Add the table to the page."""
+    people = QUICK_PEOPLE if evidence.quick else PEOPLE
+    rows = []
+    for density in DENSITIES:
+        hall = make_hall(people, density, evidence.seed)
+        rows += [{"start [1/m2]": density, "model": name, **compare(hall, make_variant(name, step))} for name in models]
+    evidence.heading("What headway costs and saves")
+    evidence.table(
+        "headway",
+        rows,
+        f"Nanoseconds per person-step in a hall of {people} people, in seconds {WARM * TICK:g} to"
+        f" {(WARM + TIMED) * TICK:g} of a walk: the steps without and with the behaviour headway, which keeps people"
+        " apart, and the behaviour itself, which acts every"
+        f" {TICK:g} s. Both walk in turns, tick by tick; medians over ticks.",
+        {"start [1/m2]": "g"},
+    )
+
+
+def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
+    """Return the costs of a walk without and with headway, made in turns [ns per person-step]."""
+    plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
+    behaviour: Behaviour = Registry().get("behaviour", "headway")()
+    scene = BehaviourScene(kept.crowd, hall.building, hall.fields, (), np.random.default_rng(0), TICK)
+    behaviour.prepare(scene)
+    costs = []
+    for _ in range(WARM + TIMED):
+        spans = [_timed(lambda: plain.advance(variant.model))]
+        people = [plain.inside, kept.inside, kept.inside]
+        kept.crowd.speed_factor[:] = 1.0
+        kept.crowd.extra_direction[:] = 0.0
+        decided = _timed(lambda: behaviour.act(kept.crowd, kept.time))
+        spans += [_timed(lambda: kept.advance(variant.model)), decided]
+        costs.append(1e9 * np.array(spans) / plain.per_tick / np.maximum(people, 1))
+    without, steps, itself = np.median(costs[WARM:], axis=0)
+    return {
+        "without": float(without),
+        "with: steps": float(steps),
+        "with: headway itself": float(itself),
+        "with / without": float((steps + itself) / without),
+    }
+
+
+def _timed(call: Any) -> float:
+    """Return the time of a call [s]."""
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
