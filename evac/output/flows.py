@@ -1,5 +1,6 @@
 """How many people pass in a second: the flow through exits."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,9 +20,14 @@ FEWEST = 20
 
 
 def steady_flow(times: FloatArray) -> float:
-    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s."""
+    """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s.
+
+    NaN of a single person, and of people who all pass at once.
+    """
     first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
-    return float((last - first) / (times[last] - times[first])) if last > first else float("nan")
+    if last == first or times[last] == times[first]:
+        return float("nan")
+    return float((last - first) / (times[last] - times[first]))
 
 
 def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -> Mapping[str, dict[str, Any]]:
@@ -38,17 +44,17 @@ def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -
     -------
     mapping of str to dict
         ``people``, ``last_out`` [s], ``width`` [m], ``flow`` [1/s] and ``flow_per_metre`` [1/s/m]; None where nobody
-        left, and for flows of fewer than `FEWEST` people.
+        left, and for flows of fewer than `FEWEST` people or of people who left at once.
     """
     table = {}
     for exit_ in building.exits:
         times = np.sort(exit_time[exit_used == exit_.index])
-        flow = steady_flow(times) if times.size >= FEWEST else None
+        flow = steady_flow(times) if times.size >= FEWEST else math.nan
         table[exit_.name] = {
             "people": times.size,
             "last_out": float(times[-1]) if times.size else None,
             "width": exit_.width,
-            "flow": flow,
-            "flow_per_metre": None if flow is None else flow / exit_.width,
+            "flow": None if math.isnan(flow) else flow,
+            "flow_per_metre": None if math.isnan(flow) else flow / exit_.width,
         }
     return table

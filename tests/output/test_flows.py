@@ -14,6 +14,14 @@ def test_steady_flow_leaves_out_both_ends():
     assert np.isnan(steady_flow(np.array([1.0])))
 
 
+def test_people_who_all_pass_at_once_have_no_flow():
+    """A row of equal people who walk abreast through a wide exit."""
+    assert np.isnan(steady_flow(np.full(25, 8.75)))
+    building = make_building(exits=[(0, (0.0, 0.0, 0.0, 30.0))])
+    table = exit_table(building, np.zeros(25, np.int32), np.full(25, 8.75))
+    assert table["exit 0"] == {"people": 25, "last_out": 8.75, "width": 1.0, "flow": None, "flow_per_metre": None}
+
+
 def test_each_exit_has_people_width_and_flow():
     building = make_building(exits=[(0, (0.0, 0.0, 0.0, 1.0)), (0, (5.0, 0.0, 5.0, 1.0)), (0, (9.0, 0.0, 9.0, 1.0))])
     wide = building.exits[1]
