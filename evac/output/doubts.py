@@ -67,7 +67,7 @@ def doubts_about_flows(exits: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...
     tuple of str
     """
     return tuple(
-        f"{use['flow_per_metre']:.1f} people per second and metre left by {name!r}, more than the {MEASURED} that "
+        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, more than the {MEASURED} that "
         "laboratories have measured: they are pushed out; with [behaviours.headway] people keep their distance"
         for name, use in exits.items()
         if (use["flow_per_metre"] or 0.0) > MEASURED

@@ -46,7 +46,7 @@ def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
 
 
 def test_only_flows_beyond_measured_ones_are_doubted_and_the_exit_is_named():
-    flows = {"few": None, "slow": MEASURED, "fast": 2.91}
+    flows = {"few": None, "slow": MEASURED, "fast": 2.81}
     (doubt,) = doubts_about_flows({name: {"flow_per_metre": flow} for name, flow in flows.items()})
-    assert doubt.startswith("2.9 people per second and metre left by 'fast'")
+    assert doubt.startswith("2.81 people per second and metre left by 'fast', more than the 2.8")
     assert "[behaviours.headway]" in doubt
