@@ -50,8 +50,8 @@ class Sights(NamedTuple):
 class Headway(Behaviour):
     """Decides as the collision-free speed model does (Tordeux, Chraibi and Seyfried, 2016).
 
-    Without it people walk at full speed until bodies touch, and crowds pass doors and stairs several times
-    faster than measured ones. To the desired direction is added, for each person in sight at a distance s,
+    Without it people walk at full speed until bodies touch, and crowds pass doors faster than measured ones,
+    and stairs several times faster. To the desired direction is added, for each person in sight at a distance s,
 
         a exp((l - s) / D)    away from that person,
 
@@ -62,7 +62,7 @@ class Headway(Behaviour):
     v being what it wanted before, and s the distance of centres to the nearest of those whom it follows: who
 
     - stands ahead, no farther than l beside the line on which it walks, in sight, also through portals;
-    - has set off, and goes its way: the angle between their desired directions is below 90 degrees;
+    - has set off, wants to walk and goes its way: the angle between their desired directions is below 90 degrees;
     - is farther on: has less travel time left on the same route, or, on another route, is ahead along the sum of both
       directions too. So of two side by side at a door one goes first, and nobody waits for whom it holds up.
 
@@ -99,7 +99,8 @@ class Headway(Behaviour):
             cells=np.zeros(2, np.int32),
             open_to=np.zeros(n),
         )
-        cutoff = self.length + self.range * math.log(self.repulsion / FAINT) if self.repulsion > FAINT else 0.0
+        share = self.repulsion / FAINT
+        cutoff = max(self.length + self.range * math.log(share), 0.0) if share > 0.0 else 0.0
         self._rule = Rule(self.time_gap, self.length, self.repulsion, self.range, cutoff)
 
     def act(self, crowd: Crowd, time: float) -> None:
@@ -248,7 +249,10 @@ def bucket_at(world, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
-    """Say whether the straight line from person i to j passes no wall and ends on the level of j."""
+    """Say whether the straight line from person i to j ends on the level of j and passes no wall of either level.
+
+    It follows at most two portals, as `reaches` does; of a level between them the walls do not count.
+    """
     a, b = crowd.level[i], crowd.level[j]
     ax, ay, bx, by = crowd.position[i, 0], crowd.position[i, 1], crowd.position[j, 0], crowd.position[j, 1]
     if not reaches(world, a, ax, ay, b, bx, by):

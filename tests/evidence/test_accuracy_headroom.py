@@ -46,6 +46,11 @@ def test_no_sweep_where_nothing_is_left():
     assert least_sweeps(sparse.identity(5, format="csc"), np.full(5, 1e-3), np.full(5, 2.0), 2e-3) == 0
 
 
+def test_the_search_ends_after_the_longest(monkeypatch):
+    monkeypatch.setattr(headroom, "LONGEST", 3)
+    assert least_sweeps(chain(12), np.ones(12), np.ones(12), 1e-12) == 3
+
+
 @pytest.mark.parametrize("residual", [3e-2, 1e-2, 1e-4])
 def test_sweeps_are_those_that_least_squares_over_all_combinations_need(residual):
     matrix, right = chain(12), np.random.default_rng(3).normal(size=12)

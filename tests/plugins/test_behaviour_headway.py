@@ -101,8 +101,24 @@ def test_who_has_not_set_off_is_not_followed_until_it_does():
     assert factors(**people, time=5.0)[0] == pytest.approx(0.5 / 1.2)
 
 
+def test_who_does_not_want_to_walk_is_not_followed():
+    crowd = make_crowd([[0.0, 0.0], [0.8, 0.0]], speed=1.2)
+    crowd.speed_factor[1] = 0.0
+    prepared(crowd, repulsion=0.0).act(crowd, 0.0)
+    assert crowd.speed_factor.tolist() == [1.0, 0.0]
+
+
 def test_who_is_out_is_not_followed():
     assert factors([[0.0, 0.0], [0.8, 0.0]], level=[0, -1])[0] == 1.0
+    assert factors([[0.0, 0.0], [0.8, 0.0]], level=-1).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("way", [EAST, NORTH])
+def test_in_a_long_row_everybody_follows_the_next(way):
+    """As many cells along one axis as one along the other."""
+    places = 0.8 * np.arange(20.0)[:, None] * np.array(way) - 8.0 * np.array(way)
+    found = factors(places, fields=uniform_fields(1, way))
+    assert found == pytest.approx([0.5 / 1.2] * 19 + [1.0])
 
 
 def test_of_two_side_by_side_at_a_door_the_nearer_goes_first():
@@ -110,6 +126,11 @@ def test_of_two_side_by_side_at_a_door_the_nearer_goes_first():
     found = factors([[-0.2, 0.16], [-0.2, -0.14]], fields=fields_towards((0.0, 0.0)), length=0.35)
     assert found[1] == 1.0
     assert found[0] < 0.1
+
+
+def test_of_two_as_far_from_a_door_nobody_waits():
+    found = factors([[-0.25, 0.125], [-0.25, -0.125]], fields=fields_towards((0.0, 0.0)), length=0.35)
+    assert found.tolist() == [1.0, 1.0]
 
 
 def test_of_two_on_two_routes_whose_ways_meet_one_goes_first():
@@ -148,6 +169,20 @@ def test_through_a_wall_nobody_is_seen_but_beside_it():
     assert factors(behind, building=make_building(walls=[(0.4, 0.1, 0.4, 1.0)]))[0] < 1.0
 
 
+def test_the_joint_of_two_walls_hides_too():
+    joined = make_building(walls=[(0.4, -1.0, 0.4, 0.0), (0.4, 0.0, 0.4, 1.0)])
+    assert factors([[0.0, 0.0], [0.8, 0.0]], building=joined)[0] == 1.0
+
+
+def test_walls_of_either_level_hide_across_a_portal_and_those_of_other_storeys_nobody():
+    bounds = ((-10.0, -10.0, 0.4, 10.0), (0.4, -10.0, 10.0, 10.0), (-10.0, -10.0, 10.0, 10.0))
+    people = {"position": [[0.0, 0.0], [0.8, 0.0]], "level": [0, 1]}
+    for x, level, is_hidden in ((0.2, 0, True), (0.6, 1, True), (0.2, 2, False), (0.6, 2, False)):
+        wall = {"walls": [(x, -0.2, x, 0.2)], "wall_level": [level]}
+        building = make_building(bounds, portals=[(0, 1, (0.4, -0.5, 0.4, 0.5))], **wall)
+        assert factors(**people, building=building)[0] == pytest.approx(1.0 if is_hidden else 0.5 / 1.2), (x, level)
+
+
 def test_far_ahead_a_wall_hides_too():
     """The fast look farther than the reach of one bucket of walls."""
     people = {"position": [[-3.0, 0.0], [3.0, 0.0]], "speed": 8.0}
@@ -181,6 +216,7 @@ def test_a_faint_repulsion_is_left_out_and_none_is_none():
     assert np.hypot(*turns([[0.0, 0.0], [0.999 * reach, 0.0]])[0]) == pytest.approx(0.01, rel=0.02)
     assert turns([[0.0, 0.0], [1.001 * reach, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert turns([[0.0, 0.0], [0.2, 0.0]], repulsion=0.0).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert turns([[0.0, 0.0], [0.1, 0.0]], repulsion=0.008)[0, 0] == pytest.approx(-0.008 * math.exp(2.0))
     assert turns([[0.0, 0.0], [0.0, 0.0]]).tolist() == [[0.0, 0.0], [0.0, 0.0]]
 
 
@@ -189,6 +225,14 @@ def test_people_turn_from_who_waits_but_not_from_who_is_out_or_hidden():
     assert turns([[0.0, 0.0], [0.5, 0.0]], level=[0, -1])[0].tolist() == [0.0, 0.0]
     wall = make_building(walls=[(0.25, -1.0, 0.25, 1.0)])
     assert turns([[0.0, 0.0], [0.5, 0.0]], building=wall)[0].tolist() == [0.0, 0.0]
+
+
+def test_the_turn_is_added_to_that_of_other_behaviours():
+    crowd = make_crowd([[0.0, 0.0], [0.3, 0.4]])
+    crowd.extra_direction[:] = 0.5, -0.25
+    prepared(crowd).act(crowd, 0.0)
+    push = 8.0 * math.exp((0.3 - 0.5) / 0.1)
+    assert crowd.extra_direction[0] == pytest.approx([0.5 - 0.6 * push, -0.25 - 0.8 * push])
 
 
 def test_who_has_turned_follows_on_the_way_turned_to():
