@@ -59,12 +59,13 @@ class Headway(Behaviour):
 
         min(v, max(0, (s - l) / T))
 
-    v being what it wanted before, and s the distance of centres to the nearest of those whom it follows: who
+    v being what it wanted before, and s the distance of centres to the nearest person who
 
     - stands ahead, no farther than l beside the line on which it walks, in sight, also through portals;
-    - has set off, wants to walk and goes its way: the angle between their desired directions is below 90 degrees;
-    - is farther on: has less travel time left on the same route, or, on another route, is ahead along the sum of both
-      directions too. So of two side by side at a door one goes first, and nobody waits for whom it holds up.
+    - has set off and wants to walk;
+    - where the angle between their desired directions is below 90 degrees, is farther on: has less travel time left on
+      the same route, or, on another route, is ahead along the sum of both directions too. So of two side by side at a
+      door one goes first, and nobody waits for whom it holds up.
 
     Bodies wider than l still touch, at (2 r - l) / T. In a case it comes last of the behaviours, for it takes speeds
     and directions as the others have left them.
@@ -73,17 +74,19 @@ class Headway(Behaviour):
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
     (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of the same model in JuPedSim. There one
-    follows who is nearest ahead; the last two rules, sight and contact are ours.
+    brakes for whoever is nearest ahead; the last two rules, sight and contact are ours.
     """
 
     name = "headway"
     reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
     writes = ("speed_factor", "extra_direction")
 
-    time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", unit="s", above=0.0)
-    length = Parameter(0.3, "distance of centres at which one stands behind another, l", unit="m", minimum=0.0)
-    repulsion = Parameter(8.0, "how much people who are `length` apart turn from each other, a", minimum=0.0)
-    range = Parameter(0.1, "range of that, D", unit="m", minimum=0.01)
+    time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", "s", above=0.0, maximum=60.0)
+    length = Parameter(0.3, "distance of centres at which one stands behind another, l", "m", minimum=0.0, maximum=2.0)
+    repulsion = Parameter(
+        8.0, "how much people who are `length` apart turn from each other, a", minimum=0.0, maximum=1000.0
+    )
+    range = Parameter(0.1, "range of that, D", "m", minimum=0.01, maximum=10.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Make room for what is seen at a tick."""
@@ -185,7 +188,7 @@ def look_around(world, crowd, sights, time):  # type: ignore[no-untyped-def]
 
 @inner
 def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
-    """Lower the speed factors of those who are too near to the nearest of those whom they follow."""
+    """Lower the speed factors of those who are too near to the nearest of those for whom they brake."""
     for i in range(crowd.level.shape[0]):
         full = rule.time_gap * sights.wanted[i]
         if full <= 0.0:
@@ -201,7 +204,7 @@ def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
                 if ex * dx + ey * dy <= 0.0 or abs(ex * dy - ey * dx) > rule.length:
                     continue
                 s = math.sqrt(dx * dx + dy * dy)
-                if s >= nearest or not follows(crowd, sights, i, j, dx, dy):
+                if s >= nearest or not brakes_for(crowd, sights, i, j, dx, dy):
                     continue
                 if (s <= sights.open_to[i] and crowd.level[j] == crowd.level[i]) or sees(world, crowd, i, j):
                     nearest = s
@@ -210,14 +213,14 @@ def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
 
 
 @inner
-def follows(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
-    """Say whether person j, at (dx, dy) from i, goes the way of i and is farther on."""
+def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
+    """Say whether person i brakes for j, who is ahead at (dx, dy): not if j goes its way and is less far on."""
     if sights.wanted[j] <= 0.0:
         return False
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     fx, fy = sights.direction[j, 0], sights.direction[j, 1]
     if ex * fx + ey * fy <= 0.0:
-        return False
+        return True
     if crowd.route[i] == crowd.route[j]:
         return sights.remaining[j] < sights.remaining[i]
     return (ex + fx) * dx + (ey + fy) * dy > 0.0

@@ -83,6 +83,17 @@ def test_no_solver_by_sweeps_needs_fewer_than_the_best_combination(settled, law)
         assert problem.solve(solver, residual, 100_000)[0] >= best > 1
 
 
+def test_sweeps_are_counted_to_the_residual_that_the_goal_means(settled):
+    """A goal of 1e-7 m is 1e-5 m/s under NSM1, whose step is 0.01 s."""
+    problem = contact_problem(settled, LAWS[0], Registry())
+    found = headroom._counted(problem, 1e-7, "accelerated_sweeps")
+    assert found["best: sweeps"] == least_sweeps(*pushing_system(problem, "gauss_seidel"), 1e-5)
+    problem.start(False)
+    assert found["gauss_seidel: sweeps"] == problem.solve("gauss_seidel", 1e-5, 100_000)[0]
+    assert found["gauss_seidel [ms]"] > 0.0
+    assert found["one factorisation [ms]"] > 0.0
+
+
 def test_targets_out_of_reach_are_counted():
     def row(best, factorisation):
         found = {

@@ -87,12 +87,17 @@ def test_nobody_follows_who_is_behind_or_beside():
     assert factors([[0.0, 0.0], [0.0, 0.25]]).tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize(
-    ("other", "is_followed"), [(EAST, True), (NORTH_EAST, True), (NORTH, False), (WEST, False)], ids=str
-)
-def test_who_goes_another_way_is_not_followed(other, is_followed):
+@pytest.mark.parametrize("other", [EAST, NORTH_EAST, NORTH, WEST], ids=str)
+def test_whoever_is_ahead_is_braked_for_whichever_way_it_goes(other):
     found = factors([[0.0, 0.0], [0.8, 0.0]], fields=uniform_fields(1, EAST, other), route=[0, 1])
-    assert found[0] == pytest.approx(0.5 / 1.2 if is_followed else 1.0)
+    assert found[0] == pytest.approx(0.5 / 1.2)
+
+
+def test_who_is_turned_round_brakes_for_who_comes_up_behind():
+    """The one in the middle is turned back by the one ahead, towards the one behind."""
+    crowd = acted([[0.0, 0.0], [0.42, 0.0], [-0.9, 0.0]])
+    assert crowd.extra_direction[0, 0] < -1.0
+    assert crowd.speed_factor[0] == pytest.approx((0.9 - 0.3) / 1.2)
 
 
 def test_who_has_not_set_off_is_not_followed_until_it_does():
@@ -252,7 +257,7 @@ def test_two_who_come_towards_each_other_pass():
     fields = uniform_fields(1, EAST, WEST)
     behaviour, engine, model = prepared(crowd, fields=fields), make_engine(crowd, fields=fields), Nsm1()
     nearest = math.inf
-    for tick in range(60):
+    for tick in range(80):
         crowd.speed_factor[:] = 1.0
         crowd.extra_direction[:] = 0.0
         behaviour.act(crowd, 0.1 * tick)
@@ -263,20 +268,19 @@ def test_two_who_come_towards_each_other_pass():
     assert nearest > 0.35
 
 
-def nearest_followed(crowd, directions, remaining, walls, length, i):
-    """Return the distance to whom person i follows, from the rules of the docstring and shapely's geometry."""
+def nearest_ahead(crowd, directions, remaining, walls, length, i):
+    """Return the distance to whom person i brakes for, from the rules of the docstring and shapely's geometry."""
     found = math.inf
     for j in range(len(crowd.level)):
         step = crowd.position[j] - crowd.position[i]
         e, f = directions[crowd.route[i]], directions[crowd.route[j]]
         beside = abs(e[0] * step[1] - e[1] * step[0])
-        if j == i or e @ step <= 0.0 or beside > length or e @ f <= 0.0:
+        if j == i or e @ step <= 0.0 or beside > length:
             continue
-        if crowd.route[i] == crowd.route[j]:
-            if remaining[j] >= remaining[i]:
+        if e @ f > 0.0:
+            same = crowd.route[i] == crowd.route[j]
+            if not (remaining[j] < remaining[i] if same else (e + f) @ step > 0.0):
                 continue
-        elif (e + f) @ step <= 0.0:
-            continue
         if not shapely.LineString([crowd.position[i], crowd.position[j]]).intersects(walls):
             found = min(found, math.hypot(*step))
     return found
@@ -297,7 +301,7 @@ def test_everybody_does_what_a_search_over_all_pairs_tells(seed):
     lines = shapely.MultiLineString([*walls])
     slowed = 0
     for i in range(n):
-        spacing = nearest_followed(crowd, directions, remaining, lines, length, i)
+        spacing = nearest_ahead(crowd, directions, remaining, lines, length, i)
         expected = min(1.0, max(0.0, (spacing - length) / (time_gap * crowd.speed[i, 0])))
         assert crowd.speed_factor[i] == pytest.approx(expected, abs=1e-12), i
         slowed += expected < 1.0

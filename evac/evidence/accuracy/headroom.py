@@ -1,8 +1,8 @@
 """Accuracy, part a: how few sweeps any acceleration could need, if it knew beforehand who pushes.
 
-On the contacts that push the law is a linear system, A x = y with unit diagonal. Whatever goes on from Gauss-Seidel
-sweeps by combining what they have found, momentum as well as conjugate gradients, has after k sweeps a combination
-of k directions; the one of least residual (Saad and Schultz, 1986) is found here, at no account of its cost.
+On the contacts that push the law is a linear system, A x = y with unit diagonal. Whatever combines what Gauss-Seidel
+sweeps in one order have found, by momentum or otherwise, has after k sweeps a combination of k directions; the one of
+least residual, by root mean square (Saad and Schultz, 1986), is found here, at no account of its cost.
 """
 
 import time
@@ -46,9 +46,9 @@ def run(evidence: Evidence) -> None:
         "solvers_headroom",
         rows,
         f"Sweeps from a cold start to a residual, {people} people, medians over {crowds} crowds. best: the combination"
-        " of so many Gauss-Seidel sweeps that has the least residual, when the contacts that push are known"
-        " beforehand; what it takes to combine them is not counted, and a solver must find out who pushes. No momentum"
-        " and no conjugate gradients on these sweeps can need much fewer."
+        " of so many Gauss-Seidel sweeps that has the least residual, by root mean square, when the contacts that push"
+        " are known beforehand; what it takes to combine them is not counted, and a solver must find out who pushes. No"
+        " momentum on sweeps in this order can need much fewer; sweeps back and forth are outside of the comparison."
         f" {_reach_in_words(rows)} A solver that takes longer than {CAP:g} s counts as {CAP:g} s.",
     )
 
