@@ -1,6 +1,7 @@
 """NSM2 over its whole range of dissipation, standing crowds, static overlaps and forces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,8 @@ def dissipation(evidence: Evidence) -> None:
             ):
                 trial = attempt(model, scene, 0.01, 0.3, every=0.01)
                 expected = restitution(value, mass)
-                error = abs(rebound(trial) - expected)
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
-                row[name] = judge(trial, lambda _, error=error: error, SMALL_SPEED, SMALL_SPEED, "").kind  # type: ignore[misc]
+                row[name] = judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
             rows.append(row | _try_squeeze(model))
     evidence.table(
         "dissipation",
@@ -124,6 +124,11 @@ def _pair_rebound(trial: Trial) -> float:
     """Return the ratio of the two people's relative velocities at the end and at the start."""
     relative = trial.velocity[[0, -1], 0, 0] - trial.velocity[[0, -1], 1, 0]
     return float(-relative[1] / relative[0])
+
+
+def _off(rebound: Callable[[Trial], float], expected: float, trial: Trial) -> float:
+    """Return how far the restitution of a trial is from theory."""
+    return abs(rebound(trial) - expected)
 
 
 def _draw_restitution(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:

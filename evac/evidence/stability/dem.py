@@ -1,5 +1,7 @@
 """DEM's limit of stability: stiffness against step on a pressed crowd, and the limit of contact networks."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from evac.evidence import scenes
@@ -186,7 +188,7 @@ def _refused_limit(scene: Scene, stiffness: float, explicit: bool) -> float | No
     return _bisect(is_taken)
 
 
-def _bisect(holds) -> float | None:  # type: ignore[no-untyped-def]
+def _bisect(holds: Callable[[float], bool]) -> float | None:
     """Return the step [s] between 1e-4 and 0.1 at which `holds` turns false, None if it does not."""
     low, high = 1e-4, 0.1
     if holds(high):

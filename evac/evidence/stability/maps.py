@@ -128,9 +128,7 @@ def _sums(panel: str, cells: Sequence[Cell]) -> dict[str, str | int | float]:
     return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
 
 
-def _draw_panel(  # type: ignore[no-untyped-def]
-    axis, cells: Sequence[Cell], curves: Sequence[Curve], styles: Mapping[str, str]
-) -> None:
+def _draw_panel(axis: Any, cells: Sequence[Cell], curves: Sequence[Curve], styles: Mapping[str, str]) -> None:
     """Draw one panel: squares at equal distances whatever the values, with the theory laid over them."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patheffects import withStroke
@@ -192,7 +190,7 @@ def _places(values: Sequence[float], wanted: FloatArray) -> FloatArray:
     return np.asarray(np.where(sought > logarithm[-1], places[-1] + last * (sought - logarithm[-1]), found))
 
 
-def _draw_legend(figure, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:  # type: ignore[no-untyped-def]
+def _draw_legend(figure: Any, cells: Sequence[Cell], styles: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
 
     present = {cell.verdict.kind for cell in cells}
