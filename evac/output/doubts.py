@@ -54,21 +54,26 @@ def doubts_about(report: Mapping[str, Any], smallest_radius: float) -> tuple[str
     return tuple(found)
 
 
-def doubts_about_flows(exits: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+def doubts_about_flows(exits: Mapping[str, Mapping[str, Any]], keeps_distance: bool) -> tuple[str, ...]:
     """Return a line for each exit that people left faster than they do in any laboratory, with the way out.
 
     Parameters
     ----------
     exits : mapping
         As `evac.output.flows.exit_table` returns it.
+    keeps_distance : bool
+        Whether the behaviour headway is in use.
 
     Returns
     -------
     tuple of str
     """
+    why = "they are pushed out; with [behaviours.headway] people keep their distance"
+    if keeps_distance:
+        why = "look at egress.csv whether they left in one short rush"
     return tuple(
         f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, more than the {MEASURED} that "
-        "laboratories have measured: they are pushed out; with [behaviours.headway] people keep their distance"
+        f"laboratories have measured: {why}"
         for name, use in exits.items()
         if (use["flow_per_metre"] or 0.0) > MEASURED
     )

@@ -155,7 +155,9 @@ class Results:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What the numbers of the run say against it, a line each."""
-        return (*doubts_about(self.report, float(self.crowd.radius.min())), *doubts_about_flows(self.exits))
+        keeps_distance = self.case.behaviours.get("headway", False) is not False
+        contacts = doubts_about(self.report, float(self.crowd.radius.min()))
+        return (*contacts, *doubts_about_flows(self.exits, keeps_distance))
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:

@@ -39,7 +39,7 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 def reaches(world, level_a, ax, ay, level_b, bx, by):
     """Say whether the straight segment from a, followed through portals, ends on b's level.
 
-    At most two portals are passed: levels are at least a metre deep, and nothing reaches farther.
+    At most two portals are passed: levels are at least a metre deep, and contacts and forces reach no farther.
     """
     if level_a == level_b:
         return True

@@ -163,7 +163,7 @@ def results(building):
     log = [(2, 3, 1.0), (1, 1, 2.0), (4, 3, 3.0), (4, 3, 3.5), (2, 2, 5.0), (1, 0, 6.0)]
     position = [[0.0, 1.5], [0.0, 1.5], [16.0, 3.0], [2.0, 5.0], [9.0, 3.0]]
     return Results(
-        case=SimpleNamespace(title="Three storeys", to_dict=lambda: {"title": "Three storeys"}),
+        case=SimpleNamespace(title="Three storeys", behaviours={}, to_dict=lambda: {"title": "Three storeys"}),
         building=building,
         crowd=crowd_at(position, [-1, -1, 2, 4, 4], exit_time=[4.0, 9.0, np.nan, np.nan, np.nan]),
         groups=(

@@ -47,6 +47,9 @@ def test_driving_that_brakes_more_than_it_works_is_no_work_of_contacts():
 
 def test_only_flows_beyond_measured_ones_are_doubted_and_the_exit_is_named():
     flows = {"few": None, "slow": MEASURED, "fast": 2.81}
-    (doubt,) = doubts_about_flows({name: {"flow_per_metre": flow} for name, flow in flows.items()})
-    assert doubt.startswith("2.81 people per second and metre left by 'fast', more than the 2.8")
+    exits = {name: {"flow_per_metre": flow} for name, flow in flows.items()}
+    (doubt,) = doubts_about_flows(exits, keeps_distance=False)
+    assert doubt.startswith("2.81 people per second and metre left by 'fast', more than the 2.8 that")
     assert "[behaviours.headway]" in doubt
+    (doubt,) = doubts_about_flows(exits, keeps_distance=True)
+    assert doubt.endswith("look at egress.csv whether they left in one short rush")

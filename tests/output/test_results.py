@@ -1,6 +1,7 @@
 import csv
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,6 +36,10 @@ def test_people_who_rush_out_are_doubted(results, monkeypatch):
         rush = results.crowd._replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
         doubts = replace(results, crowd=rush).summary()["doubts"]
         assert any("people per second and metre left by 'door'" in doubt for doubt in doubts) == doubted
+    for headway, advised in (({"headway": {}}, False), ({"headway": False}, True), ({}, True)):
+        case = SimpleNamespace(behaviours=headway)
+        doubts = replace(results, crowd=rush, case=case).doubts
+        assert any("[behaviours.headway]" in doubt for doubt in doubts) == advised
 
 
 def test_egress_counts_exit_times_in_order(results):
