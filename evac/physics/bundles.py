@@ -187,6 +187,23 @@ class Lists(NamedTuple):
     span: FloatArray  # (3,) reach beyond touching covered for bodies, skin, reach covered for walls [m]
 
 
+class Groups(NamedTuple):
+    """Rows in groups of four that share no body, see `evac.physics.groups`; arrays over lanes are flat."""
+
+    row: IndexArray  # of each lane; as many as there are rows: none
+    body: IndexArray  # place of the body's first number in the flat velocities
+    other: IndexArray
+    data: FloatArray  # of each group, each column of `Rows.data` in turn
+    elastic: FloatArray  # likewise
+    scale: FloatArray
+    percussion: FloatArray
+    last: FloatArray  # percussions of the sweep before
+    kept: FloatArray  # percussions at the last look
+    mask: LongArray  # (n + 1,) a bit for each open group that a body is in
+    block: LongArray  # (n + 1,) which open groups the mask is of
+    filled: LongArray  # lanes taken in each open group
+
+
 class Rows(NamedTuple):
     """The contact problem packed for the solvers, see `evac.physics.rows`.
 
@@ -201,15 +218,16 @@ class Rows(NamedTuple):
     scale: FloatArray  # sqrt(omega) [kg^-1/2]
     percussion: FloatArray  # percussions times scale, x
     branch: IntArray  # of the law
-    root: FloatArray  # (n + 1,) sqrt(m), infinite for the wall
-    free: FloatArray  # (n + 1, 2) free velocities times root
-    velocity: FloatArray  # (n + 1, 2) velocities times root, U
+    inverse_root: FloatArray  # (n + 1,) 1/sqrt(m), 0 for the wall
+    free: FloatArray  # (n + 1, 2) free velocities times sqrt(m)
+    velocity: FloatArray  # (n + 1, 2) velocities times sqrt(m), U
     face: IndexArray  # rows on the face
     face_body: IndexArray
     face_other: IndexArray
     face_data: FloatArray
     work: FloatArray  # (4, r) percussions of earlier iterations, directions
     image: FloatArray  # (4, n + 1, 2) velocities of earlier iterations, velocity images of directions
+    groups: Groups
 
 
 class Contacts(NamedTuple):

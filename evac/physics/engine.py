@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.errors import SimulationError, plugin_code
+from evac.lanes import FOUR
 from evac.physics import neighbours, stepping
 from evac.physics import tallies as at
-from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Lists, Rows, World
+from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Groups, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
+from evac.physics.groups import LANES_OPEN, OPEN
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
 
 if TYPE_CHECKING:
@@ -256,13 +258,29 @@ def make_rows(n: int, capacity: int) -> Rows:
         "elastic": np.zeros((capacity, 3)),
         "face_data": np.zeros((capacity, 7)),
         "work": np.zeros((4, capacity)),
-        "root": np.zeros(n + 1),
+        "inverse_root": np.zeros(n + 1),
         "free": np.zeros((n + 1, 2)),
         "velocity": np.zeros((n + 1, 2)),
         "image": np.zeros((4, n + 1, 2)),
+        "groups": make_groups(n, capacity),
     }
     arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(capacity) for name in Rows._fields}
     return Rows(**arrays)
+
+
+def make_groups(n: int, capacity: int) -> Groups:
+    """Allocate groups for the rows; where all of them share one body each takes four lanes, which is rare."""
+    lanes = FOUR * capacity + LANES_OPEN
+    special: dict[str, Any] = {
+        **{name: np.zeros(lanes, np.uint32) for name in ("row", "body", "other")},
+        "data": np.zeros(5 * lanes),
+        "elastic": np.zeros(3 * lanes),
+        "mask": np.zeros(n + 1, np.int64),
+        "block": np.zeros(n + 1, np.int64),
+        "filled": np.zeros(OPEN, np.int64),
+    }
+    arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(lanes) for name in Groups._fields}
+    return Groups(**arrays)
 
 
 def make_events(capacity: int) -> Events:

@@ -7,6 +7,8 @@ many iterations for a chain of contacts as it is long, a sweep without its squar
 import math
 
 from evac.jit import inner
+from evac.lanes import FOUR
+from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
 from evac.physics.rows import (
     AX,
     AY,
@@ -15,10 +17,9 @@ from evac.physics.rows import (
     BOUND,
     BX,
     BY,
+    CAUTION,
     LIKELY,
     SPRING,
-    keep,
-    law,
     look,
     push_row,
     renew_velocity,
@@ -133,40 +134,48 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     in orderly crowds, bodies in rows, they swing ever farther. Where the energy has risen between two looks, sweeps
     start again from the look before and run back and forth from then on: a symmetric sweep is a step in a metric in
     which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
-    share of the last step: plain sweeps, which cannot rise, are what that tends to.
+    share of the last step: plain sweeps, which cannot rise, are what that tends to. Sweeps relax four rows at a time
+    (`evac.physics.groups`).
     """
+    found = row_residual(rows, n)
+    if found <= tolerance or limit < 1:
+        return n * 0, found
+    count = form(rows, n, bodies)
     momentum, share, most = 1.0, 0.0, 1.0
     back = False
+    likely = LIKELY
     looked, risen = n * 0, -SOON
-    found, likely = row_residual(rows, n), LIKELY
-    accepted = energy(rows, n, bodies)
-    keep(rows, n, bodies, 0)
-    keep(rows, n, bodies, 1)
+    accepted = energy(rows, n, bodies, count)
+    _keep(rows, bodies, count)
+    _take_back(rows, bodies, count)
     iteration = n * 0
     while found > tolerance and iteration < limit:
         _go_on(rows, bodies, share)
-        uphill, change = _sweep_on(rows, n, share)
+        uphill, change = sweep_on(rows, count, share)
         iteration += 1
         if back and iteration < limit:
-            further, change = _sweep_back(rows, n)
+            further, change = sweep_back(rows, count)
             uphill += further
             iteration += 1
         if iteration >= looked + WATCH or iteration >= limit:
             looked = iteration
-            now = energy(rows, n, bodies)
+            now = energy(rows, n, bodies, count)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
-                keep(rows, n, bodies, 1)
+                _keep(rows, bodies, count)
             else:
-                _take_back(rows, n, bodies)
+                _take_back(rows, bodies, count)
                 if back and iteration - risen <= SOON:
                     most *= 0.5
                 back = True
                 risen = iteration
                 uphill = 1.0
-        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
+        if likely * change <= tolerance or iteration >= limit:
+            found = group_residual(rows, count)
+            likely = CAUTION * found / change if change > 0.0 else likely
         momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
         share = min(share, most)
+    dissolve(rows, n, count)
     return iteration, found
 
 
@@ -181,11 +190,22 @@ def _go_on(rows, bodies, share):
 
 
 @inner
-def _take_back(rows, n, bodies):
-    """Return to percussions and velocities of the last look."""
-    for r in range(n):
-        rows.percussion[r] = rows.work[1, r]
-        rows.work[0, r] = rows.work[1, r]
+def _keep(rows, bodies, count):
+    """Keep percussions and velocities, for `_take_back`."""
+    for k in range(FOUR * count):
+        rows.groups.kept[k] = rows.groups.percussion[k]
+    for i in range(bodies):
+        for k in range(2):
+            rows.image[1, i, k] = rows.velocity[i, k]
+
+
+@inner
+def _take_back(rows, bodies, count):
+    """Return to the percussions and velocities kept, at rest."""
+    groups = rows.groups
+    for k in range(FOUR * count):
+        groups.percussion[k] = groups.kept[k]
+        groups.last[k] = groups.kept[k]
     for i in range(bodies):
         for k in range(2):
             rows.velocity[i, k] = rows.image[1, i, k]
@@ -193,47 +213,13 @@ def _take_back(rows, n, bodies):
 
 
 @inner
-def energy(rows, n, bodies):
+def energy(rows, n, bodies, count):
     """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
     total = 0.0
     for i in range(bodies):
         total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
-    for r in range(n):
-        total += row_energy(rows, r, rows.percussion[r])
+    for k in range(FOUR * count):
+        r = rows.groups.row[k]
+        if r < n:
+            total += row_energy(rows, r, rows.groups.percussion[k])
     return total
-
-
-@inner
-def _sweep_on(rows, n, share):
-    """Sweep up from x gone on by `share` of its last step.
-
-    Returns the slope along the last step and the greatest change of a row [m/s].
-    """
-    uphill, greatest = 0.0, 0.0
-    rigid = rows.rigid[0] == 1
-    for r in range(n):
-        old = rows.percussion[r]
-        start = old + share * (old - rows.work[0, r])
-        change = law(rows, r, start, rigid)
-        new = start + change
-        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
-        rows.work[0, r] = old
-        rows.percussion[r] = new
-        uphill -= change * (new - old)
-        greatest = max(greatest, abs(change) * rows.scale[r])
-    return uphill, greatest
-
-
-@inner
-def _sweep_back(rows, n):
-    """Sweep down behind a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
-    uphill, greatest = 0.0, 0.0
-    rigid = rows.rigid[0] == 1
-    for r in range(n - 1, -1, -1):
-        x = rows.percussion[r]
-        change = law(rows, r, x, rigid)
-        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
-        rows.percussion[r] = x + change
-        uphill -= change * (x + change - rows.work[0, r])
-        greatest = max(greatest, abs(change) * rows.scale[r])
-    return uphill, greatest

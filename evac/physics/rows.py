@@ -38,10 +38,10 @@ def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
     """Fill the rows from the contacts, set velocities to the free ones plus percussions; return the number of rows."""
     rows = contacts.rows
     for i in range(bodies):
-        rows.root[i] = math.sqrt(1.0 / inverse_mass[i])
+        rows.inverse_root[i] = math.sqrt(inverse_mass[i])
         for k in range(2):
-            rows.free[i, k] = rows.root[i] * free[i, k]
-    rows.root[bodies] = math.inf
+            rows.free[i, k] = free[i, k] / rows.inverse_root[i]
+    rows.inverse_root[bodies] = 0.0
     rows.free[bodies, 0] = 0.0
     rows.free[bodies, 1] = 0.0
     used = contacts.count[0] * 0
@@ -71,12 +71,14 @@ def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound,
     scale = math.sqrt(contacts.omega[c])
     rows.scale[r] = scale
     rows.percussion[r] = scale * start
-    rows.data[r, AX] = nx / (scale * rows.root[i])
-    rows.data[r, AY] = ny / (scale * rows.root[i])
-    rows.data[r, BX] = -nx / (scale * rows.root[j])
-    rows.data[r, BY] = -ny / (scale * rows.root[j])
-    rows.data[r, BIAS] = bias / scale
-    rows.elastic[r, BEFORE] = before / scale
+    inverse = 1.0 / scale  # multiplications are several times cheaper than divisions
+    own, others = inverse * rows.inverse_root[i], inverse * rows.inverse_root[j]
+    rows.data[r, AX] = nx * own
+    rows.data[r, AY] = ny * own
+    rows.data[r, BX] = -nx * others
+    rows.data[r, BY] = -ny * others
+    rows.data[r, BIAS] = bias * inverse
+    rows.elastic[r, BEFORE] = before * inverse
     rows.elastic[r, SPRING] = spring
     rows.elastic[r, BOUND] = bound
 
@@ -96,8 +98,8 @@ def unpack(contacts, bodies, velocity, tangential):
                 contacts.friction[c] = rows.percussion[r] / rows.scale[r]
                 r += 1
     for i in range(bodies):
-        velocity[i, 0] = rows.velocity[i, 0] / rows.root[i]
-        velocity[i, 1] = rows.velocity[i, 1] / rows.root[i]
+        velocity[i, 0] = rows.velocity[i, 0] * rows.inverse_root[i]
+        velocity[i, 1] = rows.velocity[i, 1] * rows.inverse_root[i]
         total += velocity[i, 0] + velocity[i, 1]
     return math.isfinite(total)
 

@@ -164,10 +164,10 @@ def uzawa(rows, n, bodies, tolerance, limit):
     rho = 0.95 * 2 alpha / |C|^2 with alpha the least mass; h^2 rho of NSM1, whose rows are h G, is the same
     step on percussions. Returns (iterations, residual).
     """
-    least = rows.root[0]
+    greatest = 0.0
     for i in range(bodies):
-        least = min(least, rows.root[i])
-    rate = 1.9 * least * least / constraint_norm(rows, n, bodies)
+        greatest = max(greatest, rows.inverse_root[i])
+    rate = 1.9 / (greatest * greatest * constraint_norm(rows, n, bodies))
     found, likely = row_residual(rows, n), LIKELY
     iteration = n * 0
     while found > tolerance and iteration < limit:
@@ -202,9 +202,9 @@ def constraint_norm(rows, n, bodies):
         square = 0.0
         for i in range(bodies):
             for k in range(2):
-                rows.image[0, i, k] *= rows.root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
+                rows.image[0, i, k] /= rows.inverse_root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
                 square += rows.image[0, i, k] ** 2
-                rows.image[0, i, k] *= rows.root[i]
+                rows.image[0, i, k] /= rows.inverse_root[i]
         done = abs(square - value) <= 1e-3 * square
         value = square
         if done:

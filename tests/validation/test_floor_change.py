@@ -77,6 +77,8 @@ def test_floors_with_the_same_plan_do_not_touch(tmp_path, model):
     places = [[0.5 + 0.6 * i, 0.5 + 0.6 * j] for i in range(4) for j in range(6)]
     group = {"positions": places, "speed": 1.4}
     settings = {"forces": {"social": {}}}
+    if model != "dem":  # solved so far that the order in which contacts are solved does not show
+        settings |= {f"contact.{model}.velocity_tolerance": 1e-12, f"contact.{model}.iterations": 100_000}
     tracks = []
     for heights in ((0.0,), (0.0, 3.0)):
         people = [group | {"z": z} for z in heights]

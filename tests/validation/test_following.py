@@ -31,16 +31,18 @@ def share_ahead(simulation):
     return float(np.mean(np.concatenate(leads(simulation)) > SECOND))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_pupils_keep_behind_their_teachers_and_six_classes_get_out(seed):
-    simulation = Simulation(load_case("primary_school", {"simulation.seed": seed}))
-    ahead = leads(simulation)
-    assert np.mean(np.concatenate(ahead) > SECOND) <= 0.05
-    assert np.mean([np.mean(values > SECOND) <= 0.05 for values in ahead if len(values)]) >= 0.95
-    assert simulation.ended == "everybody out"
-    stair = {row for row, level in enumerate(simulation._start[1]) if level > 0}
-    crossed = set(simulation.population.crossings[0].tolist())
-    assert stair <= crossed
+def test_pupils_keep_behind_their_teachers_and_six_classes_get_out():
+    kept = []
+    for seed in (1, 2, 3, 4):
+        simulation = Simulation(load_case("primary_school", {"simulation.seed": seed}))
+        ahead = leads(simulation)
+        assert np.mean(np.concatenate(ahead) > SECOND) <= 0.05
+        kept += [np.mean(values > SECOND) <= 0.05 for values in ahead if len(values)]
+        assert simulation.ended == "everybody out"
+        stair = {row for row, level in enumerate(simulation._start[1]) if level > 0}
+        crossed = set(simulation.population.crossings[0].tolist())
+        assert stair <= crossed
+    assert np.mean(kept) >= 0.95  # of the pupils of all runs
 
 
 def test_without_the_behaviour_pupils_run_ahead():

@@ -45,22 +45,25 @@ def run(evidence: Evidence) -> None:
     evidence.table(
         "solvers_headroom",
         rows,
-        f"Sweeps from a cold start to a residual, {people} people, medians over {crowds} crowds. best: the combination"
-        " of so many Gauss-Seidel sweeps that has the least residual, by root mean square, when the contacts that push"
-        " are known beforehand; what it takes to combine them is not counted, and a solver must find out who pushes. No"
+        f"Sweeps from a cold start to a residual, {people} people, medians over {crowds} crowds. A sweep of {default}"
+        " does more than one of gauss_seidel, which puts one contact right after the other, but relaxes four of them at"
+        " a time; plain sweeps could be made cheaper in this way too. best: the combination of so many sweeps, in the"
+        " order of gauss_seidel, that has the least residual, by root mean square, when the contacts that push are"
+        " known beforehand; what it takes to combine them is not counted, and a solver must find out who pushes. No"
         " momentum on sweeps in this order can need much fewer; sweeps back and forth are outside of the comparison."
-        f" {_reach_in_words(rows)} A solver that takes longer than {CAP:g} s counts as {CAP:g} s.",
+        f" Its time is that of so many sweeps of {default}. {_reach_in_words(rows)}"
+        f" A solver that takes longer than {CAP:g} s counts as {CAP:g} s.",
     )
 
 
 def _row(found: Sequence[dict[str, float]], default: str, least: float) -> dict[str, float]:
     """Return the medians over crowds, and what they say about a target, the least ratio of times."""
     row = {key: float(np.median([one[key] for one in found])) for key in found[0]}
-    plain = row["gauss_seidel: sweeps"]
+    best = row[f"{default} [ms]"] * row["best: sweeps"] / row[f"{default}: sweeps"]
     return {
         **row,
-        f"gauss_seidel / {default}": plain / row[f"{default}: sweeps"],
-        "gauss_seidel / best": plain / row["best: sweeps"],
+        f"gauss_seidel / {default}": row["gauss_seidel [ms]"] / row[f"{default} [ms]"],
+        "gauss_seidel / best": row["gauss_seidel [ms]"] / best,
         "target": least,
         "time at the target [ms]": row["gauss_seidel [ms]"] / least,
     }
@@ -80,11 +83,14 @@ def _reach_in_words(rows: Sequence[dict[str, Any]]) -> str:
 def _counted(problem: ContactProblem, goal: float, default: str) -> dict[str, float]:
     """Return the sweeps of Gauss-Seidel, of the default solver and of the best combination, and times [ms]."""
     residual = goal / problem.law.scale
-    counts = {}
+    counts: dict[str, float] = {}
     for solver in ("gauss_seidel", default):
         problem.start(False)
-        counts[f"{solver}: sweeps"] = problem.solve(solver, residual, ENOUGH)[0]
-    plain = 1e3 * seconds_to(problem, "gauss_seidel", goal)
+        sweeps = problem.solve(solver, residual, ENOUGH)[0]
+        span = 1e3 * seconds_to(problem, solver, goal)
+        counts[f"{solver}: sweeps"] = sweeps
+        counts[f"{solver} [ms]"] = span
+        counts[f"{solver}: [ns] per contact and sweep"] = 1e6 * span / (sweeps * problem.size)
     matrix, right, scale = pushing_system(problem, default)
     spans = []
     for _ in range(REPEATS):
@@ -94,7 +100,6 @@ def _counted(problem: ContactProblem, goal: float, default: str) -> dict[str, fl
     return {
         **counts,
         "best: sweeps": least_sweeps(matrix, right, scale, residual),
-        "gauss_seidel [ms]": plain,
         "one factorisation [ms]": 1e3 * float(np.median(spans)),
     }
 

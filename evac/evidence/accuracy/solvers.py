@@ -80,7 +80,8 @@ def run(evidence: Evidence) -> None:
         accelerated_gradient steps each by its own length and goes on along the last step (Nesterov's momentum).
         gauss_seidel puts one contact right after the other, outwards from the exit. conjugate_sweeps and
         conjugate_faces join sweeps there and back by conjugate gradients, the second on one set of pushing contacts
-        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum, there and back where that swings up."""
+        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum, there and back where that swings up;
+        it alone relaxes four contacts at a time, of bodies that are all different."""
     )
     rows: list[dict[str, Any]] = []
     for stage in QUICK if evidence.quick else FULL:

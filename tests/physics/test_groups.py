@@ -1,0 +1,148 @@
+"""Rows in groups of four: nobody is twice in a group, and a sweep over groups is a sweep over rows in their order."""
+
+import numpy as np
+import pytest
+
+from evac.jit import kernel
+from evac.lanes import FOUR
+from evac.physics.engine import make_contacts
+from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
+from evac.physics.rows import pack, relax, row_residual
+from evac.physics.solvers import INELASTIC
+from tests.physics.contact_problems import ring
+
+DISSIPATION = [0.0, 1e3]
+
+
+@kernel
+def do_form(contacts, inverse_mass, free, compliance, tangential):
+    n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, tangential)
+    return n, form(contacts.rows, n, inverse_mass.shape[0])
+
+
+@kernel
+def do_sweep(contacts, n, count, share, back):
+    rows = contacts.rows
+    found = sweep_back(rows, count) if back else sweep_on(rows, count, share)
+    dissolve(rows, n, count)
+    return found
+
+
+@kernel
+def do_relax(contacts, order):
+    rows = contacts.rows
+    change = 0.0
+    for r in order:
+        change = max(change, relax(rows, r, rows.rigid[0] == 1))
+    return change
+
+
+@kernel
+def residuals(contacts, n, count):
+    return row_residual(contacts.rows, n), group_residual(contacts.rows, count)
+
+
+def crowd(seed, people=40, contacts_each=3, walls=15, sticky=False):
+    """Return contacts of people with random others and with walls, percussions between them, masses, velocities."""
+    random = np.random.default_rng(seed)
+    pairs = {tuple(sorted(random.choice(people, 2, replace=False))) for _ in range(contacts_each * people)}
+    at_wall = random.choice(people, walls, replace=False)
+    body = np.concatenate([[pair[0] for pair in pairs], at_wall])
+    other = np.concatenate([[pair[1] for pair in pairs], np.full(walls, -1)])
+    angle = random.uniform(0.0, 2.0 * np.pi, len(body))
+    mass = random.uniform(50.0, 100.0, people)
+    contacts = make_contacts(people, len(body))
+    contacts.count[0] = len(body)
+    contacts.body[:], contacts.other[:] = body, other
+    contacts.normal[:] = np.column_stack([np.cos(angle), np.sin(angle)])
+    contacts.omega[:] = 1.0 / mass[body] + np.where(other < 0, 0.0, 1.0 / mass[other])
+    contacts.bias[:] = random.uniform(0.0, 0.3, len(body))
+    contacts.velocity_before[:] = random.normal(0.0, 1.0, len(body))
+    contacts.percussion[:] = random.uniform(0.0, 30.0, len(body))
+    contacts.sticky[:] = sticky
+    contacts.work[:, 2] = random.normal(0.0, 1.0, len(body))
+    return contacts, 1.0 / mass, random.normal(0.0, 1.5, (people, 2))
+
+
+def lanes_of(contacts, count):
+    return contacts.rows.groups.row[: FOUR * count].astype(int)
+
+
+def check_groups(contacts, n, count, people):
+    row = lanes_of(contacts, count)
+    np.testing.assert_array_equal(np.sort(row[row < n]), np.arange(n))
+    rows, groups = contacts.rows, contacts.rows.groups
+    for first in range(0, FOUR * count, FOUR):
+        here = [r for r in row[first : first + FOUR] if r < n]
+        bodies = [int(b) for r in here for b in (rows.body[r], rows.other[r]) if b < people]
+        assert len(bodies) == len(set(bodies))
+        assert here
+    free = np.flatnonzero(row == n)
+    for array in (groups.body, groups.other):
+        assert (array[free] == 2 * people).all()
+    lanes = groups.data[: 5 * FOUR * count].reshape(count, 5, FOUR).transpose(0, 2, 1).reshape(-1, 5)
+    assert not lanes[free].any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("sticky", [False, True])
+def test_nobody_is_twice_in_a_group(seed, sticky):
+    contacts, inverse_mass, free = crowd(seed, sticky=sticky)
+    n, count = do_form(contacts, inverse_mass, free, 2.0 / 1e3, 50.0)
+    assert n == contacts.count[0] * (2 if sticky else 1)
+    check_groups(contacts, n, count, len(free))
+
+
+def test_few_lanes_are_free_in_a_crowd():
+    contacts, inverse_mass, free = crowd(1, people=2000)
+    n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
+    assert FOUR * count < 1.05 * n
+
+
+def test_contacts_of_one_body_take_a_group_each():
+    contacts, free = ring(200)
+    around = np.flatnonzero(contacts.body == 0)  # of the big one
+    contacts.count[0] = len(around)
+    for array in (contacts.body, contacts.other, contacts.normal):
+        array[: len(around)] = array[around]
+    n, count = do_form(contacts, np.full(200, 1.0 / 80.0), free, INELASTIC, 0.0)
+    assert (n, count) == (199, 199)
+    check_groups(contacts, n, count, 200)
+
+
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+@pytest.mark.parametrize("sticky", [False, True])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_sweep_is_one_over_the_rows_in_their_order(dissipation, sticky, back):
+    compliance = 2.0 / dissipation if dissipation else INELASTIC
+    contacts, inverse_mass, free = crowd(7, sticky=sticky)
+    twin, _, _ = crowd(7, sticky=sticky)
+    n, count = do_form(contacts, inverse_mass, free, compliance, 50.0 if sticky else 0.0)
+    do_form(twin, inverse_mass, free, compliance, 50.0 if sticky else 0.0)
+    contacts.rows.groups.last[:] = contacts.rows.groups.percussion
+    before = twin.rows.percussion[:n].copy()
+    both = residuals(contacts, n, count)
+    assert both[0] == pytest.approx(both[1], rel=1e-12)
+    row = lanes_of(contacts, count)
+    row = row[row < n]
+    uphill, change = do_sweep(contacts, n, count, 0.0, back)
+    assert change == pytest.approx(do_relax(twin, row[::-1] if back else row), rel=1e-12)
+    np.testing.assert_allclose(contacts.rows.percussion[:n], twin.rows.percussion[:n], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(contacts.rows.velocity, twin.rows.velocity, rtol=0, atol=1e-12)
+    assert uphill == pytest.approx(-np.sum((twin.rows.percussion[:n] - before) ** 2), rel=1e-12)
+
+
+def test_a_sweep_goes_on_by_a_share_of_the_last_step():
+    contacts, inverse_mass, free = crowd(8)
+    n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
+    groups = contacts.rows.groups
+    x, last = groups.percussion.copy(), 0.5 * groups.percussion
+    groups.last[:] = last
+    do_sweep(contacts, n, count, 0.4, False)
+    twin, _, _ = crowd(8)
+    do_form(twin, inverse_mass, free, INELASTIC, 0.0)
+    row = lanes_of(contacts, count)
+    twin.rows.percussion[row[row < n]] = (x + 0.4 * (x - last))[: FOUR * count][row < n]
+    do_relax(twin, row[row < n])
+    np.testing.assert_allclose(contacts.rows.percussion[:n], twin.rows.percussion[:n], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(groups.last[: FOUR * count], x[: FOUR * count])
