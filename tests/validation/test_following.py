@@ -1,7 +1,6 @@
 """Teacher following in the whole school, and a group with a slow member in a corridor."""
 
 import numpy as np
-import pytest
 
 from evac.evidence.validation.buildings import rectangle
 from evac.scenario.loading import load_case
