@@ -227,7 +227,6 @@ class Rows(NamedTuple):
     face_data: FloatArray
     work: FloatArray  # (4, r) percussions of earlier iterations, directions
     image: FloatArray  # (4, n + 1, 2) velocities of earlier iterations, velocity images of directions
-    groups: Groups
 
 
 class Contacts(NamedTuple):
@@ -250,6 +249,7 @@ class Contacts(NamedTuple):
     old_percussion: FloatArray
     work: FloatArray  # (c, 3): 0, 1 normal and tangential percussions set aside, 2 tangential velocity before the step
     rows: Rows
+    groups: Groups
     near: FloatArray  # (walls at one body, 6) of the wall search
 
 

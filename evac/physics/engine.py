@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.errors import SimulationError, plugin_code
-from evac.lanes import FOUR
 from evac.physics import neighbours, stepping
 from evac.physics import tallies as at
 from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Groups, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
-from evac.physics.groups import LANES_OPEN, OPEN
+from evac.physics.groups import LANES_OPEN, OPEN, ROOM
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
 
 if TYPE_CHECKING:
@@ -239,6 +238,7 @@ def make_contacts(n: int, capacity: int) -> Contacts:
         "sticky": np.zeros(capacity, np.uint8),
         "work": np.zeros((capacity, 3)),
         "rows": make_rows(n, 2 * capacity),
+        "groups": make_groups(n, 2 * capacity),
         "near": np.zeros((60, 6)),
     }
     arrays: dict[str, Any] = {
@@ -262,15 +262,14 @@ def make_rows(n: int, capacity: int) -> Rows:
         "free": np.zeros((n + 1, 2)),
         "velocity": np.zeros((n + 1, 2)),
         "image": np.zeros((4, n + 1, 2)),
-        "groups": make_groups(n, capacity),
     }
     arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(capacity) for name in Rows._fields}
     return Rows(**arrays)
 
 
 def make_groups(n: int, capacity: int) -> Groups:
-    """Allocate groups for the rows; where all of them share one body each takes four lanes, which is rare."""
-    lanes = FOUR * capacity + LANES_OPEN
+    """Allocate groups for so many rows, with some lanes left free."""
+    lanes = int(ROOM * capacity) + LANES_OPEN
     special: dict[str, Any] = {
         **{name: np.zeros(lanes, np.uint32) for name in ("row", "body", "other")},
         "data": np.zeros(5 * lanes),

@@ -3,7 +3,8 @@
 Each row is put into one of the open groups in which neither of its bodies is, the next row into one some way on: the
 rows of a body, which follow each other, come to stand apart, and a sweep does not wait for the velocities that it has
 just written. When no open group will take a row, new ones are opened; so the order remains about that of the rows.
-Lanes left free hold a row without effect, at the wall.
+Lanes left free hold a row without effect, at the wall. In a crowd they are few; where most contacts are of one body,
+which takes a group for each, there is no room for them all, and nothing to be gained.
 """
 
 from evac.jit import inner
@@ -26,6 +27,9 @@ from evac.physics.rows import BEFORE, BIAS, BOUND, SPRING
 OPEN = 16
 LANES_OPEN = OPEN * FOUR
 
+#: Room for lanes, over that for rows.
+ROOM = 1.25
+
 #: The next row looks for a group from so many groups on.
 STRIDE = 5
 
@@ -34,10 +38,9 @@ DATA, ELASTIC = 5 * FOUR, 3 * FOUR
 
 
 @inner
-def form(rows, n, bodies):
-    """Put the rows into groups; return how many groups there are."""
-    groups = rows.groups
-    lanes = _assign(rows, n, bodies)
+def form(rows, groups, n, bodies):
+    """Put the rows into groups; return how many groups there are, or 0 where there is no room for them."""
+    lanes = _assign(rows, groups, n, bodies)
     count = n * 0
     for first in range(0, lanes, FOUR):
         if groups.row[first] == n:
@@ -46,17 +49,16 @@ def form(rows, n, bodies):
             r = groups.row[first + lane]
             groups.row[FOUR * count + lane] = r
             if r < n:
-                _copy(rows, r, count, lane)
+                _copy(rows, groups, r, count, lane)
             else:
-                _blank(rows, bodies, count, lane)
+                _blank(groups, bodies, count, lane)
         count += 1
     return count
 
 
 @inner
-def _assign(rows, n, bodies):
-    """Write the row of each lane, n for none; return the number of lanes."""
-    groups = rows.groups
+def _assign(rows, groups, n, bodies):
+    """Write the row of each lane, n for none; return the number of lanes, 0 where there is no room."""
     mask, block, filled = groups.mask, groups.block, groups.filled
     for i in range(bodies + 1):
         block[i] = -1
@@ -72,6 +74,8 @@ def _assign(rows, n, bodies):
         taken = full | mask[i] | (mask[j] if j < bodies else 0)
         group = _next_free(taken, at)
         if group < 0:
+            if lanes + LANES_OPEN > groups.row.shape[0]:
+                return n * 0
             lanes = _open(groups, n, lanes)
             opened += 1
             full = n * 0
@@ -109,9 +113,9 @@ def _next_free(taken, at):
 
 
 @inner
-def _copy(rows, r, group, lane):
+def _copy(rows, groups, r, group, lane):
     """Copy row r into a lane of a group."""
-    groups, at = rows.groups, FOUR * group + lane
+    at = FOUR * group + lane
     groups.body[at] = 2 * rows.body[r]
     groups.other[at] = 2 * rows.other[r]
     for k in range(5):
@@ -124,9 +128,9 @@ def _copy(rows, r, group, lane):
 
 
 @inner
-def _blank(rows, bodies, group, lane):
+def _blank(groups, bodies, group, lane):
     """Make a lane of a group a row without effect, at the wall."""
-    groups, at = rows.groups, FOUR * group + lane
+    at = FOUR * group + lane
     groups.body[at] = 2 * bodies
     groups.other[at] = 2 * bodies
     for k in range(5):
@@ -138,11 +142,11 @@ def _blank(rows, bodies, group, lane):
 
 
 @inner
-def dissolve(rows, n, count):
+def dissolve(rows, groups, n, count):
     """Copy the percussions of the groups back to the rows."""
     for lane in range(FOUR * count):
-        if rows.groups.row[lane] < n:
-            rows.percussion[rows.groups.row[lane]] = rows.groups.percussion[lane]
+        if groups.row[lane] < n:
+            rows.percussion[groups.row[lane]] = groups.percussion[lane]
 
 
 @inner
@@ -174,12 +178,12 @@ def _relax(groups, velocity, g, x, rigid):
 
 
 @inner
-def sweep_on(rows, count, share):
+def sweep_on(rows, groups, count, share):
     """Sweep up from x gone on by `share` of its last step.
 
     Returns the slope along the last step and the greatest change of a row [m/s].
     """
-    groups, velocity = rows.groups, rows.velocity.reshape(-1)
+    velocity = rows.velocity.reshape(-1)
     rigid = rows.rigid[0] == 1
     shares, uphill, change_most = spread(share), spread(0.0), spread(0.0)
     for g in range(count):
@@ -196,9 +200,9 @@ def sweep_on(rows, count, share):
 
 
 @inner
-def sweep_back(rows, count):
+def sweep_back(rows, groups, count):
     """Sweep down behind a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
-    groups, velocity = rows.groups, rows.velocity.reshape(-1)
+    velocity = rows.velocity.reshape(-1)
     rigid = rows.rigid[0] == 1
     uphill, change_most = spread(0.0), spread(0.0)
     for g in range(count - 1, -1, -1):
@@ -213,9 +217,9 @@ def sweep_back(rows, count):
 
 
 @inner
-def group_residual(rows, count):
+def group_residual(rows, groups, count):
     """Return max omega |P - P_local| over the rows in groups [m/s]."""
-    groups, velocity = rows.groups, rows.velocity.reshape(-1)
+    velocity = rows.velocity.reshape(-1)
     rigid = rows.rigid[0] == 1
     worst = spread(0.0)
     for g in range(count):

@@ -8,6 +8,7 @@ import math
 
 from evac.jit import inner
 from evac.lanes import FOUR
+from evac.physics.conjugate import conjugate_faces
 from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
 from evac.physics.rows import (
     AX,
@@ -126,7 +127,7 @@ def _set_rates(rows, n, bodies):
 
 
 @inner
-def accelerated_sweeps(rows, n, bodies, tolerance, limit):
+def accelerated_sweeps(rows, groups, n, bodies, tolerance, limit):
     """Gauss-Seidel sweeps with Nesterov's momentum and restart; return (iterations, residual).
 
     Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
@@ -135,47 +136,49 @@ def accelerated_sweeps(rows, n, bodies, tolerance, limit):
     start again from the look before and run back and forth from then on: a symmetric sweep is a step in a metric in
     which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
     share of the last step: plain sweeps, which cannot rise, are what that tends to. Sweeps relax four rows at a time
-    (`evac.physics.groups`).
+    (`evac.physics.groups`); where most of them are of one body, conjugate gradients on faces take their place.
     """
     found = row_residual(rows, n)
     if found <= tolerance or limit < 1:
         return n * 0, found
-    count = form(rows, n, bodies)
+    count = form(rows, groups, n, bodies)
+    if count == 0:
+        return conjugate_faces(rows, n, bodies, tolerance, limit)
     momentum, share, most = 1.0, 0.0, 1.0
     back = False
     likely = LIKELY
     looked, risen = n * 0, -SOON
-    accepted = energy(rows, n, bodies, count)
-    _keep(rows, bodies, count)
-    _take_back(rows, bodies, count)
+    accepted = energy(rows, groups, n, bodies, count)
+    _keep(rows, groups, bodies, count)
+    _take_back(rows, groups, bodies, count)
     iteration = n * 0
     while found > tolerance and iteration < limit:
         _go_on(rows, bodies, share)
-        uphill, change = sweep_on(rows, count, share)
+        uphill, change = sweep_on(rows, groups, count, share)
         iteration += 1
         if back and iteration < limit:
-            further, change = sweep_back(rows, count)
+            further, change = sweep_back(rows, groups, count)
             uphill += further
             iteration += 1
         if iteration >= looked + WATCH or iteration >= limit:
             looked = iteration
-            now = energy(rows, n, bodies, count)
+            now = energy(rows, groups, n, bodies, count)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
-                _keep(rows, bodies, count)
+                _keep(rows, groups, bodies, count)
             else:
-                _take_back(rows, bodies, count)
+                _take_back(rows, groups, bodies, count)
                 if back and iteration - risen <= SOON:
                     most *= 0.5
                 back = True
                 risen = iteration
                 uphill = 1.0
         if likely * change <= tolerance or iteration >= limit:
-            found = group_residual(rows, count)
+            found = group_residual(rows, groups, count)
             likely = CAUTION * found / change if change > 0.0 else likely
         momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
         share = min(share, most)
-    dissolve(rows, n, count)
+    dissolve(rows, groups, n, count)
     return iteration, found
 
 
@@ -190,19 +193,18 @@ def _go_on(rows, bodies, share):
 
 
 @inner
-def _keep(rows, bodies, count):
+def _keep(rows, groups, bodies, count):
     """Keep percussions and velocities, for `_take_back`."""
     for k in range(FOUR * count):
-        rows.groups.kept[k] = rows.groups.percussion[k]
+        groups.kept[k] = groups.percussion[k]
     for i in range(bodies):
         for k in range(2):
             rows.image[1, i, k] = rows.velocity[i, k]
 
 
 @inner
-def _take_back(rows, bodies, count):
+def _take_back(rows, groups, bodies, count):
     """Return to the percussions and velocities kept, at rest."""
-    groups = rows.groups
     for k in range(FOUR * count):
         groups.percussion[k] = groups.kept[k]
         groups.last[k] = groups.kept[k]
@@ -213,13 +215,13 @@ def _take_back(rows, bodies, count):
 
 
 @inner
-def energy(rows, n, bodies, count):
+def energy(rows, groups, n, bodies, count):
     """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
     total = 0.0
     for i in range(bodies):
         total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
     for k in range(FOUR * count):
-        r = rows.groups.row[k]
+        r = groups.row[k]
         if r < n:
-            total += row_energy(rows, r, rows.groups.percussion[k])
+            total += row_energy(rows, r, groups.percussion[k])
     return total

@@ -110,7 +110,7 @@ def solve(method, bodies, inverse_mass, free, velocity, contacts, compliance, ta
     elif method == ACCELERATED_GRADIENT:
         iterations, found = accelerated_gradient(rows, n, bodies, tolerance, limit)
     elif method == ACCELERATED_SWEEPS:
-        iterations, found = accelerated_sweeps(rows, n, bodies, tolerance, limit)
+        iterations, found = accelerated_sweeps(rows, contacts.groups, n, bodies, tolerance, limit)
     elif method == CONJUGATE_SWEEPS:
         iterations, found = conjugate_sweeps(rows, n, bodies, tolerance, limit)
     else:

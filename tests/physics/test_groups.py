@@ -8,8 +8,8 @@ from evac.lanes import FOUR
 from evac.physics.engine import make_contacts
 from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
 from evac.physics.rows import pack, relax, row_residual
-from evac.physics.solvers import INELASTIC
-from tests.physics.contact_problems import ring
+from evac.physics.solvers import INELASTIC, SOLVERS
+from tests.physics.contact_problems import ring, run_solver
 
 DISSIPATION = [0.0, 1e3]
 
@@ -17,14 +17,14 @@ DISSIPATION = [0.0, 1e3]
 @kernel
 def do_form(contacts, inverse_mass, free, compliance, tangential):
     n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, tangential)
-    return n, form(contacts.rows, n, inverse_mass.shape[0])
+    return n, form(contacts.rows, contacts.groups, n, inverse_mass.shape[0])
 
 
 @kernel
 def do_sweep(contacts, n, count, share, back):
     rows = contacts.rows
-    found = sweep_back(rows, count) if back else sweep_on(rows, count, share)
-    dissolve(rows, n, count)
+    found = sweep_back(rows, contacts.groups, count) if back else sweep_on(rows, contacts.groups, count, share)
+    dissolve(rows, contacts.groups, n, count)
     return found
 
 
@@ -39,7 +39,7 @@ def do_relax(contacts, order):
 
 @kernel
 def residuals(contacts, n, count):
-    return row_residual(contacts.rows, n), group_residual(contacts.rows, count)
+    return row_residual(contacts.rows, n), group_residual(contacts.rows, contacts.groups, count)
 
 
 def crowd(seed, people=40, contacts_each=3, walls=15, sticky=False):
@@ -65,13 +65,13 @@ def crowd(seed, people=40, contacts_each=3, walls=15, sticky=False):
 
 
 def lanes_of(contacts, count):
-    return contacts.rows.groups.row[: FOUR * count].astype(int)
+    return contacts.groups.row[: FOUR * count].astype(int)
 
 
 def check_groups(contacts, n, count, people):
     row = lanes_of(contacts, count)
     np.testing.assert_array_equal(np.sort(row[row < n]), np.arange(n))
-    rows, groups = contacts.rows, contacts.rows.groups
+    rows, groups = contacts.rows, contacts.groups
     for first in range(0, FOUR * count, FOUR):
         here = [r for r in row[first : first + FOUR] if r < n]
         bodies = [int(b) for r in here for b in (rows.body[r], rows.other[r]) if b < people]
@@ -99,15 +99,36 @@ def test_few_lanes_are_free_in_a_crowd():
     assert FOUR * count < 1.05 * n
 
 
+def star(people, capacity):
+    """Return the contacts of a big body with all others around it, and their velocities."""
+    contacts, free = ring(people)
+    around = np.flatnonzero(contacts.body == 0)
+    roomy = make_contacts(people, capacity)
+    roomy.count[0] = len(around)
+    for array, source in zip(roomy[1:9], contacts[1:9], strict=True):
+        array[: len(around)] = source[around]
+    return roomy, free
+
+
 def test_contacts_of_one_body_take_a_group_each():
-    contacts, free = ring(200)
-    around = np.flatnonzero(contacts.body == 0)  # of the big one
-    contacts.count[0] = len(around)
-    for array in (contacts.body, contacts.other, contacts.normal):
-        array[: len(around)] = array[around]
+    contacts, free = star(200, 400)
     n, count = do_form(contacts, np.full(200, 1.0 / 80.0), free, INELASTIC, 0.0)
     assert (n, count) == (199, 199)
     check_groups(contacts, n, count, 200)
+
+
+def test_where_there_is_no_room_another_solver_steps_in():
+    inverse_mass, solver = np.full(200, 1.0 / 80.0), SOLVERS.index("accelerated_sweeps")
+    tight, free = star(200, 199)
+    assert do_form(tight, inverse_mass, free, INELASTIC, 0.0) == (199, 0)
+    found = []
+    for contacts in (tight, star(200, 400)[0]):
+        contacts.percussion[:] = 0.0
+        velocity = np.zeros_like(free)
+        residual = run_solver(solver, inverse_mass, free, velocity, contacts, INELASTIC, 0.0, 1e-10, 10_000)[1]
+        assert residual <= 1e-10
+        found.append(velocity)
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("dissipation", DISSIPATION)
@@ -119,7 +140,7 @@ def test_a_sweep_is_one_over_the_rows_in_their_order(dissipation, sticky, back):
     twin, _, _ = crowd(7, sticky=sticky)
     n, count = do_form(contacts, inverse_mass, free, compliance, 50.0 if sticky else 0.0)
     do_form(twin, inverse_mass, free, compliance, 50.0 if sticky else 0.0)
-    contacts.rows.groups.last[:] = contacts.rows.groups.percussion
+    contacts.groups.last[:] = contacts.groups.percussion
     before = twin.rows.percussion[:n].copy()
     both = residuals(contacts, n, count)
     assert both[0] == pytest.approx(both[1], rel=1e-12)
@@ -135,7 +156,7 @@ def test_a_sweep_is_one_over_the_rows_in_their_order(dissipation, sticky, back):
 def test_a_sweep_goes_on_by_a_share_of_the_last_step():
     contacts, inverse_mass, free = crowd(8)
     n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
-    groups = contacts.rows.groups
+    groups = contacts.groups
     x, last = groups.percussion.copy(), 0.5 * groups.percussion
     groups.last[:] = last
     do_sweep(contacts, n, count, 0.4, False)
