@@ -24,14 +24,14 @@ from evac.lanes import (
 from evac.physics.rows import BEFORE, BIAS, BOUND, SPRING
 
 #: Groups that are open at a time, one for each bit of a body's mask; the lanes in them.
-OPEN = 16
+OPEN = 8
 LANES_OPEN = OPEN * FOUR
 
 #: Room for lanes, over that for rows.
 ROOM = 1.25
 
 #: The next row looks for a group from so many groups on.
-STRIDE = 5
+STRIDE = 3
 
 #: Numbers of a group in its flat arrays.
 DATA, ELASTIC = 5 * FOUR, 3 * FOUR
@@ -231,3 +231,12 @@ def group_residual(rows, groups, count):
         change = _law(groups, g, w, load(groups.percussion, at), rigid)
         worst = larger(magnitude(change) * load(groups.scale, at), worst)
     return greatest(worst)
+
+
+@inner
+def rigid_energy(groups, count):
+    """Return the energies of the rows in groups where all are rigid [J]."""
+    found = spread(0.0)
+    for g in range(count):
+        found = fused_lanes(load(groups.data, DATA * g + FOUR * BIAS), load(groups.percussion, FOUR * g), found)
+    return total(found)

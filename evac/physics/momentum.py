@@ -7,9 +7,9 @@ many iterations for a chain of contacts as it is long, a sweep without its squar
 import math
 
 from evac.jit import inner
-from evac.lanes import FOUR
+from evac.lanes import FOUR, fused_lanes, load, spread, total
 from evac.physics.conjugate import conjugate_faces
-from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
+from evac.physics.groups import dissolve, form, group_residual, rigid_energy, sweep_back, sweep_on
 from evac.physics.rows import (
     AX,
     AY,
@@ -121,9 +121,9 @@ def _set_rates(rows, n, bodies):
         rows.image[0, rows.other[r], 0] += 1.0
     for r in range(n):
         data = rows.data[r]
-        total = (data[AX] ** 2 + data[AY] ** 2) * rows.image[0, rows.body[r], 0]
-        total += (data[BX] ** 2 + data[BY] ** 2) * rows.image[0, rows.other[r], 0]
-        rows.work[2, r] = 1.0 / total
+        own = (data[AX] ** 2 + data[AY] ** 2) * rows.image[0, rows.body[r], 0]
+        others = (data[BX] ** 2 + data[BY] ** 2) * rows.image[0, rows.other[r], 0]
+        rows.work[2, r] = 1.0 / (own + others)
 
 
 @inner
@@ -217,11 +217,19 @@ def _take_back(rows, groups, bodies, count):
 @inner
 def energy(rows, groups, n, bodies, count):
     """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
-    total = 0.0
-    for i in range(bodies):
-        total += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
+    velocity = rows.velocity.reshape(-1)
+    squares, whole = spread(0.0), 2 * bodies // FOUR * FOUR
+    for k in range(0, whole, FOUR):
+        four = load(velocity, k)
+        squares = fused_lanes(four, four, squares)
+    found = total(squares)
+    for k in range(whole, 2 * bodies):
+        found += velocity[k] ** 2
+    found *= 0.5
+    if rows.rigid[0]:
+        return found + rigid_energy(groups, count)
     for k in range(FOUR * count):
         r = groups.row[k]
         if r < n:
-            total += row_energy(rows, r, groups.percussion[k])
-    return total
+            found += row_energy(rows, r, groups.percussion[k])
+    return found

@@ -7,7 +7,8 @@ from evac.jit import kernel
 from evac.lanes import FOUR
 from evac.physics.engine import make_contacts
 from evac.physics.groups import dissolve, form, group_residual, sweep_back, sweep_on
-from evac.physics.rows import pack, relax, row_residual
+from evac.physics.momentum import energy
+from evac.physics.rows import pack, relax, row_energy, row_residual
 from evac.physics.solvers import INELASTIC, SOLVERS
 from tests.physics.contact_problems import ring, run_solver
 
@@ -35,6 +36,17 @@ def do_relax(contacts, order):
     for r in order:
         change = max(change, relax(rows, r, rows.rigid[0] == 1))
     return change
+
+
+@kernel
+def energies(contacts, n, bodies, count):
+    rows = contacts.rows
+    found = 0.0
+    for i in range(bodies):
+        found += 0.5 * (rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2)
+    for r in range(n):
+        found += row_energy(rows, r, rows.percussion[r])
+    return found, energy(rows, contacts.groups, n, bodies, count)
 
 
 @kernel
@@ -151,6 +163,15 @@ def test_a_sweep_is_one_over_the_rows_in_their_order(dissipation, sticky, back):
     np.testing.assert_allclose(contacts.rows.percussion[:n], twin.rows.percussion[:n], rtol=0, atol=1e-12)
     np.testing.assert_allclose(contacts.rows.velocity, twin.rows.velocity, rtol=0, atol=1e-12)
     assert uphill == pytest.approx(-np.sum((twin.rows.percussion[:n] - before) ** 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("people", [40, 41])
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+def test_the_energy_is_that_of_rows_and_bodies(people, dissipation):
+    contacts, inverse_mass, free = crowd(5, people)
+    n, count = do_form(contacts, inverse_mass, free, 2.0 / dissipation if dissipation else INELASTIC, 0.0)
+    plain, found = energies(contacts, n, people, count)
+    assert found == pytest.approx(plain, rel=1e-12)
 
 
 def test_a_sweep_goes_on_by_a_share_of_the_last_step():
