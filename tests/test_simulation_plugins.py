@@ -17,7 +17,7 @@ def test_a_behaviour_that_reads_contact_forces_does_not_depend_on_the_output(mod
     ends = [Simulation(in_the_room(tmp_path, SQUEEZED, **changes, **{"output.every": every})) for every in (0.1, 2.0)]
     ends = [simulation.run() for simulation in ends]
     free = Simulation(load_case("square_room", {"simulation.seed": 2, **model_of(model)})).run()
-    assert ends[0].last_out == ends[1].last_out > free.last_out
+    assert ends[0].last_out == ends[1].last_out != free.last_out
 
 
 @pytest.mark.parametrize(

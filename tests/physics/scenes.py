@@ -139,7 +139,7 @@ def copy_crowd(crowd):
 
 def precise_models():
     """One of each model that is to agree to rounding: solved as far as it goes."""
-    solved = {"velocity_tolerance": 1e-12, "iterations": 20000}
+    solved = {"velocity_tolerance": 1e-14, "iterations": 20000}
     return [
         Dem(),
         Nsm1(gap_tolerance=1e-12, **solved),
