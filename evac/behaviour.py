@@ -38,6 +38,9 @@ class Behaviour(Configurable):
     reads: ClassVar[tuple[str, ...]] = ()
     writes: ClassVar[tuple[str, ...]] = ()
 
+    #: Whether it takes what the others have written: it acts behind them, wherever a case names it.
+    acts_last: ClassVar[bool] = False
+
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
 

@@ -67,8 +67,8 @@ class Headway(Behaviour):
       the same route, or, on another route, is ahead along the sum of both directions too. So of two side by side at a
       door one goes first, and nobody waits for whom it holds up.
 
-    Bodies wider than l still touch, at (2 r - l) / T. In a case it comes last of the behaviours, for it takes speeds
-    and directions as the others have left them.
+    Bodies wider than l still touch, at (2 r - l) / T. It takes speeds and directions as the other behaviours have left
+    them.
 
     References
     ----------
@@ -80,6 +80,7 @@ class Headway(Behaviour):
     name = "headway"
     reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
     writes = ("speed_factor", "extra_direction")
+    acts_last = True
 
     time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", "s", above=0.0, maximum=60.0)
     length = Parameter(0.3, "distance of centres at which one stands behind another, l", "m", minimum=0.0, maximum=2.0)

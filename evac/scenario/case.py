@@ -134,12 +134,13 @@ class Case(Section):
         return [self.registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
 
     def make_behaviours(self) -> "list[Behaviour]":
-        """Return the behaviours in use, in the order of the file."""
-        return [
+        """Return the behaviours in use, in the order of the file; those that act last behind the others."""
+        made: list[Behaviour] = [
             self.registry.get("behaviour", name)(**table)
             for name, table in self.behaviours.items()
             if table is not False
         ]
+        return sorted(made, key=lambda behaviour: behaviour.acts_last)
 
     def make_recorders(self) -> "list[Recorder]":
         """Return the recorders in use: all that are registered but those switched off."""

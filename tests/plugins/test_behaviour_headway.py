@@ -9,6 +9,7 @@ import shapely
 
 from evac.behaviour import BehaviourScene
 from evac.physics.bundles import make_crowd
+from evac.scenario.loading import load_case
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields
@@ -159,6 +160,11 @@ def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
     building = type(building)(**{**building.__dict__, "levels": (flight,)})
     prepared(crowd, building, repulsion=0.0).act(crowd, 0.0)
     assert crowd.speed_factor[0] == pytest.approx(min(1.0, 0.4 / (0.5 * math.cos(slope))))
+
+
+def test_it_acts_behind_the_others_wherever_a_case_names_it():
+    case = load_case("square_room", {"behaviours": {"headway": {}, "response_time": {"time": 1.0}}})
+    assert [behaviour.name for behaviour in case.make_behaviours()] == ["response_time", "headway"]
 
 
 def test_a_single_person_needs_none():

@@ -47,7 +47,7 @@ def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monk
         load_case(case_file.parent.parent, registry=registry)
 
 
-def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry):
+def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry, monkeypatch):
     case = load_case(case_file, registry=registry)
     model = case.make_contact_model()
     assert (model.name, model.stiffness) == ("soft", 500.0)
@@ -56,7 +56,10 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
     assert push.strength == 100.0
     assert case.change(["forces.push=false"]).make_forces() == []
     assert [behaviour.name for behaviour in case.make_behaviours()] == ["wait"]
-    assert [b.name for b in case.change(["behaviours.follow=true"]).make_behaviours()] == ["wait", "follow"]
+    both = case.change(["behaviours.follow=true"])
+    assert [behaviour.name for behaviour in both.make_behaviours()] == ["wait", "follow"]
+    monkeypatch.setattr(registry.behaviours["wait"], "acts_last", True)
+    assert [behaviour.name for behaviour in both.make_behaviours()] == ["follow", "wait"]
 
 
 @pytest.mark.parametrize(
