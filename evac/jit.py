@@ -2,7 +2,8 @@
 
 numba's own cache looks only at the file of the function that is called, so a plugin's cached loop
 does not notice an edit in a core kernel it calls. The cache folder is therefore named by a digest
-of every source that holds kernels or the bundles they take, and of the flags that change its machine code.
+of every source that holds kernels, instructions that they are compiled to or the bundles they take, and of the flags
+that change its machine code.
 """
 
 import hashlib
@@ -22,6 +23,10 @@ PAIR_FORCE_SIGNATURE = types.UniTuple(types.float64, 2)(
 )
 
 _CORE = Path(__file__).parent
+
+#: Sources with one of these words hold kernels, instructions or bundles.
+_MARKS = b"evac.jit", b"numba.extending", b"NamedTuple"
+
 _digests: dict[Path, str] = {}
 
 
@@ -35,12 +40,12 @@ def cache_root() -> Path:
 
 
 def _digest(folder: Path) -> str:
-    """Digest of the sources of kernels and bundles in the core and in `folder`, numba's version and flags."""
+    """Digest of the sources that kernels are compiled from in the core and in `folder`, numba's version and flags."""
     if folder not in _digests:
         digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
         for source in [*sorted(_CORE.rglob("*.py")), *sorted(folder.glob("*.py"))]:
             text = source.read_bytes()
-            if b"evac.jit" in text or b"NamedTuple" in text:
+            if any(mark in text for mark in _MARKS):
                 digest.update(text)
         _digests[folder] = digest.hexdigest()[:16]
     return _digests[folder]

@@ -1,5 +1,11 @@
 """Compilation: what kernels are built from."""
 
+import shutil
+from pathlib import Path
+
+import pytest
+
+from evac import jit
 from evac.jit import fused, kernel
 
 
@@ -12,3 +18,26 @@ def test_a_fused_product_is_rounded_once():
     # 1 - 2^-60 has no double of its own: a product rounded by itself is 1, and the sum zero.
     assert fused_from_outside(1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0) == -(2.0**-60)
     assert fused_from_outside(3.0, 4.0, 5.0) == 17.0
+
+
+@pytest.mark.parametrize(
+    ("source", "compiled"),
+    [
+        ("jit.py", True),
+        ("lanes.py", True),
+        ("physics/rows.py", True),
+        ("physics/bundles.py", True),
+        ("errors.py", False),
+    ],
+)
+def test_kernels_are_compiled_anew_where_what_they_are_built_from_changes(source, compiled, monkeypatch, tmp_path):
+    core = tmp_path / "evac"
+    shutil.copytree(Path(jit.__file__).parent, core, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(jit, "_CORE", core)
+    digests = []
+    for text in ("", "\n# another source"):
+        with (core / source).open("a") as file:
+            file.write(text)
+        monkeypatch.setattr(jit, "_digests", {})
+        digests.append(jit._digest(core / "physics"))
+    assert (digests[0] != digests[1]) == compiled
