@@ -59,8 +59,8 @@ def crowd(seed, people=40, contacts_each=3, walls=15, sticky=False):
     random = np.random.default_rng(seed)
     pairs = {tuple(sorted(random.choice(people, 2, replace=False))) for _ in range(contacts_each * people)}
     at_wall = random.choice(people, walls, replace=False)
-    body = np.concatenate([[pair[0] for pair in pairs], at_wall])
-    other = np.concatenate([[pair[1] for pair in pairs], np.full(walls, -1)])
+    body = np.concatenate([[pair[0] for pair in pairs], at_wall]).astype(int)
+    other = np.concatenate([[pair[1] for pair in pairs], np.full(walls, -1)]).astype(int)
     angle = random.uniform(0.0, 2.0 * np.pi, len(body))
     mass = random.uniform(50.0, 100.0, people)
     contacts = make_contacts(people, len(body))
@@ -105,6 +105,29 @@ def test_nobody_is_twice_in_a_group(seed, sticky):
     check_groups(contacts, n, count, len(free))
 
 
+@pytest.mark.parametrize("dissipation", DISSIPATION)
+def test_groups_do_not_depend_on_what_was_in_their_arrays(dissipation):
+    compliance = 2.0 / dissipation if dissipation else INELASTIC
+    fresh, inverse_mass, free = crowd(3, people=200)
+    used, _, _ = crowd(3, people=200)
+    for array in (*used.rows, *used.groups):
+        array[...] = 1
+    n, count = do_form(fresh, inverse_mass, free, compliance, 0.0)
+    assert do_form(used, inverse_mass, free, compliance, 0.0) == (n, count)
+    columns = {"row": 1, "body": 1, "other": 1, "data": 5, "scale": 1, "percussion": 1}
+    for name, width in (columns | ({"elastic": 3} if dissipation else {})).items():
+        one, other = (getattr(contacts.groups, name)[: width * FOUR * count] for contacts in (fresh, used))
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(fresh.rows.velocity, used.rows.velocity)
+
+
+def test_contacts_with_walls_share_groups():
+    contacts, inverse_mass, free = crowd(1, people=64, contacts_each=0, walls=64)
+    n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
+    assert (n, count) == (64, 16)
+    check_groups(contacts, n, count, 64)
+
+
 def test_few_lanes_are_free_in_a_crowd():
     contacts, inverse_mass, free = crowd(1, people=2000)
     n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
@@ -127,6 +150,18 @@ def test_contacts_of_one_body_take_a_group_each():
     n, count = do_form(contacts, np.full(200, 1.0 / 80.0), free, INELASTIC, 0.0)
     assert (n, count) == (199, 199)
     check_groups(contacts, n, count, 200)
+
+
+def test_groups_fill_their_arrays_to_the_last_lane_and_no_further():
+    contacts, free = star(14, 13)
+    assert len(contacts.groups.row) == 16 * FOUR
+    assert do_form(contacts, np.full(14, 1.0 / 80.0), free, INELASTIC, 0.0) == (13, 13)
+    contacts, free = star(200, 199)
+    room = np.full(2 * len(contacts.groups.row), 7, np.uint32)
+    lanes = len(contacts.groups.row)
+    contacts = contacts._replace(groups=contacts.groups._replace(row=room[:lanes]))
+    assert do_form(contacts, np.full(200, 1.0 / 80.0), free, INELASTIC, 0.0) == (199, 0)
+    assert (room[lanes:] == 7).all()
 
 
 def test_where_there_is_no_room_another_solver_steps_in():
@@ -180,11 +215,24 @@ def test_a_sweep_goes_on_by_a_share_of_the_last_step():
     groups = contacts.groups
     x, last = groups.percussion.copy(), 0.5 * groups.percussion
     groups.last[:] = last
-    do_sweep(contacts, n, count, 0.4, False)
+    uphill, change = do_sweep(contacts, n, count, 0.4, False)
+    start = x + 0.4 * (x - last)
+    assert uphill == pytest.approx(-np.sum((groups.percussion - start) * (groups.percussion - x)), rel=1e-9)
     twin, _, _ = crowd(8)
     do_form(twin, inverse_mass, free, INELASTIC, 0.0)
     row = lanes_of(contacts, count)
-    twin.rows.percussion[row[row < n]] = (x + 0.4 * (x - last))[: FOUR * count][row < n]
-    do_relax(twin, row[row < n])
+    twin.rows.percussion[row[row < n]] = start[: FOUR * count][row < n]
+    assert change == pytest.approx(do_relax(twin, row[row < n]), rel=1e-12)
     np.testing.assert_allclose(contacts.rows.percussion[:n], twin.rows.percussion[:n], rtol=0, atol=1e-12)
     np.testing.assert_array_equal(groups.last[: FOUR * count], x[: FOUR * count])
+
+
+def test_the_slope_of_a_sweep_back_is_along_the_step_of_both_sweeps():
+    contacts, inverse_mass, free = crowd(9)
+    n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
+    groups = contacts.groups
+    x, last = groups.percussion.copy(), 0.5 * groups.percussion
+    groups.last[:] = last
+    uphill, _ = do_sweep(contacts, n, count, 0.0, True)
+    assert uphill == pytest.approx(-np.sum((groups.percussion - x) * (groups.percussion - last)), rel=1e-9)
+    np.testing.assert_array_equal(groups.last, last)

@@ -196,6 +196,16 @@ def test_velocities_belong_to_the_percussions_wherever_a_solve_ends(solver, limi
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("dissipation", [0.0, 1e3])
+def test_a_solve_forgets_what_another_one_left(solver, dissipation):
+    fresh, used = Problem(3), Problem(3)
+    for array in (*used.contacts.rows, *used.contacts.groups):
+        array[...] = np.nan if array.dtype == np.float64 else 1
+    for one, other in zip(fresh.solve(solver, dissipation), used.solve(solver, dissipation), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
 def test_numbers_that_are_none_are_no_solution(solver):
     problem = Problem(0)
     problem.free[0, 0] = np.nan
