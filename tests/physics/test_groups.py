@@ -236,3 +236,13 @@ def test_the_slope_of_a_sweep_back_is_along_the_step_of_both_sweeps():
     uphill, _ = do_sweep(contacts, n, count, 0.0, True)
     assert uphill == pytest.approx(-np.sum((groups.percussion - x) * (groups.percussion - last)), rel=1e-9)
     np.testing.assert_array_equal(groups.last, last)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_greatest_change_of_a_sweep_may_be_a_fall(back):
+    contacts, inverse_mass, free = crowd(4)
+    contacts.bias[:] = 100.0  # all part: every percussion goes
+    n, count = do_form(contacts, inverse_mass, free, INELASTIC, 0.0)
+    fall = contacts.rows.scale[:n] * contacts.rows.percussion[:n]
+    assert do_sweep(contacts, n, count, 0.0, back)[1] == pytest.approx(fall.max(), rel=1e-12)
+    assert not contacts.rows.percussion[:n].any()
