@@ -46,6 +46,12 @@ def test_arithmetic_is_that_of_single_numbers():
     assert most == x.max()
 
 
+def test_lanes_are_summed_in_pairs():
+    a = np.zeros(8)
+    a[2:6] = 2.0**60, 1.0, -(2.0**60), 1.0  # the ones are lost in the pairs
+    assert apply_all(a, a, a, np.zeros(40))[0] == 0.0
+
+
 def test_fused_lanes_are_rounded_once():
     a = 1.0 + RANDOM.uniform(0.0, 1e-8, 8)
     b, c = -a, np.ones(8)
@@ -78,4 +84,4 @@ def test_twins_without_compilation():
         timeout=300,
     )
     assert done.returncode == 0, done.stdout
-    assert "3 passed" in done.stdout
+    assert "4 passed" in done.stdout

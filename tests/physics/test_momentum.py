@@ -40,7 +40,7 @@ def test_momentum_makes_iterations_grow_with_the_length_of_a_chain_not_its_squar
     assert fast[1] < 6 * fast[0]
 
 
-@pytest.mark.parametrize("limit", [7, 50, 201, 20000])
+@pytest.mark.parametrize("limit", [7, 30, 50, 201, 20000])
 def test_momentum_that_does_not_suit_is_given_up(limit):
     contacts, free = ring()
     velocity = np.zeros_like(free)
