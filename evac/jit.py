@@ -2,8 +2,8 @@
 
 numba's own cache looks only at the file of the function that is called, so a plugin's cached loop
 does not notice an edit in a core kernel it calls. The cache folder is therefore named by a digest
-of every source that holds kernels, instructions that they are compiled to or the bundles they take, and of the flags
-that change its machine code.
+of every source that holds kernels, instructions that they are compiled to, constants or the bundles they take, and
+of the flags that change its machine code.
 """
 
 import hashlib
@@ -24,8 +24,9 @@ PAIR_FORCE_SIGNATURE = types.UniTuple(types.float64, 2)(
 
 _CORE = Path(__file__).parent
 
-#: Sources with one of these words hold kernels, instructions or bundles.
+#: Sources with one of these words hold kernels, instructions or bundles; in these packages also constants of kernels.
 _MARKS = b"evac.jit", b"numba.extending", b"NamedTuple"
+_PACKAGES = "building", "directions", "physics"
 
 _digests: dict[Path, str] = {}
 
@@ -45,7 +46,7 @@ def _digest(folder: Path) -> str:
         digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
         for source in [*sorted(_CORE.rglob("*.py")), *sorted(folder.glob("*.py"))]:
             text = source.read_bytes()
-            if any(mark in text for mark in _MARKS):
+            if source.parent.name in _PACKAGES or any(mark in text for mark in _MARKS):
                 digest.update(text)
         _digests[folder] = digest.hexdigest()[:16]
     return _digests[folder]

@@ -27,6 +27,8 @@ def test_a_fused_product_is_rounded_once():
         ("lanes.py", True),
         ("physics/rows.py", True),
         ("physics/bundles.py", True),
+        ("physics/tallies.py", True),
+        ("building/model.py", True),
         ("errors.py", False),
     ],
 )

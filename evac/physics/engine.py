@@ -11,7 +11,7 @@ from evac.physics import tallies as at
 from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Groups, Lists, Rows, World
 from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
 from evac.physics.force import Force
-from evac.physics.groups import LANES_OPEN, OPEN, ROOM
+from evac.physics.groups import OPEN, ROOM, SPARE
 from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
 
 if TYPE_CHECKING:
@@ -268,8 +268,8 @@ def make_rows(n: int, capacity: int) -> Rows:
 
 
 def make_groups(n: int, capacity: int) -> Groups:
-    """Allocate groups for so many rows, with some lanes left free."""
-    lanes = int(ROOM * capacity) + LANES_OPEN
+    """Allocate groups for so many rows, with as many lanes free as there may be."""
+    lanes = int(ROOM * capacity) + SPARE
     special: dict[str, Any] = {
         **{name: np.zeros(lanes, np.uint32) for name in ("row", "body", "other")},
         "data": np.zeros(5 * lanes),

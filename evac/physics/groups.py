@@ -3,8 +3,8 @@
 Each row is put into one of the open groups in which neither of its bodies is, the next row into one some way on: the
 rows of a body, which follow each other, come to stand apart, and a sweep does not wait for the velocities that it has
 just written. When no open group will take a row, new ones are opened; so the order remains about that of the rows.
-Lanes left free hold a row without effect, at the wall. In a crowd they are few; where most contacts are of one body,
-which takes a group for each, there is no room for them all, and nothing to be gained.
+Lanes left free hold a row without effect, at the wall. In a crowd they are few. Where many contacts are of one body,
+which takes a group for each, there would be many; then no groups are formed.
 """
 
 from evac.jit import inner
@@ -27,8 +27,8 @@ from evac.physics.rows import BEFORE, BIAS, BOUND, SPRING
 OPEN = 8
 LANES_OPEN = OPEN * FOUR
 
-#: Room for lanes, over that for rows.
-ROOM = 1.25
+#: There may be this many lanes for each row, and some more.
+ROOM, SPARE = 1.25, 2 * LANES_OPEN
 
 #: The next row looks for a group from so many groups on.
 STRIDE = 3
@@ -39,7 +39,7 @@ DATA, ELASTIC = 5 * FOUR, 3 * FOUR
 
 @inner
 def form(rows, groups, n, bodies):
-    """Put the rows into groups; return how many groups there are, or 0 where there is no room for them."""
+    """Put the rows into groups; return how many groups there are, or 0 where too many lanes would be free."""
     lanes = _assign(rows, groups, n, bodies)
     count = n * 0
     for first in range(0, lanes, FOUR):
@@ -58,7 +58,7 @@ def form(rows, groups, n, bodies):
 
 @inner
 def _assign(rows, groups, n, bodies):
-    """Write the row of each lane, n for none; return the number of lanes, 0 where there is no room."""
+    """Write the row of each lane, n for none; return the number of lanes, 0 where too many would be free."""
     mask, block, filled = groups.mask, groups.block, groups.filled
     for i in range(bodies + 1):
         block[i] = -1
@@ -74,7 +74,7 @@ def _assign(rows, groups, n, bodies):
         taken = full | mask[i] | (mask[j] if j < bodies else 0)
         group = _next_free(taken, at)
         if group < 0:
-            if lanes + LANES_OPEN > groups.row.shape[0]:
+            if lanes + LANES_OPEN > ROOM * n + SPARE:
                 return n * 0
             lanes = _open(groups, n, lanes)
             opened += 1

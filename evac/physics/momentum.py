@@ -136,7 +136,8 @@ def accelerated_sweeps(rows, groups, n, bodies, tolerance, limit):
     start again from the look before and run back and forth from then on: a symmetric sweep is a step in a metric in
     which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
     share of the last step: plain sweeps, which cannot rise, are what that tends to. Sweeps relax four rows at a time
-    (`evac.physics.groups`); where most of them are of one body, conjugate gradients on faces take their place.
+    (`evac.physics.groups`); where many of them are of one body, conjugate gradients on faces, better there, take their
+    place.
     """
     found = row_residual(rows, n)
     if found <= tolerance or limit < 1:
