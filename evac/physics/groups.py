@@ -28,7 +28,7 @@ OPEN = 8
 LANES_OPEN = OPEN * FOUR
 
 #: There may be this many lanes for each row, and some more.
-ROOM, SPARE = 1.25, 2 * LANES_OPEN
+ROOM, SPARE = 1.25, 8 * LANES_OPEN
 
 #: The next row looks for a group from so many groups on.
 STRIDE = 3
