@@ -45,10 +45,10 @@ def _define(operation: Callable[..., Any], instruction: str) -> None:
     """Let compiled code apply a Python operator to lanes, by an instruction of LLVM."""
 
     @type_callable(operation)
-    def type_operation(context):  # type: ignore[no-untyped-def]
+    def type_operation(context):
         return lambda *given: LANES if all(one == LANES for one in given) else None
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return getattr(builder, instruction)(*arguments)
 
     lower_builtin(operation, *[LANES] * (1 if operation is operator.neg else 2))(generate)
@@ -94,10 +94,10 @@ def _or_else(twin: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @_or_else(lambda number: np.full(FOUR, number))
-def spread(typing_context, number):  # type: ignore[no-untyped-def]
+def spread(typing_context, number):
     """Return lanes that all hold `number`."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         empty = ir.Constant(_NUMBERS, ir.Undefined)
         first = builder.insert_element(empty, arguments[0], ir.Constant(ir.IntType(32), 0))
         return _shuffled(builder, first, empty, 0, 0, 0, 0)
@@ -106,10 +106,10 @@ def spread(typing_context, number):  # type: ignore[no-untyped-def]
 
 
 @_or_else(lambda array, at: array[at : at + FOUR].copy())
-def load(typing_context, array, at):  # type: ignore[no-untyped-def]
+def load(typing_context, array, at):
     """Return four numbers of a flat array, from `at`."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         address = builder.gep(_data(context, builder, signature.args[0], arguments[0]), [arguments[1]])
         return builder.load(builder.bitcast(address, _NUMBERS.as_pointer()), align=8)
 
@@ -121,10 +121,10 @@ def _set_four(array: Any, at: int, lanes: Any) -> None:
 
 
 @_or_else(_set_four)
-def store(typing_context, array, at, lanes):  # type: ignore[no-untyped-def]
+def store(typing_context, array, at, lanes):
     """Write four numbers into a flat array, from `at`."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         address = builder.gep(_data(context, builder, signature.args[0], arguments[0]), [arguments[1]])
         builder.store(arguments[2], builder.bitcast(address, _NUMBERS.as_pointer()), align=8)
         return context.get_dummy_value()
@@ -133,10 +133,10 @@ def store(typing_context, array, at, lanes):  # type: ignore[no-untyped-def]
 
 
 @_or_else(lambda pairs, places, at: (pairs[places[at : at + FOUR]], pairs[places[at : at + FOUR] + 1]))
-def gather(typing_context, pairs, places, at):  # type: ignore[no-untyped-def]
+def gather(typing_context, pairs, places, at):
     """Return the first and the second numbers of four pairs of a flat array; places (uint32) count numbers."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         found = [
             builder.load(_pair(context, builder, signature.args, arguments, lane), align=8) for lane in range(FOUR)
         ]
@@ -153,10 +153,10 @@ def _set_pairs(pairs: Any, places: Any, at: int, firsts: Any, seconds: Any) -> N
 
 
 @_or_else(_set_pairs)
-def scatter(typing_context, pairs, places, at, firsts, seconds):  # type: ignore[no-untyped-def]
+def scatter(typing_context, pairs, places, at, firsts, seconds):
     """Write four pairs to where `gather` reads them."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         even = _shuffled(builder, arguments[3], arguments[4], 0, 4, 2, 6)
         odd = _shuffled(builder, arguments[3], arguments[4], 1, 5, 3, 7)
         for lane, (source, first) in enumerate([(even, 0), (odd, 0), (even, 2), (odd, 2)]):
@@ -168,30 +168,30 @@ def scatter(typing_context, pairs, places, at, firsts, seconds):  # type: ignore
 
 
 @_or_else(lambda a, b, c: a * b + c)
-def fused_lanes(typing_context, a, b, c):  # type: ignore[no-untyped-def]
+def fused_lanes(typing_context, a, b, c):
     """Return a b + c, rounded once."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return _call(builder, "llvm.fma", list(arguments))
 
     return LANES(LANES, LANES, LANES), generate
 
 
 @_or_else(np.maximum)
-def larger(typing_context, a, b):  # type: ignore[no-untyped-def]
+def larger(typing_context, a, b):
     """Return the larger one of each lane."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
 
     return LANES(LANES, LANES), generate
 
 
 @_or_else(np.abs)
-def magnitude(typing_context, a):  # type: ignore[no-untyped-def]
+def magnitude(typing_context, a):
     """Return the absolute value of each lane."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return _call(builder, "llvm.fabs", list(arguments))
 
     return LANES(LANES), generate
@@ -204,20 +204,20 @@ def _folded(builder: Any, lanes: Any, join: Callable[..., Any]) -> Any:
 
 
 @_or_else(lambda lanes: (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]))
-def total(typing_context, lanes):  # type: ignore[no-untyped-def]
+def total(typing_context, lanes):
     """Return the sum of the lanes."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return _folded(builder, arguments[0], builder.fadd)
 
     return types.float64(LANES), generate
 
 
 @_or_else(np.max)
-def greatest(typing_context, lanes):  # type: ignore[no-untyped-def]
+def greatest(typing_context, lanes):
     """Return the greatest lane."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return _folded(builder, arguments[0], lambda a, b: builder.select(builder.fcmp_ordered(">", a, b), a, b))
 
     return types.float64(LANES), generate
