@@ -163,17 +163,33 @@ def _law(groups, g, w, x, rigid):
 
 
 @inner
-def _relax(groups, velocity, g, x, rigid):
-    """Let the rows of group g obey their law, from x; return the changes of x."""
+def _velocities(groups, velocity, g):
+    """Return the scaled velocities along the rows of group g, positive when they open."""
+    at, first = FOUR * g, DATA * g
+    ux, uy = gather(velocity, groups.body, at)
+    vx, vy = gather(velocity, groups.other, at)
+    own = fused_lanes(load(groups.data, first), ux, load(groups.data, first + FOUR) * uy)
+    return own + fused_lanes(load(groups.data, first + 2 * FOUR), vx, load(groups.data, first + 3 * FOUR) * vy)
+
+
+@inner
+def _push(groups, velocity, g, change):
+    """Apply changes of x along the rows of group g."""
+    # All loads before the first store, so that the compiler may keep what `_velocities` has loaded.
     at, first = FOUR * g, DATA * g
     ax, ay = load(groups.data, first), load(groups.data, first + FOUR)
     bx, by = load(groups.data, first + 2 * FOUR), load(groups.data, first + 3 * FOUR)
     ux, uy = gather(velocity, groups.body, at)
     vx, vy = gather(velocity, groups.other, at)
-    w = fused_lanes(ax, ux, ay * uy) + fused_lanes(bx, vx, by * vy)
-    change = _law(groups, g, w, x, rigid)
     scatter(velocity, groups.body, at, fused_lanes(ax, change, ux), fused_lanes(ay, change, uy))
     scatter(velocity, groups.other, at, fused_lanes(bx, change, vx), fused_lanes(by, change, vy))
+
+
+@inner
+def _relax(groups, velocity, g, x, rigid):
+    """Let the rows of group g obey their law, from x; return the changes of x."""
+    change = _law(groups, g, _velocities(groups, velocity, g), x, rigid)
+    _push(groups, velocity, g, change)
     return change
 
 
@@ -223,12 +239,8 @@ def group_residual(rows, groups, count):
     rigid = rows.rigid[0] == 1
     worst = spread(0.0)
     for g in range(count):
-        at, first = FOUR * g, DATA * g
-        ux, uy = gather(velocity, groups.body, at)
-        vx, vy = gather(velocity, groups.other, at)
-        own = fused_lanes(load(groups.data, first), ux, load(groups.data, first + FOUR) * uy)
-        w = own + fused_lanes(load(groups.data, first + 2 * FOUR), vx, load(groups.data, first + 3 * FOUR) * vy)
-        change = _law(groups, g, w, load(groups.percussion, at), rigid)
+        at = FOUR * g
+        change = _law(groups, g, _velocities(groups, velocity, g), load(groups.percussion, at), rigid)
         worst = larger(magnitude(change) * load(groups.scale, at), worst)
     return greatest(worst)
 
