@@ -2,13 +2,15 @@
 
 numba's own cache looks only at the file of the function that is called, so a plugin's cached loop
 does not notice an edit in a core kernel it calls. The cache folder is therefore named by a digest
-of every source that holds kernels, instructions that they are compiled to, constants or the bundles they take, and
+of the module of the kernel, of every module that it imports in turn, of the bundles that kernels take, and
 of the flags that change its machine code.
 """
 
+import ast
 import hashlib
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +26,11 @@ PAIR_FORCE_SIGNATURE = types.UniTuple(types.float64, 2)(
 
 _CORE = Path(__file__).parent
 
-#: Sources with one of these words hold kernels, instructions or bundles; in these packages also constants of kernels.
-_MARKS = b"evac.jit", b"numba.extending", b"NamedTuple"
-_PACKAGES = "building", "directions", "physics"
+#: Sources of the core with this word hold bundles. Kernels need not import the modules of what they are called with.
+_BUNDLES = b"NamedTuple"
 
 _digests: dict[Path, str] = {}
+_imported: dict[Path, tuple[Path, ...]] = {}
 
 
 def cache_root() -> Path:
@@ -40,16 +42,53 @@ def cache_root() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "evac"
 
 
-def _digest(folder: Path) -> str:
-    """Digest of the sources that kernels are compiled from in the core and in `folder`, numba's version and flags."""
-    if folder not in _digests:
+def _digest(module: Path) -> str:
+    """Digest of the sources that the kernels of a module are compiled from, numba's version and flags."""
+    if module not in _digests:
         digest = hashlib.sha256(f"{numba.__version__} {numba.config.BOUNDSCHECK}".encode())
-        for source in [*sorted(_CORE.rglob("*.py")), *sorted(folder.glob("*.py"))]:
-            text = source.read_bytes()
-            if source.parent.name in _PACKAGES or any(mark in text for mark in _MARKS):
-                digest.update(text)
-        _digests[folder] = digest.hexdigest()[:16]
-    return _digests[folder]
+        for source in sorted(_sources(module)):
+            digest.update(source.read_bytes())
+        _digests[module] = digest.hexdigest()[:16]
+    return _digests[module]
+
+
+def _sources(module: Path) -> set[Path]:
+    """Return a module, this one, those that they import in turn at their top, and those of the bundles."""
+    bundles = {file for file in _CORE.rglob("*.py") if _BUNDLES in file.read_bytes()}
+    found: set[Path] = set()
+    waiting = {module, _CORE / "jit.py"}
+    while waiting:
+        file = waiting.pop()
+        found.add(file)
+        if file not in _imported:
+            _imported[file] = tuple(_imports(file))
+        waiting.update(set(_imported[file]) - found)
+    return found | bundles
+
+
+def _imports(file: Path) -> Iterator[Path]:
+    """Yield the sources of the core, and of the package or folder of `file`, that it imports at its top."""
+    for statement in ast.parse(file.read_bytes()).body:
+        if isinstance(statement, ast.Import):
+            names = [alias.name for alias in statement.names]
+        elif isinstance(statement, ast.ImportFrom) and statement.level:
+            folder = file.parents[statement.level - 1].joinpath(*(statement.module or "").split("."))
+            yield from filter(Path.is_file, (folder / f"{alias.name}.py" for alias in statement.names))
+            yield from filter(Path.is_file, (folder.with_suffix(".py"),))
+            continue
+        elif isinstance(statement, ast.ImportFrom):
+            module = str(statement.module)
+            names = [module, *(f"{module}.{alias.name}" for alias in statement.names)]
+        else:
+            continue
+        for name in names:
+            top, *rest = name.split(".")
+            known = None if top in sys.stdlib_module_names else getattr(sys.modules.get(top), "__file__", None)
+            root = _CORE if top == _CORE.name else Path(known) if known else None
+            if root is None or not (root == _CORE or file.is_relative_to(root.parent)):
+                continue
+            source = (root if root == _CORE or root.name != "__init__.py" else root.parent).joinpath(*rest)
+            yield from filter(Path.is_file, (source.with_suffix(".py"), source / "__init__.py"))
 
 
 def _cached(compile_function: Callable[..., Any], function: Callable[..., Any]) -> Any:
@@ -59,7 +98,7 @@ def _cached(compile_function: Callable[..., Any], function: Callable[..., Any]) 
     and what numba keeps can be read back only under the name it was compiled with.
     """
     before = numba.config.CACHE_DIR
-    digest = _digest(Path(function.__code__.co_filename).parent)
+    digest = _digest(Path(function.__code__.co_filename))
     numba.config.CACHE_DIR = str(cache_root() / digest / function.__module__)
     try:
         return compile_function(function)

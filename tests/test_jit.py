@@ -1,5 +1,6 @@
 """Compilation: what kernels are built from."""
 
+import importlib
 import shutil
 from pathlib import Path
 
@@ -25,11 +26,13 @@ def test_a_fused_product_is_rounded_once():
     [
         ("jit.py", True),
         ("lanes.py", True),
-        ("physics/rows.py", True),
+        ("physics/momentum.py", True),
         ("physics/bundles.py", True),
-        ("physics/tallies.py", True),
-        ("building/model.py", True),
-        ("errors.py", False),
+        ("physics/rows.py", True),
+        ("directions/descent.py", True),  # holds a bundle
+        ("physics/overlaps.py", False),
+        ("building/checks.py", False),
+        ("directions/build.py", False),
     ],
 )
 def test_kernels_are_compiled_anew_where_what_they_are_built_from_changes(source, compiled, monkeypatch, tmp_path):
@@ -41,5 +44,17 @@ def test_kernels_are_compiled_anew_where_what_they_are_built_from_changes(source
         with (core / source).open("a") as file:
             file.write(text)
         monkeypatch.setattr(jit, "_digests", {})
-        digests.append(jit._digest(core / "physics"))
+        monkeypatch.setattr(jit, "_imported", {})
+        digests.append(jit._digest(core / "physics" / "momentum.py"))
     assert (digests[0] != digests[1]) == compiled
+
+
+def test_modules_that_a_plugin_imports_from_its_own_folder_count(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "laws_of_mine.py").write_text("STIFFNESS = 1.0\n")
+    plugin = tmp_path / "plugin_of_mine.py"
+    plugin.write_text("import os\nimport numpy\nfrom laws_of_mine import STIFFNESS\nfrom . import relative\n")
+    (tmp_path / "relative.py").write_text("")
+    importlib.import_module("laws_of_mine")  # as it is when the plugin is loaded
+
+    assert set(jit._imports(plugin)) == {tmp_path / "laws_of_mine.py", tmp_path / "relative.py"}
