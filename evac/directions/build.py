@@ -17,6 +17,7 @@ from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
 from evac.directions.marching import Metric, march
 from evac.directions.routes import STRATEGIES, Route
+from evac.directions.strips import outward_directions
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
@@ -158,7 +159,8 @@ def _solve(
     plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
     guide = plain if bent is None else march(grids, Metric(slowness, bent), exits, order)
     direction = _directions(grids, guide, exits, bent is None)
-    return direction, _with_halos(grids, plain), _lengths(grids, plain, exits, rates, cosine)
+    lengths = _lengths(grids, plain, exits, rates, cosine)
+    return direction, _continued(grids, _with_halos(grids, plain)), _continued(grids, lengths)
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
@@ -180,6 +182,15 @@ def _with_halos(grids: BuildingGrids, values: FloatArray) -> FloatArray:
     return seen
 
 
+def _continued(grids: BuildingGrids, values: FloatArray) -> FloatArray:
+    """Return packed values, linearly continued to the nodes of levels that the march leaves out."""
+    left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
+    with np.errstate(invalid="ignore"):  # where no way leads
+        rise = values[stand_in] - values[next_one]
+    values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
+    return values
+
+
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
     """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
@@ -188,17 +199,20 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         descend(cost[grid.packed].reshape(grid.window.shape), grid.sheet == OWN, grids.lattice.spacing, is_plain, own)
         for exit_ in exits:
             if exit_.level == grid.level:
-                x1, y1, x2, y2 = exit_.segments.sum(axis=0)
-                outward = np.array([y2 - y1, x1 - x2])
-                own[grid.sheet == 1 + grids.building.link_of(exit_)] = outward / np.linalg.norm(outward)
+                strip = grid.sheet == 1 + grids.building.link_of(exit_)
+                points = np.stack([x[strip] for x in grid.window.coordinates()], axis=1)
+                own[strip] = outward_directions(exit_.segments, points)
     direction = _with_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
         halo = grids.is_ground(grid) & (grid.sheet != OWN)
         reached = np.isfinite(cost[grid.packed].reshape(grid.window.shape))
+        left_out, stand_in, _ = grid.stands_for
+        direction[left_out] = direction[stand_in]
         known = pointing & ~halo
         missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
+        missing.ravel()[left_out - grid.offset] &= ~np.any(direction[stand_in] != 0.0, axis=1)
         if known.any():
             nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
             own[missing] = own[tuple(nearest)][missing]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.edges import side_of
-from evac.building.model import DOWN, FLAT, UP, Building, Level, Portal
+from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
 from evac.directions.lattice import (
     SLACK,
     BoolArray,
     FloatArray,
+    IndexArray,
     Lattice,
     Links,
     Window,
     walkable_nodes,
     wall_distance,
 )
+from evac.directions.strips import behind, free_rows
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
 NOTHING, OWN = -1, 0
@@ -48,6 +49,11 @@ class LevelGrid:
     seams : dict of int to (2, s) int64
         Packed indices of the own nodes that lie exactly on a portal, by portal: here, and on the
         grid of the neighbour, whose own nodes they are as well.
+    strip_rows : dict of int to int
+        Rows of the strip behind each open exit, by index of the exit; 0 where there is no room for a strip.
+    stands_for : (3, m) int64
+        Packed indices of nodes of the level that the march leaves out, each with the own node in sight that stands for
+        it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
     """
 
     level: int
@@ -57,6 +63,8 @@ class LevelGrid:
     offset: int
     distance: FloatArray
     seams: dict[int, NDArray[np.int64]]
+    strip_rows: dict[int, int]
+    stands_for: IndexArray
 
     @property
     def packed(self) -> slice:
@@ -74,7 +82,7 @@ class BuildingGrids:
     size : int
         Nodes of all grids.
     margin : int
-        Nodes around each level; the strips behind exits are one less deep.
+        Nodes around each level; the strips behind exits are at most one less deep.
     """
 
     building: Building
@@ -122,11 +130,14 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
     # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
     margin = max(MARGIN, math.ceil(clearance / spacing) + 3)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
-    own_nodes = [
-        walkable_nodes(window, level.polygon, walls[level.index])
-        for level, window in zip(building.levels, own_windows, strict=True)
-    ]
-    layers = _Layers(building, own_windows, own_nodes, walls, margin)
+    own_nodes, stand_ins = zip(
+        *(
+            walkable_nodes(window, level.polygon, walls[level.index])
+            for level, window in zip(building.levels, own_windows, strict=True)
+        ),
+        strict=True,
+    )
+    layers = _Layers(building, own_windows, list(own_nodes), walls, margin)
     grids: list[tuple[Window, NDArray[np.int32]]] = [layers.grid(level) for level in building.levels]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
@@ -135,7 +146,10 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         distance = _distances(building, level.index, window, sheet, walls, clearance)
         portals = _open_portals(building, level.index)
         seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
-        found.append(LevelGrid(level.index, window, sheet, source, int(offsets[level.index]), distance, seams))
+        offset = int(offsets[level.index])
+        rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
+        stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
+        found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
     return BuildingGrids(building, lattice, tuple(found), int(offsets[-1]), margin)
 
 
@@ -155,6 +169,13 @@ def _chain(segments: FloatArray) -> BaseGeometry:
     return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
 
 
+def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
+    """Return flat indices of the nodes of a window as those of a larger one."""
+    i, j = np.unravel_index(nodes, window.shape)
+    shift = np.array(window.first) - np.array(larger.first)
+    return np.ravel_multi_index((i + shift[0], j + shift[1]), larger.shape).astype(np.int64)
+
+
 @dataclass(frozen=True)
 class _Layers:
     """What stands on each level, and how the sheets of one grid come together from it."""
@@ -164,6 +185,11 @@ class _Layers:
     nodes: list[BoolArray]
     walls: list[FloatArray]
     margin: int
+    strip_rows: dict[int, int] = field(default_factory=dict)  # by exit, filled by `grid`
+
+    def open_exits(self, level: int) -> list[Exit]:
+        """Return the open exits of a level."""
+        return [exit_ for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
 
     def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
         """Return the window of a level's grid and the sheet of each node."""
@@ -178,12 +204,20 @@ class _Layers:
         sheet[here][self.nodes[level.index][there]] = OWN
         for portal in portals:
             self._add_halo(window, sheet, portal, portal.other(level.index))
-        for exit_ in self.building.exits_of(level.index):
-            if self.building.is_open(exit_):
-                strip = (sheet == NOTHING) & _behind(window, exit_.segments, self.margin - 1)
-                sheet[strip] = 1 + self.building.link_of(exit_)
+        taken = [level.polygon, *(self._zone(portal, level.index) for portal in portals)]
+        for exit_ in self.open_exits(level.index):
+            rows = free_rows(exit_.segments, shapely.union_all(taken), lattice.spacing, self.margin - 1)
+            self.strip_rows[exit_.index] = rows
+            strip = (sheet == NOTHING) & behind(window, exit_.segments, rows)
+            sheet[strip] = 1 + self.building.link_of(exit_)
+            taken.append(shapely.buffer(_chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
+
+    def _zone(self, portal: Portal, level: int) -> BaseGeometry:
+        """Return the ground behind a portal that its halo may cover."""
+        neighbour = self.building.levels[portal.other(level)].polygon
+        return neighbour.intersection(shapely.buffer(_chain(portal.segments), self._depth(portal)))
 
     def _depth(self, portal: Portal) -> float:
         """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
@@ -245,20 +279,6 @@ def _ends_of(links: Links) -> BoolArray:
     ends[1:, :] |= ~np.isnan(links.along_x)[:-1, :]
     ends[:, 1:] |= ~np.isnan(links.along_y)[:, :-1]
     return ends
-
-
-def _behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
-    """Return the nodes within a strip some rows of nodes deep behind exit segments."""
-    x, y = window.coordinates()
-    depth = rows * window.lattice.spacing
-    found = np.zeros(window.shape, dtype=np.bool_)
-    for segment in segments:
-        x1, y1, x2, y2 = segment
-        length = math.hypot(x2 - x1, y2 - y1)
-        ahead = side_of(segment, x, y) / length
-        along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
-        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
-    return found
 
 
 def _sources(

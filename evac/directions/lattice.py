@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IndexArray = NDArray[np.int64]
 
 #: Rounding slack of positions on the lattice, in cells.
 SLACK = 1e-6
@@ -138,42 +139,86 @@ def _mark_links(table: FloatArray, start: FloatArray, end: FloatArray, axis: int
     table[place] = fraction[kept]
 
 
-def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> BoolArray:
-    """Return the nodes of a level, without those that stand for a wall between walkable nodes.
+def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
+    """Return the nodes that the march of a level visits, and which of them stands for each other node of the level.
 
-    Marching couples neighbouring nodes only, so a wall thinner than a cell holds if of each link
-    that it crosses one end is left out: the nearer one, hence never a node more than half a cell
-    from the wall, and no door closes.
+    Marching couples neighbouring nodes, so it passes a wall thinner than a cell unless every link through that wall
+    loses one end: the one nearer to the wall, hence never a node more than half a cell from it, and no door closes.
+    A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face.
+
+    Parameters
+    ----------
+    window : Window
+    polygon : shapely geometry
+        The level.
+    walls : (w, 4) float64 [m]
+
+    Returns
+    -------
+    nodes : (nx, ny) bool
+    stands_for : (3, m) int64
+        Flat indices of a node of the level that is not visited, of the visited node in sight beside it, and of the
+        next one in line, or again the first one where that is not visited.
     """
     x, y = window.coordinates()
     slack = SLACK * window.lattice.spacing
     grown = shapely.buffer(polygon, slack, join_style="mitre")
     shapely.prepare(grown)
     inside: BoolArray = np.asarray(shapely.intersects_xy(grown, x, y), dtype=np.bool_)
-    if not len(walls):
-        return inside
     slits = _slits(polygon, walls, slack)
-    outline = window.crossed_links(walls, touching=False)
+    outline = window.crossed_links(_outline(polygon), touching=True)
     within = window.crossed_links(slits, touching=False)
-    masked = np.zeros_like(inside)
-    for axis, fractions in enumerate(((outline.along_x, within.along_x), (outline.along_y, within.along_y))):
+    left_out = np.zeros_like(inside)
+    for axis, at_outline, at_slit in ((0, outline.along_x, within.along_x), (1, outline.along_y, within.along_y)):
         near, far = _ends(inside, axis)
-        at_near, at_far = _ends(masked, axis)
-        for of_outline, fraction in zip((True, False), fractions, strict=True):
-            part = fraction[:-1, :] if axis == 0 else fraction[:, :-1]
-            crossed = near & far & ~np.isnan(part)
-            if of_outline:
-                # A link that only grazes a corner stays on the level.
-                ends = [np.stack((a[crossed], b[crossed]), axis=-1) for a, b in (_ends(x, axis), _ends(y, axis))]
-                crossed[crossed] = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=-1)))
-            at_near |= crossed & (part <= 0.5)
-            at_far |= crossed & (part > 0.5)
+        out_near, out_far = _ends(left_out, axis)
+        at_outline, at_slit = _ends(at_outline, axis)[0], _ends(at_slit, axis)[0]
+        leaves = near & far & ~np.isnan(at_outline)
+        ends = [np.stack((a[leaves], b[leaves]), axis=-1) for a, b in (_ends(x, axis), _ends(y, axis))]
+        leaves[leaves] = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=-1)))
+        for crossed, part in ((leaves, at_outline), (near & far & ~np.isnan(at_slit), at_slit)):
+            out_near |= crossed & (part <= 0.5)
+            out_far |= crossed & (part > 0.5)
     # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
     reach = 10.0 * slack
     for slit in slits.reshape(-1, 2, 2):
         box = window.box(slit.min(axis=0) - reach, slit.max(axis=0) + reach)
-        masked[box] |= shapely.dwithin(shapely.LineString(slit), shapely.points(x[box], y[box]), reach)
-    return inside & ~masked
+        left_out[box] |= shapely.dwithin(shapely.LineString(slit), shapely.points(x[box], y[box]), reach)
+    nodes = inside & ~left_out
+    return nodes, _stand_ins(window, inside & left_out, nodes, grown, slits)
+
+
+def _outline(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon."""
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(polygon))]
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def _stand_ins(
+    window: Window, left_out: BoolArray, nodes: BoolArray, grown: BaseGeometry, slits: FloatArray
+) -> IndexArray:
+    """Return flat indices (3, m): nodes left out, the nearest visited node in sight of each, and the one behind it."""
+    places = np.stack(window.coordinates(), axis=-1)
+    barrier = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
+    shapely.prepare(barrier)
+    found = []
+    waiting = np.argwhere(left_out)
+    for step in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        beside = waiting + step
+        has_node = nodes[tuple(beside.T)]
+        one, two = waiting[has_node], beside[has_node]
+        sight = shapely.linestrings(np.stack([places[tuple(one.T)], places[tuple(two.T)]], axis=1))
+        clear = shapely.covers(grown, sight) & ~shapely.crosses(barrier, sight)
+        one, two = one[clear], two[clear]
+        three = two + step
+        # Diagonally a wall may stand between two visited nodes.
+        in_line = nodes[tuple(three.T)] & (0 in step)
+        three = np.where(in_line[:, None], three, two)
+        found.append([np.ravel_multi_index(tuple(index.T), nodes.shape) for index in (one, two, three)])
+        settled = np.zeros(len(waiting), dtype=bool)
+        settled[np.flatnonzero(has_node)[clear]] = True
+        waiting = waiting[~settled]
+    return np.concatenate([np.array(part, dtype=np.int64).reshape(3, -1) for part in found], axis=1)
 
 
 def _ends(nodes: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:

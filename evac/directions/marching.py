@@ -79,14 +79,15 @@ class _March:
 
     def run(self, exits: list[Exit]) -> FloatArray:
         for grid in self.grids.levels:
-            by_use: dict[int, list[Exit]] = {}
+            alike: dict[tuple[int, int], list[Exit]] = {}
             for exit_ in exits:
                 if exit_.level == grid.level:
                     level = self.grids.building.levels[grid.level]
-                    by_use.setdefault(use_towards(level, exit_.segments), []).append(exit_)
-            for use, some in sorted(by_use.items()):
-                self._march_from_exits(grid, use, some)
-            if by_use:
+                    use, rows = use_towards(level, exit_.segments), grid.strip_rows[exit_.index]
+                    alike.setdefault((use, rows), []).append(exit_)
+            for (use, rows), some in sorted(alike.items()):
+                self._march_from_exits(grid, use, rows, some)
+            if alike:
                 self._queue_portals(grid.level)
         while self.pending:
             _, portal, entered = heapq.heappop(self.pending)
@@ -130,16 +131,16 @@ class _March:
         self._march_from_portal(self.grids.levels[level], portal, start)
         self._queue_portals(level)
 
-    def _march_from_exits(self, grid: LevelGrid, use: int, exits: list[Exit]) -> None:
-        """March from the lines of exits.
+    def _march_from_exits(self, grid: LevelGrid, use: int, rows: int, exits: list[Exit]) -> None:
+        """March from the lines of exits that have strips of as many `rows` behind them.
 
         The plain field starts from the exact ring around them: across the ends of a line it has a kink,
         which the stencil of second order takes badly. A bent field starts behind them, half a cell
-        before the last row of nodes that a strip has for certain.
+        before the last row of nodes that a strip has for certain, or where there is no strip as the plain one.
         """
         behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
         walkable = behind | self.grids.is_ground(grid)
-        ring = (RING if self.is_plain else 2.5 - self.grids.margin) * self.spacing
+        ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing
         distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)

@@ -1,0 +1,91 @@
+"""Strips of nodes behind exits: where the march of a level starts, so that ways turn round the posts of an exit."""
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.edges import side_of
+from evac.directions.lattice import SLACK, BoolArray, FloatArray, Window
+
+#: A strip of fewer rows cannot hold the contour that a march starts from.
+LEAST_ROWS = 3
+#: A point behind an exit is nearest to its own place on the exit where no other part is nearer by more than this share.
+STRAIGHT = 0.05
+
+
+def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: int) -> int:
+    """Return how many rows of nodes fit behind all of an exit before other ground begins; 0 below `LEAST_ROWS`.
+
+    Behind an exit there may be ground of the same level, a strip of another exit, or another part of the exit itself:
+    a balcony behind a door, say, or the far side of a hatch whose four sides are one exit.
+
+    Parameters
+    ----------
+    segments : (s, 4) float64
+        Of the exit, the level on their left [m].
+    ground : shapely geometry
+        Where a strip must not be.
+    spacing : float
+        Distance of rows [m].
+    most : int
+        Rows that are wanted.
+    """
+    place, outward = _points_along(segments, 0.5 * spacing)
+    depth = spacing * np.arange(1, most + 1)
+    points = place[:, None, :] + depth[:, None] * outward[:, None, :]
+    is_free = shapely.distance(_chain(segments), shapely.points(points)) > (1.0 - STRAIGHT) * depth
+    # One row more: nodes beside other ground are left out.
+    beyond = shapely.linestrings(
+        np.stack([place + SLACK * spacing * outward, place + (most + 1) * spacing * outward], axis=1)
+    )
+    first = shapely.distance(shapely.points(place), shapely.intersection(beyond, ground))
+    is_free &= ~(first[:, None] <= depth + spacing)  # NaN where there is no other ground
+    rows = int(np.logical_and.accumulate(is_free.all(axis=0)).sum())
+    return rows if rows >= LEAST_ROWS else 0
+
+
+def behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
+    """Return the nodes within a strip some rows of nodes deep behind exit segments."""
+    x, y = window.coordinates()
+    depth = rows * window.lattice.spacing
+    found = np.zeros(window.shape, dtype=np.bool_)
+    for segment in segments:
+        x1, y1, x2, y2 = segment
+        length = math.hypot(x2 - x1, y2 - y1)
+        ahead = side_of(segment, x, y) / length
+        along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
+        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
+    return found
+
+
+def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the outward unit normals (n, 2) of the segments of an exit that are nearest to points (n, 2)."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    nearest = shapely.distance(lines[:, None], shapely.points(points)[None, :]).argmin(axis=0)
+    return _outward(segments)[nearest]
+
+
+def _outward(segments: FloatArray) -> FloatArray:
+    """Return the unit normals (s, 2) of segments on their right, where the level is not."""
+    normal = np.column_stack([segments[:, 3] - segments[:, 1], segments[:, 0] - segments[:, 2]])
+    unit: FloatArray = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return unit
+
+
+def _points_along(segments: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return points (n, 2) inside segments, at most `spacing` apart, and the outward normals (n, 2) there."""
+    places: list[FloatArray] = []
+    numbers: list[int] = []
+    for x1, y1, x2, y2 in segments:
+        number = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / spacing))
+        share: NDArray[np.float64] = (np.arange(number) + 0.5)[:, None] / number
+        places.append(np.array([x1, y1]) + share * np.array([x2 - x1, y2 - y1]))
+        numbers.append(number)
+    return np.concatenate(places), np.repeat(_outward(segments), numbers, axis=0)
+
+
+def _chain(segments: FloatArray) -> BaseGeometry:
+    return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
