@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from evac.building.checks import measures
 from evac.building.model import Building, Exit
+from evac.directions.cellwalls import find_cell_walls
 from evac.directions.defaults import COMFORT, ORDER, SPACING
 from evac.directions.descent import Ways, add_lengths, descend
 from evac.directions.fields import Fields, FloatArray, PackedFields
@@ -78,6 +79,8 @@ def build_fields(
     graph = build_graph(building)
     grids = build_grids(building, spacing, clearance)
     bent = _bent(grids, clearance) if clearance > 0.0 else None
+    greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
+    steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
     parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
@@ -102,6 +105,7 @@ def build_fields(
             offset=np.array(offsets, dtype=np.int64),
             direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
             travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+            walls=find_cell_walls(grids, steepest),
         ),
         lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
         comfort=float(comfort),

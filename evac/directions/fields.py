@@ -13,6 +13,36 @@ IntArray = NDArray[np.int32]
 OffsetArray = NDArray[np.int64]
 
 
+class CellWalls(NamedTuple):
+    """The walls through cells of the grids, so that nodes on the other side of a wall can be left out of a sample.
+
+    Cell (ix, iy) of a level, from node (ix, iy) to (ix + 1, iy + 1), is number ``offset + ix * ny + iy``.
+
+    Attributes
+    ----------
+    offset : (levels,) int64
+    cell : (c,) int64
+        Numbers of the cells that walls pass through, rising.
+    start : (c + 1,) int64
+        First wall of each of them in `wall`.
+    wall : (w, 4) float64 [m]
+    steepest : float
+        Greatest increase of a travel time [s] or length [m] over a metre in plan.
+    """
+
+    offset: OffsetArray
+    cell: OffsetArray
+    start: OffsetArray
+    wall: FloatArray
+    steepest: float
+
+
+#: Of fields without walls.
+NO_CELL_WALLS = CellWalls(
+    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64), np.zeros((0, 4)), 0.0
+)
+
+
 class PackedFields(NamedTuple):
     """Travel times and directions as kernels read them: one field for each level and route, one after another.
 
@@ -34,6 +64,7 @@ class PackedFields(NamedTuple):
     travel_time : (nodes,) float64
         Plain travel time to the destination [s] at the reference speeds; inf where there is no way,
         negative behind the exits.
+    walls : CellWalls
     """
 
     origin: FloatArray
@@ -43,6 +74,7 @@ class PackedFields(NamedTuple):
     offset: OffsetArray
     direction: FloatArray
     travel_time: FloatArray
+    walls: CellWalls = NO_CELL_WALLS
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,8 @@ class BuildingGrids:
     Attributes
     ----------
     building, lattice, levels
+    walls : tuple of (w, 4) float64
+        Walls of each level, closed portals and exits among them [m].
     size : int
         Nodes of all grids.
     margin : int
@@ -88,12 +90,18 @@ class BuildingGrids:
     building: Building
     lattice: Lattice
     levels: tuple[LevelGrid, ...]
+    walls: tuple[FloatArray, ...]
     size: int
     margin: int
 
     def portals_of(self, level: int) -> list[Portal]:
         """Return the open portals of a level."""
         return _open_portals(self.building, level)
+
+    def exit_segments(self, level: int) -> FloatArray:
+        """Return the segments (s, 4) of the open exits of a level [m]."""
+        exits = [exit_.segments for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
+        return np.concatenate([np.zeros((0, 4)), *exits])
 
     def is_ground(self, grid: LevelGrid) -> BoolArray:
         """Return the nodes (nx, ny) of a grid that stand on a level: its own and the halos, not the strips."""
@@ -150,7 +158,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
         found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
-    return BuildingGrids(building, lattice, tuple(found), int(offsets[-1]), margin)
+    return BuildingGrids(building, lattice, tuple(found), tuple(walls), int(offsets[-1]), margin)
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:

@@ -4,8 +4,17 @@ import math
 
 import numpy as np
 
-from evac.directions.fields import FloatArray, IntArray, PackedFields
+from evac.directions.fields import CellWalls, FloatArray, IntArray, PackedFields
 from evac.jit import kernel
+
+#: Unit vectors whose weighted mean is shorter than this differ much; shorter than the second, they cancel.
+AGREEING, CANCELLING = 0.9, 0.1
+
+#: Nodes of a cell differ by no more than this many times the steepest increase over its side, but across a wall.
+LARGEST_RISE = 1.5 * math.sqrt(2.0)
+
+#: Product of two distances from a wall below which a point counts as on it [m2].
+TOUCHING = 1e-9
 
 
 @kernel
@@ -22,21 +31,74 @@ def cell_of(fields: PackedFields, position_x: float, position_y: float, level: i
 
 
 @kernel
+def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
+    """Return where the walls through a cell (ix * ny + iy) of a level are in ``walls.wall``, as first and last + 1."""
+    low, high = 0, walls.cell.shape[0]
+    if high == 0:
+        return 0, 0
+    wanted = walls.offset[level] + cell
+    while low < high:
+        middle = (low + high) // 2
+        if walls.cell[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    if low == walls.cell.shape[0] or walls.cell[low] != wanted:
+        return 0, 0
+    return walls.start[low], walls.start[low + 1]
+
+
+@kernel
+def is_hidden(walls: CellWalls, first: int, last: int, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Say whether one of some walls stands between a and b; a wall that ends at or passes through one of them does not.
+
+    A point counts as on a wall when it is nearer than about 1e-9 m, which covers rounding.
+    """
+    for k in range(first, last):
+        x1, y1, x2, y2 = walls.wall[k, 0], walls.wall[k, 1], walls.wall[k, 2], walls.wall[k, 3]
+        across_x, across_y = x2 - x1, y2 - y1
+        side_a = across_x * (ay - y1) - across_y * (ax - x1)
+        side_b = across_x * (by - y1) - across_y * (bx - x1)
+        if side_a * side_b >= -TOUCHING * (across_x * across_x + across_y * across_y):
+            continue
+        side_1 = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
+        side_2 = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
+        if side_1 * side_2 <= 0.0:
+            return True
+    return False
+
+
+@kernel
 def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, route: int) -> float:
-    """Return the travel time [s] at a position: bilinear over the nodes that have one, inf without any."""
+    """Return the travel time [s] at a position, inf without a way.
+
+    Bilinear over the nodes of the cell that have one; where they differ by more than a cell can, over those in sight.
+    """
     row = fields.field_of[level, route]
     if row < 0:
         return math.inf
     ix, iy, fx, fy = cell_of(fields, position_x, position_y, level)
     ny = fields.shape[level, 1]
     corner = fields.offset[row] + ix * ny + iy
+    low, high = math.inf, -math.inf
+    for a in range(2):
+        for b in range(2):
+            value = fields.travel_time[corner + a * ny + b]
+            low, high = min(low, value), max(high, value)
+    first, last = 0, 0
+    if high - low > LARGEST_RISE * fields.spacing * fields.walls.steepest:
+        first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
     total = 0.0
     weights = 0.0
     for a in range(2):
         for b in range(2):
             value = fields.travel_time[corner + a * ny + b]
             weight = (fx if a else 1.0 - fx) * (fy if b else 1.0 - fy)
-            if weight > 0.0 and value < math.inf:
+            if (
+                weight > 0.0
+                and value < math.inf
+                and not _is_corner_hidden(fields, level, ix, iy, a, b, fx, fy, first, last)
+            ):
                 total += weight * value
                 weights += weight
     if weights == 0.0:
@@ -50,8 +112,8 @@ def sample_direction(
 ) -> tuple[float, float]:
     """Return the unit direction (ex, ey) at a position; (0, 0) where there is no way out.
 
-    Bilinear over the unit vectors, normalised; the nearest node's where they cancel, as on the line
-    between two equal ways round an obstacle.
+    Bilinear over the unit vectors of the cell, normalised; the nearest node's where they cancel, as on the line
+    between two equal ways round an obstacle. Where they differ much, only nodes in sight count.
     """
     row = fields.field_of[level, route]
     if row < 0:
@@ -68,10 +130,64 @@ def sample_direction(
     ex = w00 * direction[n00, 0] + w10 * direction[n10, 0] + w01 * direction[n00 + 1, 0] + w11 * direction[n10 + 1, 0]
     ey = w00 * direction[n00, 1] + w10 * direction[n10, 1] + w01 * direction[n00 + 1, 1] + w11 * direction[n10 + 1, 1]
     length = math.sqrt(ex * ex + ey * ey)
-    if length < 0.1:
+    if length < AGREEING:
+        first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
+        if first < last:
+            return _direction_in_sight(fields, level, n00, ix, iy, fx, fy, first, last)
+    if length < CANCELLING:
         nearest = n00 + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
         return direction[nearest, 0], direction[nearest, 1]
     return ex / length, ey / length
+
+
+@kernel
+def _direction_in_sight(
+    fields: PackedFields, level: int, n00: int, ix: int, iy: int, fx: float, fy: float, first: int, last: int
+) -> tuple[float, float]:
+    """Return `sample_direction` from those nodes of a cell that none of its walls, first to last, hides."""
+    ny = fields.shape[level, 1]
+    ex, ey, total = 0.0, 0.0, 0.0
+    heaviest = -1.0
+    nearest = n00 + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
+    for a in range(2):
+        for b in range(2):
+            weight = (fx if a else 1.0 - fx) * (fy if b else 1.0 - fy)
+            if _is_corner_hidden(fields, level, ix, iy, a, b, fx, fy, first, last):
+                continue
+            node = n00 + a * ny + b
+            ex += weight * fields.direction[node, 0]
+            ey += weight * fields.direction[node, 1]
+            total += weight
+            if weight > heaviest:
+                heaviest, nearest = weight, node
+    length = math.sqrt(ex * ex + ey * ey)
+    if length <= CANCELLING * total:
+        return fields.direction[nearest, 0], fields.direction[nearest, 1]
+    return ex / length, ey / length
+
+
+@kernel
+def _is_corner_hidden(
+    fields: PackedFields,
+    level: int,
+    ix: int,
+    iy: int,
+    a: int,
+    b: int,
+    fx: float,
+    fy: float,
+    first: int,
+    last: int,
+) -> bool:
+    """Say whether a wall, first to last, stands between node (ix + a, iy + b) and the place (fx, fy) in its cell."""
+    if first == last:
+        return False
+    x0 = fields.origin[level, 0] + fields.spacing * ix
+    y0 = fields.origin[level, 1] + fields.spacing * iy
+    spacing = fields.spacing
+    return is_hidden(
+        fields.walls, first, last, x0 + fx * spacing, y0 + fy * spacing, x0 + a * spacing, y0 + b * spacing
+    )
 
 
 @kernel

@@ -55,9 +55,13 @@ def random_plan(seed):
 
 
 def _has_necks(polygon):
-    """Say whether a part of a plan can be reached only through a gap narrower than the least door."""
-    wide, narrow = (polygon.buffer(-0.5 * gap) for gap in (LEAST_DOOR - 0.01, 0.02))
-    return len(shapely.get_parts(wide)) != len(shapely.get_parts(narrow))
+    """Say whether a plan has a gap narrower than the least door: without it rooms fall apart or walls join."""
+
+    def parts_and_holes(gap):
+        parts = shapely.get_parts(polygon.buffer(-0.5 * gap))
+        return len(parts), shapely.get_num_interior_rings(parts).sum()
+
+    return parts_and_holes(LEAST_DOOR - 0.02) != parts_and_holes(0.02)
 
 
 def _with_points(ring, lines):
@@ -192,8 +196,11 @@ def follow(fields, plan, points, length=0.02):
         steps = shapely.linestrings(np.stack([place, new], axis=1))
         meets = shapely.intersects(boundary, steps)
         out = np.zeros(len(row), dtype=bool)
-        out[meets] = shapely.distance(shapely.intersection(steps[meets], boundary), exits) < 1e-6
-        walked[row] += length * np.hypot(*direction.T)
+        met = shapely.intersection(steps[meets], boundary)
+        out[meets] = shapely.distance(met, exits) < 1e-6
+        stretch = length * np.hypot(*direction.T)
+        stretch[meets] = shapely.distance(shapely.points(place[meets]), met)
+        walked[row] += stretch
         ways[row[out]] = walked[row[out]]
         hit = meets & ~out
         blocked += [tuple(p) for p in place[hit].tolist()]

@@ -28,7 +28,7 @@ def test_a_box_without_nodes_is_empty(bounds):
 def test_nodes_on_a_wall_inside_a_room_are_not_walkable_and_those_beside_it_are():
     walls = np.array([[1.0, 0.5, 1.0, 2.0], [2.0, 0.5, 3.0, 1.5]])
     window = Lattice((0.0, 0.0), 0.1).window(ROOM.bounds, 2)
-    nodes = walkable_nodes(window, ROOM, walls)
+    nodes, _ = walkable_nodes(window, ROOM, walls)
     x, y = window.coordinates()
     inside = shapely.intersects_xy(shapely.buffer(ROOM, 1e-9), x, y)
     on_wall = shapely.dwithin(shapely.multilinestrings(walls.reshape(-1, 2, 2)), shapely.points(x, y), SLACK)
