@@ -22,6 +22,7 @@ from evac.people.distributions import generator_for, generator_state, restore_ge
 from evac.people.groups import check_people, default_clearance, reference_speeds
 from evac.people.population import build_population
 from evac.people.unusual import unusual
+from evac.people.ways import check_ways
 from evac.physics.bundles import copy_of
 from evac.physics.contact_model import BorderScene
 from evac.physics.engine import Engine
@@ -113,13 +114,16 @@ class Simulation:
             self.fields = self._build_fields(behaviours)
         with noting(self.building.warnings), self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
+            world = make_world(self.building, self.fields)
+            crowd, groups = self.population.crowd, self.population.groups
+            check_ways(case.source, self.building, self.fields, world, crowd, groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = needed_behaviours(scenes, self.full)
         with naming(case.source):
             self.contact.check_scene(self._border_scene())
         people, levels = len(self.population.crowd.level), [level.name for level in self.building.levels]
-        self.engine = Engine(make_world(self.building, self.fields), people, self.forces, self.full, levels)
+        self.engine = Engine(world, people, self.forces, self.full, levels)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""

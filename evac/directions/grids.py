@@ -81,6 +81,8 @@ class BuildingGrids:
     building, lattice, levels
     walls : tuple of (w, 4) float64
         Walls of each level, closed portals and exits among them [m].
+    clearance : float
+        Distance from walls up to which ways bend [m].
     size : int
         Nodes of all grids.
     margin : int
@@ -91,6 +93,7 @@ class BuildingGrids:
     lattice: Lattice
     levels: tuple[LevelGrid, ...]
     walls: tuple[FloatArray, ...]
+    clearance: float
     size: int
     margin: int
 
@@ -158,7 +161,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
         found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
-    return BuildingGrids(building, lattice, tuple(found), tuple(walls), int(offsets[-1]), margin)
+    return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:

@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 import skfmm
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
 
 from evac.building.model import DOWN, FLAT, UP, Exit, Portal
 from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
@@ -136,12 +138,15 @@ class _March:
 
         The plain field starts from the exact ring around them: across the ends of a line it has a kink,
         which the stencil of second order takes badly. A bent field starts behind them, half a cell
-        before the last row of nodes that a strip has for certain, or where there is no strip as the plain one.
+        before the last row of nodes that a strip has for certain, or where there is no strip from the ring around
+        the middle of each exit, a clearance off its posts.
         """
         behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
         walkable = behind | self.grids.is_ground(grid)
         ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing
-        distance = self._distance_from(grid, exits, behind | (grid.sheet == OWN), 2.0 * ring)
+        off_posts = self.grids.clearance if rows == 0 and not self.is_plain else 0.0
+        lines = shapely.multilinestrings([line for exit_ in exits for line in _middles(exit_.segments, off_posts)])
+        distance = self._distance_from(grid, lines, behind | (grid.sheet == OWN), 2.0 * ring)
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)
         found = self._solve(grid, phi, use, None, walkable)
@@ -155,17 +160,14 @@ class _March:
         self._lower(grid, found)
 
     def _distance_from(
-        self, grid: LevelGrid, exits: list[Exit], nodes: NDArray[np.bool_], seen_to: float
+        self, grid: LevelGrid, lines: BaseGeometry, nodes: NDArray[np.bool_], seen_to: float
     ) -> FloatArray:
-        """Return the distance of nodes from exit lines; inf for others, and for those near it but behind a wall.
+        """Return the distance of nodes from lines on exits; inf for others, and for those near it but behind a wall.
 
         Walls are looked at up to the distance `seen_to`.
         """
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
-        lines = shapely.multilinestrings(
-            [line for exit_ in exits for line in shapely.linestrings(exit_.segments.reshape(-1, 2, 2))]
-        )
         shapely.prepare(lines)
         distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
         close = np.flatnonzero((distance <= seen_to) & (grid.sheet == OWN))
@@ -265,6 +267,18 @@ class _March:
             weights += weight
         with np.errstate(invalid="ignore"):
             return np.where(weights > 0.0, total / weights, math.inf)
+
+
+def _middles(segments: FloatArray, off_ends: float) -> list[BaseGeometry]:
+    """Return the lines of an exit without so much at each end, but at least half of each [m]."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    if off_ends == 0.0:
+        return list(lines)
+    found = []
+    for line in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
+        off = 0.0 if line.is_closed else min(off_ends, 0.25 * line.length)
+        found.append(substring(line, off, line.length - off))
+    return found
 
 
 def _points_along(segments: FloatArray, spacing: float) -> FloatArray:

@@ -130,8 +130,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     Raises
     ------
     ScenarioError
-        An unknown area, level or exit; a position outside its level or in a wall; more people than fit; people who
-        cannot reach an exit they may take.
+        An unknown area, level or exit; a position outside its level or in a wall; more people than fit.
     """
     check_people(case, building)
     counts = [people.count for people in case.people]
@@ -151,7 +150,6 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is None:
             _take_area(case, building, crowd, people, group.rows, seed)
-    _check_reach(case, building, fields, crowd, groups)
     return Population(crowd, groups, len(building.portals))
 
 
@@ -263,18 +261,3 @@ def _take_area(
         f"{case.source}: people.{people.name}.number: area {area.name!r} on level {building.levels[area.level].name!r}",
     )
     crowd.level[rows] = area.level
-
-
-def _check_reach(case: "Case", building: Building, fields: "Fields", crowd: Crowd, groups: tuple[Group, ...]) -> None:
-    """Refuse people who stand where no exit they may take can be reached."""
-    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route)
-    for people, group in zip(case.people, groups, strict=True):
-        lost = group.rows[~np.isfinite(time[group.rows])]
-        if lost.size:
-            x, y = crowd.position[lost[0]]
-            exits = ", ".join(people.exits) or "any exit"
-            raise ScenarioError(
-                f"{case.source}: people.{people.name}: {lost.size} of {len(group.rows)} people cannot reach {exits}, "
-                f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[lost[0]]].name!r}; "
-                "put them elsewhere, allow other exits, or open a way in the mesh"
-            )

@@ -173,17 +173,6 @@ def test_too_many_people_are_refused_by_area_and_level(make_case, house, fields)
     assert "500 people of radii up to 0.25 m do not fit on 16.0 m2" in message
 
 
-def test_people_who_cannot_reach_an_exit_are_refused_by_place(make_case, house, fields):
-    case = make_case(standing(), standing("two", positions=[[5, 1], [5, 2]], level="east 1", exits=["door"]))
-    routes = (Route(), Route(("door",)))
-    with pytest.raises(ScenarioError) as caught:
-        build_population(case, house, fields(routes, closed=(3,)), seed=1)
-    assert str(caught.value) == (
-        f"{case.source}: people.two: 2 of 2 people cannot reach door, the first at (5.00, 1.00) on level 'east 1'; "
-        "put them elsewhere, allow other exits, or open a way in the mesh"
-    )
-
-
 def test_routes_are_rows_of_the_fields(make_case, house, fields):
     case = make_case(standing("a"), standing("b", strategy="shortest"))
     routes = (Route(strategy="shortest"), Route())

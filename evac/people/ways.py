@@ -1,0 +1,267 @@
+"""Whether everybody gets out by the directions they will follow: a walk along them, and the connected ground."""
+
+from typing import TYPE_CHECKING, Any
+
+import networkx
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.building.model import Building
+from evac.directions.fields import Fields
+from evac.directions.sampling import cell_of, sample_direction
+from evac.errors import ScenarioError
+from evac.jit import kernel
+from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray, World
+from evac.physics.seams import crossing
+from evac.physics.sight import bucket_at, passes_through
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from evac.people.population import Group
+
+#: Length of a step of a walk, in cells.
+STEP = 0.5
+#: A walk may be so many times as long as the way, and so many cells longer, before it counts as lost.
+LONGEST, EXTRA = 3.0, 200.0
+#: A portal or exit belongs to a part of a level that it shares this length with [m].
+SHARED = 1e-3
+
+# How a walk ends.
+ARRIVED, LOST = 0, 1
+
+
+def check_ways(
+    source: "Path", building: Building, fields: Fields, world: World, crowd: Crowd, groups: "tuple[Group, ...]"
+) -> None:
+    """Check that everybody reaches an exit, by three answers that must agree.
+
+    The travel time is finite, the ground is connected to an exit of the route, and a point that starts where the person
+    stands, follows the directions and slides along walls arrives at an exit. The last is checked for every route that
+    leads anywhere from there, for behaviours may choose another one.
+
+    Parameters
+    ----------
+    source : Path
+        Of the case, for messages.
+    building : Building
+    fields : Fields
+    world : World
+        Of both.
+    crowd : Crowd
+        As people start.
+    groups : tuple of Group
+
+    Raises
+    ------
+    ScenarioError
+        People cannot reach an exit that they may take, or the answers disagree; names the group, the place, and what
+        to change.
+    """
+    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route)
+    is_connected = _connected(building, fields, crowd)
+    for group in groups:
+        rows = group.rows
+        lost = rows[~np.isfinite(time[rows])]
+        if lost.size:
+            raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, is_connected))
+        leaking = rows[~is_connected[rows]]
+        if leaking.size:
+            what = f"have a travel time, but no ground leads to {fields.routes[crowd.route[leaking[0]]].destination}"
+            raise ScenarioError(
+                f"{_told(source, building, crowd, group, leaking, what)}: the grid joins what a wall divides; choose "
+                "another directions.spacing, and report this case as an error of evac"
+            )
+    for route in range(len(fields.routes)):
+        _check_walks(source, building, fields, world, crowd, groups, route)
+
+
+def _check_walks(
+    source: "Path",
+    building: Building,
+    fields: Fields,
+    world: World,
+    crowd: Crowd,
+    groups: "tuple[Group, ...]",
+    route: int,
+) -> None:
+    """Walk along the directions of one route from everybody's start."""
+    people = len(crowd.level)
+    lengths = fields.lengths_at(crowd.level, crowd.position, route).sum(axis=1)
+    most = np.where(np.isfinite(lengths), LONGEST * lengths / (STEP * world.fields.spacing) + EXTRA, 0.0)
+    nodes = int((world.fields.shape[:, 0].astype(np.int64) * world.fields.shape[:, 1]).sum())
+    seen = np.zeros(nodes, dtype=np.uint8)
+    first = np.concatenate([[0], np.cumsum(world.fields.shape.astype(np.int64).prod(axis=1))])
+    ends = np.zeros((people, 3))
+    walk_all(world, crowd.position, crowd.level, route, most.astype(np.int64), first, seen, ends)
+    for group in groups:
+        lost = group.rows[ends[group.rows, 2] >= 0.0]
+        if lost.size:
+            x, y, level = ends[lost[0]]
+            what = f"do not get out by the directions {fields.routes[route]!s}"
+            raise ScenarioError(
+                f"{_told(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
+                f"{building.levels[int(level)].name!r}: look for a gap there narrower than two cells of "
+                f"directions.spacing = {world.fields.spacing:g} m, and choose a smaller one"
+            )
+
+
+def _told(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
+    """Return the beginning of a message: how many people of a group are concerned, by what, and where."""
+    x, y = crowd.position[rows[0]]
+    return (
+        f"{source}: people.{group.name}: {rows.size} of {len(group.rows)} people {what}, "
+        f"the first at ({x:.2f}, {y:.2f}) on level {building.levels[crowd.level[rows[0]]].name!r}"
+    )
+
+
+def _unreachable(
+    source: "Path",
+    building: Building,
+    fields: Fields,
+    crowd: Crowd,
+    group: "Group",
+    rows: IntArray,
+    is_connected: NDArray[np.bool_],
+) -> str:
+    """Say why people have no travel time to an exit."""
+    exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
+    told = _told(source, building, crowd, group, rows, f"cannot reach {exits}")
+    if is_connected[rows[0]]:
+        return (
+            f"{told}; the ground leads there, but through a gap that the grid of directions.spacing = "
+            f"{fields.packed.spacing:g} m does not pass: make the spacing smaller, or widen the gap"
+        )
+    return f"{told}; put them elsewhere, allow other exits, or open a way in the mesh"
+
+
+def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
+    """Say whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
+    parts = [shapely.get_parts(level.polygon) for level in building.levels]
+    graph = networkx.Graph()
+    graph.add_nodes_from((level, k) for level, own in enumerate(parts) for k in range(len(own)))
+    for portal in building.portals:
+        if building.is_open(portal):
+            one, other = (_parts_at(parts[level], portal.segments) for level in portal.levels)
+            graph.add_edges_from(((portal.levels[0], a), (portal.levels[1], b)) for a in one for b in other)
+    for way in building.exits:
+        if building.is_open(way):
+            beside = _parts_at(parts[way.level], way.segments)
+            graph.add_edges_from((("exit", way.index), (way.level, k)) for k in beside)
+    component = {node: number for number, nodes in enumerate(networkx.connected_components(graph)) for node in nodes}
+    ends = [
+        {component.get(("exit", way.index)) for way in building.exits if not route.exits or way.name in route.exits}
+        for route in fields.routes
+    ]
+    found = np.zeros(len(crowd.level), dtype=np.bool_)
+    for level, own in enumerate(parts):
+        here = np.flatnonzero(crowd.level == level)
+        nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
+        found[here] = [
+            component[level, k] in ends[route] for k, route in zip(nearest.tolist(), crowd.route[here], strict=True)
+        ]
+    return found
+
+
+def _parts_at(parts: NDArray[Any], segments: FloatArray) -> list[int]:
+    """Return which parts of a level a portal or exit is on."""
+    line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), SHARED)
+    shared = shapely.length(shapely.intersection(shapely.boundary(parts), line))
+    return [int(k) for k in np.flatnonzero(shared > 4.0 * SHARED)]
+
+
+@kernel
+def walk_all(
+    world: World,
+    position: FloatArray,
+    level: IntArray,
+    route: int,
+    most: NDArray[np.int64],
+    first: NDArray[np.int64],
+    seen: ByteArray,
+    ends: FloatArray,
+) -> None:
+    """Walk from everybody's place; a walk that comes to a cell from which another one arrived has arrived.
+
+    Parameters
+    ----------
+    world : World
+    position : (n, 2) float64 [m]
+    level : (n,) int32
+    route : int
+    most : (n,) int64
+        Steps that each walk may take; 0 leaves it out.
+    first : (levels,) int64
+        Number of the first cell of each level.
+    seen : (cells,) uint8
+        Written: 1 in cells from which an exit is reached.
+    ends : (n, 3) float64
+        Written: where a walk was lost, x, y [m] and level; level -1 where it arrived.
+    """
+    trail = np.empty(most.max() + 1, np.int64)
+    for p in range(position.shape[0]):
+        ends[p, 2] = -1.0
+        if most[p] == 0:
+            continue
+        x, y, at = position[p, 0], position[p, 1], level[p]
+        count = 0
+        while count < most[p] and at >= 0:
+            ix, iy, _, _ = cell_of(world.fields, x, y, at)
+            cell = first[at] + ix * world.fields.shape[at, 1] + iy
+            if seen[cell]:
+                at = -1
+                break
+            trail[count] = cell
+            count += 1
+            x, y, at = walk_on(world, x, y, at, route)
+        if at < 0:
+            for k in range(count):
+                seen[trail[k]] = 1
+        else:
+            ends[p, 0], ends[p, 1], ends[p, 2] = x, y, at
+
+
+@kernel
+def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple[float, float, int]:
+    """Make one step along the direction, or along the wall that it meets; return place and level, -1 beyond an exit."""
+    ex, ey = sample_direction(world.fields, ax, ay, level, route)
+    length = STEP * world.fields.spacing
+    for _ in range(3):
+        bx, by = ax + length * ex, ay + length * ey
+        wall = wall_across(world, ax, ay, bx, by, level)
+        if wall < 0:
+            break
+        tx = world.wall[wall, 2] - world.wall[wall, 0]
+        ty = world.wall[wall, 3] - world.wall[wall, 1]
+        # A whole step: within a cell of a corner directions may point almost straight at the wall.
+        along = np.sign(ex * tx + ey * ty) / np.sqrt(tx * tx + ty * ty)
+        ex, ey = along * tx, along * ty
+    else:
+        return ax, ay, level
+    passed = 0.0
+    for _ in range(4):
+        best, link = 2.0, -1
+        for s in range(world.link_start[level], world.link_start[level + 1]):
+            if world.link_open[world.link_id[s]]:
+                share = crossing(world.link_segment, s, ax, ay, bx, by, 0.0)
+                if passed <= share < best:
+                    best, link = share, s
+        if link < 0:
+            break
+        level = world.link_to[link]
+        if level < 0:
+            break
+        passed = best
+    return bx, by, level
+
+
+@kernel
+def wall_across(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
+    """Return a wall of a level that the line from a to b passes through, -1 for none."""
+    first, last = bucket_at(world, ax, ay)
+    for slot in range(first, last):
+        w = world.bucket_wall[slot]
+        if world.wall_level[w] == level and not world.wall_open[w] and passes_through(world.wall[w], ax, ay, bx, by):
+            return w
+    return -1

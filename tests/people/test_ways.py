@@ -1,0 +1,99 @@
+"""Whether everybody gets out: travel times, connected ground and walks along the directions must agree."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from evac.directions.build import build_fields
+from evac.directions.routes import Route
+from evac.errors import ScenarioError
+from evac.people.population import Group
+from evac.people.ways import check_ways
+from evac.physics.bundles import make_crowd
+from evac.physics.world import make_world
+from tests.directions.conftest import Drawing
+
+CASE = Path("case.toml")
+ROUTES = (Route(), Route(("east",)))
+
+
+def two_rooms(door=(2.0, 3.0), wall=0.2):
+    """Return two rooms of 4 x 5 m with a wall between them that a door may be in, and an exit from the eastern one."""
+    drawing = Drawing()
+    between = shapely.box(4.0, -1.0, 4.0 + wall, 6.0)
+    if door is not None:
+        between = between.difference(shapely.box(3.0, door[0], 6.0, door[1]))
+    drawing.level(shapely.box(0.0, 0.0, 8.0, 5.0).difference(between))
+    drawing.exit("east", 0, (8.0, 1.0), (8.0, 2.0))
+    return drawing.build()
+
+
+def check(building, fields, positions):
+    crowd = make_crowd(positions)
+    group = Group("visitors", np.arange(len(positions), dtype=np.int32), {})
+    check_ways(CASE, building, fields, make_world(building, fields), crowd, (group,))
+
+
+def refusal(building, fields, positions):
+    with pytest.raises(ScenarioError) as caught:
+        check(building, fields, positions)
+    return str(caught.value)
+
+
+def test_everybody_who_can_get_out_passes():
+    building = two_rooms()
+    check(building, build_fields(building, ROUTES), [[0.5, 0.5], [0.5, 4.5], [3.9, 0.1], [7.0, 4.0]])
+
+
+def test_people_without_connected_ground_are_refused_by_place():
+    building = two_rooms(door=None)
+    message = refusal(building, build_fields(building, ROUTES), [[7.0, 1.0], [1.0, 2.0], [1.0, 3.0]])
+    assert message.startswith(
+        "case.toml: people.visitors: 2 of 3 people cannot reach any exit, the first at (1.00, 2.00)"
+    )
+    assert "open a way in the mesh" in message
+
+
+def test_a_gap_that_the_grid_does_not_pass_is_named_as_the_cause():
+    building = two_rooms(door=(2.03, 2.07))
+    message = refusal(building, build_fields(building, ROUTES), [[1.0, 2.0]])
+    assert "directions.spacing = 0.1 m does not pass" in message
+    check(building, build_fields(building, ROUTES, spacing=0.01), [[1.0, 2.0]])
+
+
+def test_travel_times_that_pass_a_wall_are_refused():
+    leaking = build_fields(two_rooms(), ROUTES)
+    message = refusal(two_rooms(door=None), leaking, [[1.0, 2.0]])
+    assert "the grid joins what a wall divides" in message
+
+
+@pytest.mark.parametrize("share", [-1.0, 0.0], ids=["back", "nowhere"])
+def test_directions_that_lead_to_no_exit_are_refused_with_their_end(share):
+    building = two_rooms()
+    fields = build_fields(building, (Route(),))
+    wrong = replace(fields, packed=fields.packed._replace(direction=share * fields.packed.direction))
+    message = refusal(building, wrong, [[0.5, 0.5]])
+    assert "do not get out by the directions fastest to any exit" in message
+    x, y = (float(number) for number in message.split("they end at (")[1].split(")")[0].split(","))
+    if share == 0.0:
+        assert (x, y) == (0.5, 0.5)
+    else:
+        assert shapely.box(0.0, 0.0, 0.1, 0.5).distance(shapely.Point(x, y)) < 1e-6
+
+
+def test_walks_pass_portals_and_slide_along_walls():
+    drawing = Drawing()
+    drawing.level((0.0, 0.0, 4.0, 5.0))
+    drawing.level((4.0, 0.0, 8.0, 5.0))
+    drawing.portal(0, 1, (4.0, 2.0), (4.0, 3.0))
+    drawing.exit("east", 1, (8.0, 1.0), (8.0, 2.0))
+    building = drawing.build()
+    fields = build_fields(building, ROUTES)
+    starts = [[0.01, 0.01], [3.99, 0.5], [3.99, 4.99], [2.0, 2.5]]
+    check(building, fields, starts)
+    check(building, build_fields(building, ROUTES, clearance=0.0), starts)
+    closed = replace(building, closed=frozenset({0}))
+    assert "cannot reach any exit" in refusal(closed, build_fields(closed, ROUTES), starts)
