@@ -95,7 +95,7 @@ def show_building(building: "Building") -> None:
 
 
 def show_people(simulation: "Simulation") -> None:
-    """Show the groups, where they start and how far it is; that everybody can reach an exit has been checked."""
+    """Show the groups, where they start and how far it is; `check_ways` has walked everybody's way to an exit."""
     import numpy as np
 
     population = simulation.population
@@ -116,7 +116,7 @@ def show_people(simulation: "Simulation") -> None:
         for group in population.groups
     ]
     columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
-    title = f"People: {len(crowd.level)}. All can reach an exit; see warnings for narrow places."
+    title = f"People: {len(crowd.level)}. All reach an exit along their directions; see warnings for narrow places."
     show_table(title, columns, rows)
 
 
