@@ -116,7 +116,7 @@ def show_people(simulation: "Simulation") -> None:
         for group in population.groups
     ]
     columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
-    title = f"People: {len(crowd.level)}. Directions lead all to an exit; see warnings for narrow places."
+    title = f"People: {len(crowd.level)}. All are led to an exit; see warnings for narrow places."
     show_table(title, columns, rows)
 
 
