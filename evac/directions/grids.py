@@ -184,7 +184,8 @@ def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
     """Return flat indices of the nodes of a window as those of a larger one."""
     i, j = np.unravel_index(nodes, window.shape)
     shift = np.array(window.first) - np.array(larger.first)
-    return np.ravel_multi_index((i + shift[0], j + shift[1]), larger.shape).astype(np.int64)
+    moved: IndexArray = np.ravel_multi_index((i + shift[0], j + shift[1]), larger.shape).astype(np.int64)
+    return moved
 
 
 @dataclass(frozen=True)

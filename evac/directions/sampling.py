@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from evac.directions.fields import CellWalls, FloatArray, IntArray, PackedFields
-from evac.jit import kernel
+from evac.jit import inner, kernel
 
 #: Unit vectors whose weighted mean is shorter than this differ much; shorter than the second, they cancel.
 AGREEING, CANCELLING = 0.9, 0.1
@@ -17,7 +17,7 @@ LARGEST_RISE = 1.5 * math.sqrt(2.0)
 TOUCHING = 1e-9
 
 
-@kernel
+@inner
 def cell_of(fields: PackedFields, position_x: float, position_y: float, level: int) -> tuple[int, int, float, float]:
     """Return the lower node (ix, iy) of the cell at a position and the fractions in it, clamped to the grid."""
     nx, ny = fields.shape[level, 0], fields.shape[level, 1]
@@ -30,7 +30,7 @@ def cell_of(fields: PackedFields, position_x: float, position_y: float, level: i
     return ix, iy, across - ix, along - iy
 
 
-@kernel
+@inner
 def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
     """Return where the walls through a cell (ix * ny + iy) of a level are in ``walls.wall``, as first and last + 1."""
     low, high = 0, walls.cell.shape[0]
@@ -48,7 +48,7 @@ def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
     return walls.start[low], walls.start[low + 1]
 
 
-@kernel
+@inner
 def is_hidden(walls: CellWalls, first: int, last: int, ax: float, ay: float, bx: float, by: float) -> bool:
     """Say whether one of some walls stands between a and b; a wall that ends at or passes through one of them does not.
 
@@ -68,7 +68,7 @@ def is_hidden(walls: CellWalls, first: int, last: int, ax: float, ay: float, bx:
     return False
 
 
-@kernel
+@inner
 def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, route: int) -> float:
     """Return the travel time [s] at a position, inf without a way.
 
@@ -106,7 +106,7 @@ def sample_travel_time(fields: PackedFields, position_x: float, position_y: floa
     return total / weights
 
 
-@kernel
+@inner
 def sample_direction(
     fields: PackedFields, position_x: float, position_y: float, level: int, route: int
 ) -> tuple[float, float]:
@@ -140,7 +140,7 @@ def sample_direction(
     return ex / length, ey / length
 
 
-@kernel
+@inner
 def _direction_in_sight(
     fields: PackedFields, level: int, n00: int, ix: int, iy: int, fx: float, fy: float, first: int, last: int
 ) -> tuple[float, float]:
@@ -166,7 +166,7 @@ def _direction_in_sight(
     return ex / length, ey / length
 
 
-@kernel
+@inner
 def _is_corner_hidden(
     fields: PackedFields,
     level: int,

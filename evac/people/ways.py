@@ -11,7 +11,7 @@ from evac.building.model import Building
 from evac.directions.fields import Fields
 from evac.directions.sampling import cell_of, sample_direction
 from evac.errors import ScenarioError
-from evac.jit import kernel
+from evac.jit import inner, kernel
 from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray, World
 from evac.physics.seams import crossing
 from evac.physics.sight import bucket_at, passes_through
@@ -222,7 +222,7 @@ def walk_all(
             ends[p, 0], ends[p, 1], ends[p, 2] = x, y, at
 
 
-@kernel
+@inner
 def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple[float, float, int]:
     """Make one step along the direction, or along the wall that it meets; return place and level, -1 beyond an exit."""
     ex, ey = sample_direction(world.fields, ax, ay, level, route)
@@ -256,7 +256,7 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
     return bx, by, level
 
 
-@kernel
+@inner
 def wall_across(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
     """Return a wall of a level that the line from a to b passes through, -1 for none."""
     first, last = bucket_at(world, ax, ay)
