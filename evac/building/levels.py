@@ -202,7 +202,7 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
         if tag.startswith("floor:"):
             name = tag.removeprefix("floor:")
         else:
-            heights = f"z={level.z_min:.2f}" + (f"..{level.z_max:.2f}" if level.kind == "flight" else "")
+            heights = f"z={level.z_min:z.2f}" + (f"..{level.z_max:z.2f}" if level.kind == "flight" else "")
             prefix = f"{level.stair} " if tag.startswith("stair:") else ""
             name = f"{prefix}{level.kind} {heights}"
         unique, number = name, 1

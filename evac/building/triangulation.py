@@ -1,4 +1,4 @@
-"""Polygons to triangles, the same ones whatever corner a polygon starts at and however it is wound."""
+"""Polygons to triangles, the same ones whatever corner a polygon starts at and however it is wound; their size."""
 
 import numpy as np
 import shapely
@@ -49,6 +49,22 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
         triangles.append(pieces)
         owner.append(np.full(len(pieces), row))
     return np.concatenate(triangles), np.concatenate(owner)
+
+
+def least_height(corners: FloatArray) -> FloatArray:
+    """Least height of triangles (t, 3, 3), zero where corners coincide [m]."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    height: FloatArray = np.divide(twice_area, longest, out=np.zeros(len(corners)), where=longest > 0)
+    return height
+
+
+def plan_area(corners: FloatArray) -> FloatArray:
+    """Areas in plan of triangles (t, 3, 3), whichever way they are wound [m2]."""
+    one, other = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    area: FloatArray = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    return area
 
 
 def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
