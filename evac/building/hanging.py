@@ -19,7 +19,7 @@ Hanging = dict[tuple[int, int], list[int]]
 
 #: Rounds of splitting after which a mesh is given up. One is enough for most; a vertex that is off its edge moves it,
 #: so that others may then lie on its parts.
-MOST_ROUNDS = 20
+MOST_ROUNDS = 12
 
 
 def split_at_vertices(
@@ -50,20 +50,20 @@ def split_at_vertices(
     Raises
     ------
     BuildingError
-        If there is no end to it, naming a place.
+        If vertices are so close to each other that there is no end to it.
     """
     owner = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):
         hanging = _hanging_vertices(vertices, triangles, edges, distance)
         if not hanging:
             return triangles, owner, edges
-        cells: list[tuple[int, int, int]] = []
+        pieces: list[tuple[int, int, int]] = []
         cut_from: list[int] = []
         for row, (a, b, c) in enumerate(triangles.tolist()):
-            pieces = _split_triangle(a, b, c, _on_sides(vertices, (a, b, c), hanging))
-            cells += pieces
-            cut_from += [row] * len(pieces)
-        triangles, owner = np.array(cells, dtype=np.int64), owner[cut_from]
+            parts = _split_triangle(a, b, c, _on_sides(vertices, (a, b, c), hanging))
+            pieces += parts
+            cut_from += [row] * len(parts)
+        triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
         is_wide = least_height(vertices[triangles]) > distance
         triangles, owner = triangles[is_wide], owner[is_wide]
         edges = {
@@ -72,8 +72,8 @@ def split_at_vertices(
         }
     x, y, z = vertices[next(iter(hanging.values()))[0]]
     raise BuildingError(
-        f"{source}: many cells hardly wider than building.weld ({distance:g} m) lie around ({x:z.2f}, {y:z.2f}, "
-        f"{z:z.2f}): no end of splitting them; draw larger cells there, or set building.weld lower"
+        f"{source}: vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) lie hardly farther apart than building.weld "
+        f"({distance:g} m): cells cannot be split at them; repair the mesh there, or set building.weld to a few times that"
     )
 
 
@@ -109,7 +109,7 @@ def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: Inde
 
 def _on_sides(vertices: FloatArray, corners: tuple[int, int, int], hanging: Hanging) -> Hanging:
     """Return the vertices on the sides of one triangle, each on the nearest side only."""
-    sides = [(min(pair), max(pair)) for pair in itertools.combinations(corners, 2)]
+    sides = itertools.combinations(sorted(corners), 2)
     own = {side: [p for p in hanging[side] if p not in corners] for side in sides if side in hanging}
     if len(own) > 1:
         for p in set[int]().union(*own.values()):

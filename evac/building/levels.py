@@ -81,7 +81,7 @@ def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
         if len(twice):
             x, y, z = surface.vertices[surface.triangles[twice[0]]].mean(axis=0)
             raise BuildingError(
-                f"{source}: the cell at ({x:.2f}, {y:.2f}, {z:.2f}) carries both {names[group[twice[0]]]!r} and "
+                f"{source}: the cell at ({x:z.2f}, {y:z.2f}, {z:z.2f}) carries both {names[group[twice[0]]]!r} and "
                 f"{name!r}; a cell belongs to one floor or stair"
             )
         group[mask] = row
@@ -221,10 +221,11 @@ def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: li
         if level.kind == "flight":
             gradient = surface.gradient[label == level.index]
             along = gradient @ level.uphill / np.hypot(*gradient.T)
+            x, y = surface.vertices[surface.triangles[label == level.index][along.argmin()]].mean(axis=0)[:2]
             turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
             if turn > MOST_TURN:
                 raise BuildingError(
-                    f"{source}: level {level.name!r} turns: parts of it rise up to {turn:.0f} degrees aside from its "
+                    f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) it rises {turn:.0f} degrees aside from its "
                     f"mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up or down; "
                     "divide it into flights that turn less, with flat landings at least 1 m deep between them"
                 )

@@ -58,7 +58,7 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
         (x1, y1), (x2, y2) = ends
         raise BuildingError(
-            f"{building.source}: {what}, ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) on level {level.name!r}, does not "
+            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does not "
             f"lie on a free edge (within {EXIT_REACH} m all along); "
             + (f"{free:.2f} m of it do not: shorten it, or look for another exit or a portal there" if opened else near)
         )
@@ -232,7 +232,7 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
         if covered.length > LEAST_LENGTH:
             x, y = covered.centroid.coords[0]
             raise BuildingError(
-                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at ({x:.2f}, {y:.2f}) "
+                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at ({x:z.2f}, {y:z.2f}) "
                 f"on level {level.name!r}; move it off"
             )
 
@@ -291,4 +291,4 @@ def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
 def _extent(level: Level) -> str:
     """Word the plan extent of a level, and what to do about something beside it."""
     x1, y1, x2, y2 = level.polygon.bounds
-    return f", which reaches from ({x1:.2f}, {y1:.2f}) to ({x2:.2f}, {y2:.2f}); move it there"
+    return f", which reaches from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"

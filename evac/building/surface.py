@@ -105,10 +105,12 @@ def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_an
             "the surface must be drawn in metres with z upwards, in cells larger than building.weld "
             f"({weld:g} m): set building.scale, or turn the mesh"
         )
-    before = points[mesh.triangles[drawn[walkable | (is_sliver & ~is_obstacle)]]]
+    has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
+    counted = walkable | (is_sliver & ~is_obstacle)
+    before, is_sure = points[mesh.triangles[drawn[counted]]], (walkable | has_collapsed)[counted]
     triangles, tags = triangles[walkable], _select(tags, walkable)
     triangles, owner, exit_edges = split_at_vertices(mesh.source, vertices, triangles, exit_edges, weld)
-    _check_ground(mesh.source, before, vertices[triangles], weld)
+    _check_ground(mesh.source, before, is_sure, vertices[triangles], weld)
 
     tags = {name: mask[owner] for name, mask in tags.items() if not name.startswith("obstacle:")}
     triangles = _counter_clockwise(vertices, triangles)
@@ -141,18 +143,22 @@ def _distinct(
     return distinct, first, joined
 
 
-def _check_ground(source: Path, before: FloatArray, after: FloatArray, weld: float) -> None:
-    """Refuse cells (t, 3, 3) so narrow that welding changes how much ground there is in plan."""
+def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:
+    """Refuse cells (t, 3, 3) so narrow that welding changes how much ground there is in plan.
+
+    Cells that are not sure are slivers, which may be ground of their own or lie over that of others: the ground
+    must be right either way.
+    """
     drawn = plan_area(before)
-    change = float(plan_area(after).sum() - drawn.sum())
-    if abs(change) > MOST_CHANGE * drawn.sum():
-        narrow = np.argmin(least_height(before))
-        x, y, z = before[narrow].mean(axis=0)
-        raise BuildingError(
-            f"{source}: welding changes the ground from {drawn.sum():.4g} m2 by {change:+.2g} m2, because cells are "
-            f"hardly wider than building.weld ({weld:g} m), such as the one at ({x:z.2f}, {y:z.2f}, {z:z.2f}); draw "
-            "larger cells, or set building.weld lower"
-        )
+    for least in (drawn.sum(), drawn[is_sure].sum()):
+        change = float(plan_area(after).sum() - least)
+        if abs(change) > MOST_CHANGE * least:
+            x, y, z = before[np.argmin(least_height(before))].mean(axis=0)
+            raise BuildingError(
+                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because cells are hardly "
+                f"wider than building.weld ({weld:g} m), such as the one at ({x:z.2f}, {y:z.2f}, {z:z.2f}); remove "
+                "it or draw larger cells, or set building.weld lower"
+            )
 
 
 def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArray:

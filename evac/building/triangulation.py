@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
+#: Polygons with a normal so flat (vertical part over length) are upright: walls, whose outline in plan does not matter.
+UPRIGHT = 0.2
+
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
     """Cut polygons of k corners into triangles.
@@ -84,8 +87,12 @@ def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
     plan = points[polygon, :2]
     outline = shapely.Polygon(plan)
     if not outline.is_valid:
+        corners = points[polygon] - points[polygon[0]]
+        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's
+        if abs(normal[2]) < UPRIGHT * float(np.linalg.norm(normal)):
+            return np.array([polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)])
         x, y, z = points[polygon[0]]
-        raise ValueError(f"the outline of the polygon at ({x:.2f}, {y:.2f}, {z:.2f}) crosses itself in plan")
+        raise ValueError(f"the outline of the polygon at ({x:z.2f}, {y:z.2f}, {z:z.2f}) crosses itself in plan")
     corner_at = {(x, y): corner for (x, y), corner in zip(plan.tolist(), polygon.tolist(), strict=True)}
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
     return np.array([[corner_at[xy] for xy in piece.exterior.coords[:3]] for piece in pieces], dtype=np.int64)
