@@ -71,7 +71,7 @@ def read_building(
         a stair that joins nothing, an exit off the edge, no exit.
     """
     source = Path(path)
-    if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle < walkable_angle < 90.0):
+    if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
             f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
