@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.building.edges import segment_lengths, side_of
-from evac.building.elevation import level_elevation
+from evac.building.elevation import elevation, level_elevation
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
 
@@ -24,6 +24,8 @@ LEAST_HEADROOM = 1.0
 #: More shared ground than this [m2], or than this share of the smaller level, is no rounding.
 LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
+#: Walls back to back are thicker than this [m].
+THINNEST = 0.01
 #: Rounding allowed to lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
@@ -70,6 +72,37 @@ def _check_same_ground(building: Building) -> None:
                     f"through those on the other; they must be {LEAST_HEADROOM:g} m apart: cut one out of the other (an "
                     "area, too, is a part of its floor, not drawn over it)"
                 )
+
+
+def missed_seams(building: Building) -> tuple[str, ...]:
+    """Warn of walls back to back that are closer than any wall is thick: two cells that were meant to meet there."""
+    walls, level = building.walls, building.wall_level
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    middle = (walls[:, :2] + walls[:, 2:]) / 2
+    one, other = shapely.STRtree(lines).query(shapely.points(middle), predicate="dwithin", distance=THINNEST)
+    step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
+    # The middle of the one lies beside the other, behind it, and what is in front of the one is behind the other.
+    along = ((middle[one] - walls[other, :2]) * step[other]).sum(axis=1)
+    is_beside = (along > 0.0) & (along < segment_lengths(walls)[other])
+    is_behind = side_of(walls[other].T, *middle[one].T) <= 0.0
+    opposed = (step[one] * step[other]).sum(axis=1) < FACING
+    rows = np.flatnonzero(is_beside & is_behind & opposed)
+    height = elevation(
+        building, np.concatenate([level[one[rows]], level[other[rows]]]), np.tile(middle[one[rows]], (2, 1))
+    )
+    rows = rows[np.abs(np.subtract(*height.reshape(2, -1))) < THINNEST]
+    if not len(rows):
+        return ()
+    first = rows[0]
+    x, y = middle[one[first]]
+    gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
+    names = " and ".join(
+        repr(building.levels[index].name) for index in sorted({level[one[first]], level[other[first]]})
+    )
+    return (
+        f"cells miss each other by less than {THINNEST:g} m in {len(np.unique(one[rows]))} places, which are walls now: "
+        f"the first at ({x:z.2f}, {y:z.2f}) of {names}, {1e3 * gap:.1f} mm; if they should meet, set building.weld to more",
+    )
 
 
 def check_depth(building: Building) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts
+from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts, missed_seams
 from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
@@ -94,6 +94,7 @@ def read_building(
     )
     check_overlap(building)
     check_depth(building)
+    building = replace(building, warnings=(*building.warnings, *missed_seams(building)))
     for item in exits:
         with _given("exits", item):
             building = add_exit(building, item)

@@ -68,12 +68,14 @@ def _float32_step(plan: FloatArray) -> float:
     values = np.unique(plan)
     single = values.astype(np.float32)
     spacing = np.spacing(np.abs(single)).astype(np.float64)
-    off = np.abs(values - single) > ON_GRID * spacing
     # Small numbers may be written with a fixed number of decimals, fewer than float32 has: they are no counter-example.
-    off &= spacing > ON_GRID * spacing.max()
-    shortest = np.array([float(str(number)) for number in single[off]])
-    if (shortest != values[off]).any():
-        return 0.0
+    off = (np.abs(values - single) > ON_GRID * spacing) & (spacing > ON_GRID * spacing.max())
+    if off.any():
+        # The shortest decimals that are read back as the same float32; on a coarser grid, they were drawn so.
+        shortest = np.array([float(str(number)) for number in single[off]])
+        coarser = 10.0 ** np.ceil(np.log10(spacing[off]))
+        if (shortest != values[off]).any() or _on_grid(values[off], coarser):
+            return 0.0
     uses_last_bit = np.round(single / spacing) % 2 == 1
     return float(spacing[uses_last_bit].max(initial=0.0))
 
@@ -96,6 +98,6 @@ def _decimal_step(plan: FloatArray) -> float:
     return 0.0
 
 
-def _on_grid(values: FloatArray, step: float) -> bool:
-    """Tell whether all values are multiples of a step."""
+def _on_grid(values: FloatArray, step: float | FloatArray) -> bool:
+    """Tell whether all values are multiples of a step, or each of its own."""
     return bool((np.abs(values / step - np.round(values / step)) <= ON_GRID).all())

@@ -100,10 +100,11 @@ def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_an
         )
     walkable = ~is_steep & ~is_obstacle & ~is_sliver
     if not walkable.any():
+        x, y, z = vertices[triangles[0]].mean(axis=0)
         raise BuildingError(
-            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees); "
-            "the surface must be drawn in metres with z upwards, in cells larger than building.weld "
-            f"({weld:g} m): set building.scale, or turn the mesh"
+            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees), such as the one at "
+            f"({x:z.2f}, {y:z.2f}, {z:z.2f}); the surface must be drawn in metres with z upwards, in cells larger than "
+            f"building.weld ({weld:g} m): set building.scale, or turn the mesh"
         )
     has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
     counted = walkable | (is_sliver & ~is_obstacle)
@@ -128,9 +129,7 @@ def slope_angle(corners: FloatArray) -> FloatArray:
     return angle
 
 
-def _distinct(
-    triangles: IndexArray, tags: dict[str, BoolArray]
-) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
+def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
     """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and join their tags.
 
     Returns the cells, the row of `triangles` that each stands for, and the tags.

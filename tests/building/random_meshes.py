@@ -18,8 +18,9 @@ class RandomMesh:
     cells: list[Corners] = field(default_factory=list)
     #: What each cell belongs to: cells of one part draw the same ground, those of two do not.
     parts: list[str] = field(default_factory=list)
-    #: Written as float32, in a binary PLY file.
+    #: Coordinates are written as float32, in a binary PLY file, or with so many significant digits.
     is_single: bool = False
+    digits: int | None = None
 
     def add(self, part: str, *cells: Corners) -> None:
         self.cells += [np.asarray(cell, dtype=float) for cell in cells]
@@ -30,7 +31,13 @@ class RandomMesh:
 
     def written(self) -> list[Corners]:
         """Return the cells with the coordinates that the file holds."""
-        return [cell.astype(np.float32).astype(float) for cell in self.cells] if self.is_single else self.cells
+        if self.is_single:
+            return [cell.astype(np.float32).astype(float) for cell in self.cells]
+        if self.digits is not None:
+            return [
+                np.array([[float(f"{x:.{self.digits}g}") for x in corner] for corner in cell]) for cell in self.cells
+            ]
+        return self.cells
 
     def area(self) -> float:
         """Return the ground [m2] that can be walked on, by shapely and a slope of its own."""
@@ -47,7 +54,7 @@ class RandomMesh:
     def write(self, folder: Path) -> Path:
         """Write an OBJ file, or a PLY file of float32; equal corners share a vertex."""
         points: dict[tuple[float, ...], int] = {}
-        faces = [[points.setdefault(tuple(corner), len(points)) for corner in cell.tolist()] for cell in self.cells]
+        faces = [[points.setdefault(tuple(corner), len(points)) for corner in cell.tolist()] for cell in self.written()]
         if not self.is_single:
             path = folder / "mesh.obj"
             lines = ["v " + " ".join(map(repr, point)) for point in points]
@@ -145,10 +152,14 @@ def _soup(rng: np.random.Generator) -> RandomMesh:
 
 
 def _soup_in_space(rng: np.random.Generator) -> RandomMesh:
-    """Return triangles anywhere in space."""
+    """Return triangles anywhere in space, all of them level or each at a slope of its own."""
     mesh = RandomMesh("")
+    is_level = rng.random() < 0.7
     for number in range(int(rng.integers(2, 12))):
-        mesh.add(f"cell {number}", rng.uniform(0.0, 10.0, (3, 3)) * [2.0, 2.0, 1.0] + rng.uniform(-1.0, 1.0, (3, 3)))
+        cell = rng.uniform(0.0, 1.0, (3, 3)) * [6.0, 6.0, 3.0] + rng.uniform(0.0, 1.0, 3) * [20.0, 20.0, 15.0]
+        if is_level:
+            cell[:, 2] = cell[0, 2]
+        mesh.add(f"cell {number}", cell)
     return mesh
 
 
@@ -263,7 +274,7 @@ def _damaged_storeys(rng: np.random.Generator) -> RandomMesh:
         del mesh.cells[row], mesh.parts[row]
     if rng.random() < 0.3:
         row = int(rng.integers(len(mesh.cells)))
-        mesh.cells[row] = mesh.cells[row] + rng.normal(0.0, 0.5, 3)
+        mesh.cells[row], mesh.parts[row] = mesh.cells[row] + rng.normal(0.0, 0.5, 3), "moved"
     return mesh
 
 
@@ -271,6 +282,21 @@ def _far_single(rng: np.random.Generator) -> RandomMesh:
     """Return a floor to be written as float32 far from the origin."""
     mesh = _plan(rng, RandomMesh(""))
     mesh.is_single = True
+    return mesh
+
+
+def _far_digits(rng: np.random.Generator) -> RandomMesh:
+    """Return a floor to be written with few digits far from the origin."""
+    mesh = _plan(rng, RandomMesh(""))
+    mesh.digits = int(rng.integers(6, 8))
+    return mesh
+
+
+def _with_gaps(rng: np.random.Generator) -> RandomMesh:
+    """Return a floor whose cells shrink away from each other, from far below the weld to walls between them."""
+    mesh = _plan(rng, RandomMesh(""))
+    gap = 10.0 ** rng.uniform(-5.0, -0.5)
+    mesh.move(lambda cell: cell + gap * np.sign(cell.mean(axis=0) - cell))
     return mesh
 
 
@@ -292,4 +318,6 @@ KINDS: dict[str, Callable[[np.random.Generator], RandomMesh]] = {
     "damaged storeys": _damaged_storeys,
     "far": lambda rng: _plan(rng, RandomMesh("")),
     "far float32": _far_single,
+    "far digits": _far_digits,
+    "with gaps": _with_gaps,
 }
