@@ -19,8 +19,9 @@ FloatArray = NDArray[np.float64]
 LEAST_DEPTH = 1.0
 #: Segments face each other if their insides point against each other by more than 120 degrees.
 FACING = -0.5
-#: Levels over each other by less than this are the same ground [m].
+#: Floors over each other by less than this are the same ground [m]; so is what a flight passes more closely than this.
 LEAST_HEADROOM = 1.0
+LEAST_CLEARANCE = 0.1
 #: More shared ground than this [m2], or than this share of the smaller level, is no rounding.
 LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
@@ -55,22 +56,24 @@ def check_overlap(building: Building) -> None:
 def _check_same_ground(building: Building) -> None:
     """Refuse two levels over each other without room between: who is on one would not see who is on the other."""
     for a, b in itertools.combinations(building.levels, 2):
-        if a.z_max + LEAST_HEADROOM <= b.z_min or b.z_max + LEAST_HEADROOM <= a.z_min:
+        needed = LEAST_CLEARANCE if "flight" in (a.kind, b.kind) else LEAST_HEADROOM
+        if a.z_max + needed <= b.z_min or b.z_max + needed <= a.z_min:
             continue
         both = a.polygon.intersection(b.polygon)
         if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
             continue
-        for part in shapely.get_parts(both):
+        # They may meet as well, in lines and points.
+        for part in (part for part in shapely.get_parts(both) if part.area > 0.0):
             places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
             one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
             room, k = one - other, np.abs(one - other).argmin()
-            if abs(room[k]) < LEAST_HEADROOM - ROUNDING or room.min() < 0.0 < room.max():
+            if abs(room[k]) < needed - ROUNDING or room.min() < 0.0 < room.max():
                 x, y = places[k]
                 raise BuildingError(
-                    f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.2g} m2 of ground; at "
+                    f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
                     f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would walk "
-                    f"through those on the other; they must be {LEAST_HEADROOM:g} m apart: cut one out of the other (an "
-                    "area, too, is a part of its floor, not drawn over it)"
+                    f"through those on the other; they must be {needed:g} m apart: cut one out of the other (an area, "
+                    "too, is a part of its floor, not drawn over it)"
                 )
 
 

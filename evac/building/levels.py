@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from evac.building.edges import EdgeTable
 from evac.building.model import Level
 from evac.building.surface import Surface
+from evac.building.union import union
 from evac.errors import BuildingError
 
 IndexArray = NDArray[np.int64]
@@ -152,7 +153,7 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
         kind="flight" if is_sloped else "landing" if stair else "floor",
         stair=stair,
         triangles=surface.triangles[cells].astype(np.int32),
-        polygon=shapely.union_all(shapely.polygons(corners[:, :, :2])).normalize(),
+        polygon=union(shapely.polygons(corners[:, :, :2])).normalize(),
         uphill=uphill,
         slope=slope,
         z_min=float(corners[:, :, 2].min()),

@@ -13,6 +13,7 @@ from evac.building.edges import COLLINEAR, segment_lengths
 from evac.building.elevation import level_elevation
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
+from evac.building.union import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
@@ -120,7 +121,7 @@ def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Bui
         _check_open(building, level, polygon, what)
         on_level.setdefault(level.index, []).append(polygon)
     for index, polygons in on_level.items():
-        building = _take_out(building, building.levels[index], shapely.union_all(polygons))
+        building = _take_out(building, building.levels[index], union(polygons))
     return building
 
 

@@ -19,6 +19,7 @@ from evac.building.meshfile import read_mesh
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
 from evac.building.surface import Surface, clean_surface
+from evac.building.union import union
 from evac.errors import BuildingError
 
 #: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
@@ -127,7 +128,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
             names = " and ".join(repr(level_set.levels[level].name) for level in on) or "no walkable level"
             raise BuildingError(f"{source}: {tag!r} lies on {names}; an area is on one level")
         plan = shapely.polygons(surface.vertices[surface.triangles[cells]][:, :, :2])
-        areas.append(Area(tag.removeprefix("area:"), int(on[0]), shapely.union_all(plan).normalize()))
+        areas.append(Area(tag.removeprefix("area:"), int(on[0]), union(plan).normalize()))
     return tuple(areas)
 
 
@@ -136,7 +137,7 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, 
     found = []
     for tag, corners in sorted(surface.obstacles.items()):
         cells = shapely.polygons(corners[:, :, :2])
-        outline = shapely.union_all(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
+        outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
         z = float(corners[:, :, 2].min())
         for level in building.levels:
             on = outline.intersection(level.polygon)

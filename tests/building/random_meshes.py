@@ -49,7 +49,7 @@ class RandomMesh:
                 true_area = 0.5 * float(np.linalg.norm(normal))
                 if true_area > 0.0 and plan.area >= np.cos(np.radians(50.0)) * true_area:
                     ground.setdefault(part, []).append(plan)
-        return sum(float(shapely.union_all(plans).area) for plans in ground.values())
+        return sum(float(shapely.union_all(plans, grid_size=1e-7).area) for plans in ground.values())
 
     def write(self, folder: Path) -> Path:
         """Write an OBJ file, or a PLY file of float32; equal corners share a vertex."""

@@ -117,7 +117,7 @@ def test_floors_on_the_same_ground_are_refused(mesh, read, z, is_refused):
         assert len(read(mesh, exits=exits).levels) == 2
         return
     with pytest.raises(
-        BuildingError, match=rf"'floor .*' share 24.00 m2 of ground; at \(.* heights are 0.00 and {z:.2f}:"
+        BuildingError, match=rf"'floor .*' share 24 m2 of ground; at \(.* heights are 0.00 and {z:.2f}:"
     ):
         read(mesh, exits=exits)
 

@@ -163,7 +163,7 @@ def test_second_order_cells_count_by_their_corners(tmp_path):
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 lies at .* farther than 1e\+11 from"),
         ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", r"vertex 2 is not finite"),
         ("a.off", "nothing", "first word must be OFF"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n", "only 1 lines follow"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n", "but 1 lines follow"),
         ("a.off", "OFF # corners\n3 1 0\n\n0 0 0\n1 0 0\n1 1 0\n2 0 1\n", "line 7: '2 0 1': a face has only 2 corners"),
         ("a.off", "OFF 3 1 0\n0 0 0\n1 0\n1 1 0\n3 0 1 2\n", "line 3: '1 0'"),
         ("a.off", "OFF\n", "numbers of vertices and faces are missing"),
