@@ -71,8 +71,8 @@ def _check_same_ground(building: Building) -> None:
                 x, y = places[k]
                 raise BuildingError(
                     f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
-                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would walk "
-                    f"through those on the other; they must be {needed:g} m apart: cut one out of the other (an area, "
+                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would "
+                    f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an area, "
                     "too, is a part of its floor, not drawn over it)"
                 )
 
@@ -103,8 +103,8 @@ def missed_seams(building: Building) -> tuple[str, ...]:
         repr(building.levels[index].name) for index in sorted({level[one[first]], level[other[first]]})
     )
     return (
-        f"cells miss each other by less than {THINNEST:g} m in {len(np.unique(one[rows]))} places, which are walls now: "
-        f"the first at ({x:z.2f}, {y:z.2f}) of {names}, {1e3 * gap:.1f} mm; if they should meet, set building.weld to more",
+        f"cells miss each other by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls, the first at "
+        f"({x:z.2f}, {y:z.2f}) of {names}, by {1e3 * gap:.1f} mm; if they should meet, set building.weld to more than that",
     )
 
 

@@ -59,8 +59,8 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
         (x1, y1), (x2, y2) = ends
         raise BuildingError(
-            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does not "
-            f"lie on a free edge (within {EXIT_REACH} m all along); "
+            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
+            f"not lie on a free edge (within {EXIT_REACH} m all along); "
             + (f"{free:.2f} m of it do not: shorten it, or look for another exit or a portal there" if opened else near)
         )
     segments = np.array(opened)
@@ -247,8 +247,8 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
         if covered.length > LEAST_LENGTH:
             x, y = covered.centroid.coords[0]
             raise BuildingError(
-                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at ({x:z.2f}, {y:z.2f}) "
-                f"on level {level.name!r}; move it off"
+                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at "
+                f"({x:z.2f}, {y:z.2f}) on level {level.name!r}; move it off"
             )
 
 

@@ -1,3 +1,4 @@
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,6 @@ import shapely
 from evac.building.hanging import split_at_vertices
 from evac.building.reading import read_building
 from evac.errors import BuildingError
-
-FOLDER = Path(__file__).parent
 
 
 def area(vertices, triangles):
@@ -34,7 +33,7 @@ def test_a_triangle_is_cut_at_all_vertices_on_its_sides(on):
         stops.append((side + 1) % 3)
         if count:
             points.append(outside[side])
-            triangles += [[p, q, len(points) - 1] for p, q in zip(stops, stops[1:], strict=False)]
+            triangles += [[p, q, len(points) - 1] for p, q in itertools.pairwise(stops)]
     vertices, cells, owner, _ = split(points, triangles)
     own = cells[owner == 0]
     assert len(own) == 1 + sum(on)

@@ -20,11 +20,11 @@ def printed(plan, pattern):
         ((PLAN + UTM).astype(np.float32), 0.5),
         ((PLAN + np.array(UTM) / 100.0).astype(np.float32), 0.00390625),
         (printed((PLAN + UTM).astype(np.float32), "%.6f"), 0.5),
-        (printed((PLAN + [1e5, 2e5]).astype(np.float32), "%.6f"), 0.015625),
+        (printed((PLAN + np.array([1e5, 2e5])).astype(np.float32), "%.6f"), 0.015625),
         (np.array([[float(str(x)) for x in point] for point in (PLAN + 1.3e6).astype(np.float32)]), 0.125),
         (printed(PLAN + UTM, "%g"), 10.0),
         (printed(PLAN + UTM, "%.6e"), 1.0),
-        (printed(PLAN + [500000.0, 0.0], "%g"), 1.0),
+        (printed(PLAN + np.array([500000.0, 0.0]), "%g"), 1.0),
     ],
 )
 def test_step_of_what_was_rounded(plan, step):
