@@ -72,7 +72,8 @@ def _check_same_ground(building: Building) -> None:
                 raise BuildingError(
                     f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
                     f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would "
-                    f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an area, "
+                    f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an "
+                    "area, "
                     "too, is a part of its floor, not drawn over it)"
                 )
 
@@ -104,7 +105,8 @@ def missed_seams(building: Building) -> tuple[str, ...]:
     )
     return (
         f"cells miss each other by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls, the first at "
-        f"({x:z.2f}, {y:z.2f}) of {names}, by {1e3 * gap:.1f} mm; if they should meet, set building.weld to more than that",
+        f"({x:z.2f}, {y:z.2f}) of {names}, by {1e3 * gap:.1f} mm; if they should meet, set building.weld to more "
+        "than that",
     )
 
 
