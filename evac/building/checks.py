@@ -73,8 +73,7 @@ def _check_same_ground(building: Building) -> None:
                     f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
                     f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would "
                     f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an "
-                    "area, "
-                    "too, is a part of its floor, not drawn over it)"
+                    "area, too, is a part of its floor, not drawn over it)"
                 )
 
 

@@ -74,8 +74,7 @@ def split_at_vertices(
     raise BuildingError(
         f"{source}: vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) lie hardly farther apart than building.weld "
         f"({distance:g} m), so cells cannot be split at them; repair the mesh there, or set building.weld to some "
-        "times "
-        "that"
+        "times that"
     )
 
 

@@ -228,8 +228,7 @@ def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: li
                 raise BuildingError(
                     f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) it rises {turn:.0f} degrees aside "
                     f"from its mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up "
-                    "or down; "
-                    "divide it into flights that turn less, with flat landings at least 1 m deep between them"
+                    "or down; divide it into flights that turn less, with flat landings at least 1 m deep between them"
                 )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:

@@ -156,8 +156,7 @@ def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: F
             raise BuildingError(
                 f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because cells are "
                 f"hardly wider than building.weld ({weld:g} m), such as the one at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
-                "remove "
-                "it or draw larger cells, or set building.weld lower"
+                "remove it or draw larger cells, or set building.weld lower"
             )
 
 
