@@ -13,6 +13,8 @@ FloatArray = NDArray[np.float64]
 DIGITS = (6, 7)
 #: A number is on a grid if it is no farther off than this share of the grid's step.
 ON_GRID = 1e-3
+#: An axis along which all coordinates are smaller than this says nothing about digits [units of the file].
+LEAST_EXTENT = 1e-6
 #: Coordinates coarser than this cannot describe doors and walls, whatever the weld [m].
 COARSEST = 0.02
 
@@ -83,7 +85,7 @@ def _float32_step(plan: FloatArray) -> float:
 def _decimal_step(plan: FloatArray) -> float:
     """Last decimal of the axis with fewer decimals, if both axes have the same number of significant digits."""
     largest = np.abs(plan).max(axis=0)
-    if not (largest > 0.0).all():
+    if largest.min() < LEAST_EXTENT:
         return 0.0
     magnitude = np.floor(np.log10(largest))
     coarse = int(magnitude.argmax())

@@ -39,6 +39,11 @@ def test_coarse_drawings_in_double_precision_are_not_taken_for_rounded(drawn, or
     assert rounding_step(drawn + np.array(origin)) <= 1e-3
 
 
+@pytest.mark.parametrize("plan", [np.zeros((3, 2)), [[1e5 + 1, 0], [2e5, 1e-310], [2e5, 0]]])
+def test_an_axis_without_extent_says_nothing(plan):
+    assert rounding_step(np.array(plan)) == 0.0
+
+
 @pytest.mark.parametrize("name", ["float32", "digits"])
 def test_utm_coordinates_without_their_decimals_are_refused(mesh, tmp_path, name):
     mesh.rectangle(0.13, 0.27, 6.4, 4.1).rectangle(6.4, 1.0, 6.6, 2.1).rectangle(6.6, 0.27, 12.3, 4.1)
