@@ -58,7 +58,7 @@ def test_utm_coordinates_without_their_decimals_are_refused(mesh, tmp_path, name
 
 @pytest.mark.parametrize("name", ["a.stl", "a.vtu", "a.ply"])
 def test_float32_of_any_format_is_recognized(tmp_path, name):
-    corners = np.array([[0.1, 0.2, 0], [6.3, 0.4, 0], [6.1, 4.7, 0], [0.3, 4.1, 0]]) + [*UTM, 0.0]
+    corners = np.array([[0.1, 0.2, 0], [6.3, 0.4, 0], [6.1, 4.7, 0], [0.3, 4.1, 0]]) + np.array([*UTM, 0.0])
     mesh = meshio.Mesh(corners.astype(np.float32), [("triangle", [[0, 1, 2], [0, 2, 3]])])
     meshio.write(tmp_path / name, mesh, binary=True)
     with pytest.raises(BuildingError, match=r"vertex \(500006.* rounded to steps of 0.5 m"):
