@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.building.defaults import WELD
 from evac.errors import BuildingError
 
 FloatArray = NDArray[np.float64]
@@ -35,18 +36,18 @@ def check_resolution(source: Path, points: FloatArray, scale: float, weld: float
     Raises
     ------
     BuildingError
-        If the step that x or y were rounded to is greater than `weld`.
+        If the step that x or y were rounded to is greater than `weld` and than its default, which is fine enough.
     """
     plan = points[:, :2]
     step = rounding_step(plan) * scale
-    if step <= weld * (1.0 + ON_GRID):
+    if step <= max(weld, WELD) * (1.0 + ON_GRID):
         return
     x, y, z = points[np.abs(plan).max(axis=1).argmax()]
     unit = 10.0 ** np.floor(np.log10(step))
     weaker = "" if step > COARSEST else f", or set building.weld to {2.0 * np.ceil(step / unit) * unit:g}"
     raise BuildingError(
         f"{source}: coordinates as large as those of the vertex ({x:z.2f}, {y:z.2f}, {z:z.2f}) were rounded to steps "
-        f"of {step:.2g} m where they were stored: too coarse for neighbours to meet within building.weld ({weld:g} m); "
+        f"of {step:.2g} m where they were stored: too coarse for neighbours to meet (building.weld = {weld:g} m); "
         f"export the mesh relative to an origin in the building, or in double precision with all digits{weaker}"
     )
 
@@ -74,9 +75,9 @@ def _float32_step(plan: FloatArray) -> float:
     off = (np.abs(values - single) > ON_GRID * spacing) & (spacing > ON_GRID * spacing.max())
     if off.any():
         # The shortest decimals that are read back as the same float32; on a coarser grid, they were drawn so.
-        shortest = np.array([float(str(number)) for number in single[off]])
         coarser = 10.0 ** np.ceil(np.log10(spacing[off]))
-        if (shortest != values[off]).any() or _on_grid(values[off], coarser):
+        pairs = zip(values[off].tolist(), single[off], strict=True)
+        if _on_grid(values[off], coarser) or any(float(str(number)) != value for value, number in pairs):
             return 0.0
     uses_last_bit = np.round(single / spacing) % 2 == 1
     return float(spacing[uses_last_bit].max(initial=0.0))

@@ -75,6 +75,13 @@ def test_rounding_below_the_weld_is_welded_and_above_it_the_weld_is_named(mesh, 
     assert level.polygon.area == pytest.approx(12.17 * 3.83, rel=2e-3)
 
 
+@pytest.mark.parametrize("weld", [0.0, 1e-5, 0.001])
+def test_float32_near_the_origin_is_fine_enough_for_any_weld(mesh, read, weld):
+    mesh.rectangle(1000.1, 0.2, 1006.3, 4.1)
+    mesh.points = [tuple(float(np.float32(x)) for x in point) for point in mesh.points]
+    assert len(read(mesh, need_exit=False, weld=weld).levels) == 1
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 def test_a_building_far_from_the_origin_is_the_same_building(stair_mesh, tmp_path, scale, assert_same_building):
     """In float64 nothing needs to be shifted: what is computed depends on differences of coordinates."""
