@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.building.edges import segment_lengths, side_of
-from evac.building.elevation import level_elevation
+from evac.building.elevation import elevation, level_elevation
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
 
@@ -19,9 +19,14 @@ FloatArray = NDArray[np.float64]
 LEAST_DEPTH = 1.0
 #: Segments face each other if their insides point against each other by more than 120 degrees.
 FACING = -0.5
-#: Floors over each other by less than this are the same ground [m]; so much of it is no rounding [m2].
+#: Floors over each other by less than this are the same ground [m]; so is what a flight passes more closely than this.
 LEAST_HEADROOM = 1.0
+LEAST_CLEARANCE = 0.1
+#: More shared ground than this [m2], or than this share of the smaller level, is no rounding.
 LEAST_SHARED = 0.01
+LEAST_SHARE = 5e-4
+#: Walls back to back are thicker than this [m].
+THINNEST = 0.01
 #: Rounding allowed to lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
@@ -42,31 +47,66 @@ def check_overlap(building: Building) -> None:
         both = shapely.intersection(cells[one[one < other]], cells[other[one < other]])
         x, y = both[shapely.area(both).argmax()].centroid.coords[0]
         raise BuildingError(
-            f"{building.source}: level {level.name!r} lies over itself in plan at ({x:.2f}, {y:.2f}); "
+            f"{building.source}: level {level.name!r} lies over itself in plan at ({x:z.2f}, {y:z.2f}); "
             "divide it by a landing or a floor tag, or remove the double cells"
         )
     _check_same_ground(building)
 
 
 def _check_same_ground(building: Building) -> None:
-    """Refuse two level floors over each other without room between: who is on one would not see who is on the other."""
-    flat = [level for level in building.levels if level.kind != "flight"]
-    for a, b in itertools.combinations(flat, 2):
-        if a.z_max + LEAST_HEADROOM <= b.z_min or b.z_max + LEAST_HEADROOM <= a.z_min:
+    """Refuse two levels over each other without room between: who is on one would not see who is on the other."""
+    for a, b in itertools.combinations(building.levels, 2):
+        needed = LEAST_CLEARANCE if "flight" in (a.kind, b.kind) else LEAST_HEADROOM
+        if a.z_max + needed <= b.z_min or b.z_max + needed <= a.z_min:
             continue
         both = a.polygon.intersection(b.polygon)
-        if both.area <= LEAST_SHARED:
+        if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
             continue
-        places = np.vstack([both.representative_point().coords[0], shapely.get_coordinates(both)])
-        heights = [level_elevation(building.vertices, level, places) for level in (a, b)]
-        nearest = int(np.abs(heights[0] - heights[1]).argmin())
-        (x, y), (one, other) = places[nearest], (float(height[nearest]) for height in heights)
-        if abs(one - other) < LEAST_HEADROOM:
-            raise BuildingError(
-                f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.2f} m2 of ground; at ({x:.2f}, "
-                f"{y:.2f}) their heights are {one:.2f} and {other:.2f}: people on one would walk through those on the "
-                "other; cut one out of the other (an area, too, is a part of its floor, not drawn over it)"
-            )
+        # They may meet as well, in lines and points.
+        for part in (part for part in shapely.get_parts(both) if part.area > 0.0):
+            places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
+            one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
+            room, k = one - other, np.abs(one - other).argmin()
+            if abs(room[k]) < needed - ROUNDING or room.min() < 0.0 < room.max():
+                x, y = places[k]
+                raise BuildingError(
+                    f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
+                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would "
+                    f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an "
+                    "area, too, is a part of its floor, not drawn over it)"
+                )
+
+
+def missed_seams(building: Building) -> tuple[str, ...]:
+    """Warn of walls back to back that are closer than any wall is thick: two cells that were meant to meet there."""
+    walls, level = building.walls, building.wall_level
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    middle = (walls[:, :2] + walls[:, 2:]) / 2
+    one, other = shapely.STRtree(lines).query(shapely.points(middle), predicate="dwithin", distance=THINNEST)
+    step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
+    # The middle of the one lies beside the other, behind it, and what is in front of the one is behind the other.
+    along = ((middle[one] - walls[other, :2]) * step[other]).sum(axis=1)
+    is_beside = (along > 0.0) & (along < segment_lengths(walls)[other])
+    is_behind = side_of(walls[other].T, *middle[one].T) <= 0.0
+    opposed = (step[one] * step[other]).sum(axis=1) < FACING
+    rows = np.flatnonzero(is_beside & is_behind & opposed)
+    height = elevation(
+        building, np.concatenate([level[one[rows]], level[other[rows]]]), np.tile(middle[one[rows]], (2, 1))
+    )
+    rows = rows[np.abs(np.subtract(*height.reshape(2, -1))) < THINNEST]
+    if not len(rows):
+        return ()
+    first = rows[0]
+    x, y = middle[one[first]]
+    gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
+    names = " and ".join(
+        repr(building.levels[index].name) for index in sorted({level[one[first]], level[other[first]]})
+    )
+    return (
+        f"cells miss each other by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls, the first at "
+        f"({x:z.2f}, {y:z.2f}) of {names}, by {1e3 * gap:.1f} mm; if they should meet, set building.weld to more "
+        "than that",
+    )
 
 
 def check_depth(building: Building) -> None:
@@ -87,7 +127,7 @@ def check_depth(building: Building) -> None:
                     x, y = line.centroid.coords[0]
                     raise BuildingError(
                         f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
-                        f"{one.name!r} and {other.name!r} at ({x:.2f}, {y:.2f}); make it {LEAST_DEPTH:g} m deep "
+                        f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it {LEAST_DEPTH:g} m deep "
                         f"or join it to a neighbour; {measures(building)}"
                     )
 
@@ -117,7 +157,7 @@ def check_stairs(building: Building) -> None:
             x, y = own[0].polygon.representative_point().coords[0]
             found = f"only {ends.pop()}" if ends else "nothing"
             raise BuildingError(
-                f"{building.source}: stair {name!r} at ({x:.2f}, {y:.2f}), z = {min(lv.z_min for lv in own):.2f} to "
+                f"{building.source}: stair {name!r} at ({x:z.2f}, {y:z.2f}), z = {min(lv.z_min for lv in own):.2f} to "
                 f"{max(lv.z_max for lv in own):.2f}, joins {found}: its ends must share vertices with two levels "
                 f"(within building.weld){_nearest_end(building, own)}"
             )
@@ -153,8 +193,8 @@ def check_exits(building: Building) -> None:
         x1, y1, x2, y2 = own[np.argmax(segment_lengths(own).round(6))].tolist()
         level = building.levels[building.wall_level.min()]
         example = (
-            f'; in case.toml, for example: [[building.exits]] name = "exit", segment = [[{x1:.2f}, {y1:.2f}], '
-            f'[{x2:.2f}, {y2:.2f}]], level = "{level.name}"'
+            f'; in case.toml, for example: [[building.exits]] name = "exit", segment = [[{x1:z.2f}, {y1:z.2f}], '
+            f'[{x2:z.2f}, {y2:z.2f}]], level = "{level.name}"'
         )
     raise BuildingError(
         f"{building.source}: the building has no exit: tag free edges of the mesh 'exit:NAME' or give segments{example}"

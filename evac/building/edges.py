@@ -119,4 +119,4 @@ def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
     """Word the place of an edge."""
-    return " - ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in vertices[ends])
+    return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

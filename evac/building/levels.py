@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from evac.building.edges import EdgeTable
 from evac.building.model import Level
 from evac.building.surface import Surface
+from evac.building.union import union
 from evac.errors import BuildingError
 
 IndexArray = NDArray[np.int64]
@@ -81,7 +82,7 @@ def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
         if len(twice):
             x, y, z = surface.vertices[surface.triangles[twice[0]]].mean(axis=0)
             raise BuildingError(
-                f"{source}: the cell at ({x:.2f}, {y:.2f}, {z:.2f}) carries both {names[group[twice[0]]]!r} and "
+                f"{source}: the cell at ({x:z.2f}, {y:z.2f}, {z:z.2f}) carries both {names[group[twice[0]]]!r} and "
                 f"{name!r}; a cell belongs to one floor or stair"
             )
         group[mask] = row
@@ -152,7 +153,7 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
         kind="flight" if is_sloped else "landing" if stair else "floor",
         stair=stair,
         triangles=surface.triangles[cells].astype(np.int32),
-        polygon=shapely.union_all(shapely.polygons(corners[:, :, :2])).normalize(),
+        polygon=union(shapely.polygons(corners[:, :, :2])).normalize(),
         uphill=uphill,
         slope=slope,
         z_min=float(corners[:, :, 2].min()),
@@ -202,7 +203,7 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
         if tag.startswith("floor:"):
             name = tag.removeprefix("floor:")
         else:
-            heights = f"z={level.z_min:.2f}" + (f"..{level.z_max:.2f}" if level.kind == "flight" else "")
+            heights = f"z={level.z_min:z.2f}" + (f"..{level.z_max:z.2f}" if level.kind == "flight" else "")
             prefix = f"{level.stair} " if tag.startswith("stair:") else ""
             name = f"{prefix}{level.kind} {heights}"
         unique, number = name, 1
@@ -221,12 +222,13 @@ def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: li
         if level.kind == "flight":
             gradient = surface.gradient[label == level.index]
             along = gradient @ level.uphill / np.hypot(*gradient.T)
+            x, y = surface.vertices[surface.triangles[label == level.index][along.argmin()]].mean(axis=0)[:2]
             turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
             if turn > MOST_TURN:
                 raise BuildingError(
-                    f"{source}: level {level.name!r} turns: parts of it rise up to {turn:.0f} degrees aside from its "
-                    f"mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up or down; "
-                    "divide it into flights that turn less, with flat landings at least 1 m deep between them"
+                    f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) it rises {turn:.0f} degrees aside "
+                    f"from its mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up "
+                    "or down; divide it into flights that turn less, with flat landings at least 1 m deep between them"
                 )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:

@@ -90,7 +90,7 @@ def nearest_wall(walls: FloatArray, wall_level: LevelArray, levels: tuple[Level,
     row = int(distance.argmin())
     x1, y1, x2, y2 = walls[row]
     return (
-        f"the nearest free edge is ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) of level "
+        f"the nearest free edge is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) of level "
         f"{levels[wall_level[row]].name!r}, {distance[row]:.2f} m away"
     )
 

@@ -11,6 +11,7 @@ Tags are names ``kind:NAME``. They are given by
 
 import contextlib
 import io
+import re
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,17 +86,18 @@ def read_mesh(path: Path) -> SurfaceMesh:
         raise BuildingError(f"{path}: the file is empty; write the mesh again")
     try:
         tags: dict[str, list[BoolArray]] = {}
+        notes: list[str] = []
         if suffix in READERS:
             points, blocks = READERS[suffix](path)
         else:
-            points, blocks, tags = _read_with_meshio(path)
+            points, blocks, tags, notes = _read_with_meshio(path)
     except (ValueError, IndexError, UnicodeDecodeError, OSError) as error:
         raise BuildingError(f"{path}: cannot be read: {error}; write the mesh again, or in another format") from error
-    return _assemble(path, points, blocks, tags)
+    return _assemble(path, points, blocks, tags, notes)
 
 
-def _read_with_meshio(path: Path) -> tuple[FloatArray, list[IndexArray], dict[str, list[BoolArray]]]:
-    """Read with meshio; return points, blocks of cells (n, k) and per tag one mask for each block."""
+def _read_with_meshio(path: Path) -> tuple[FloatArray, list[IndexArray], dict[str, list[BoolArray]], list[str]]:
+    """Read with meshio; return points, blocks of cells (n, k), per tag one mask for each block, and warnings."""
     import meshio
 
     said = io.StringIO()
@@ -110,22 +112,35 @@ def _read_with_meshio(path: Path) -> tuple[FloatArray, list[IndexArray], dict[st
 
     points = np.asarray(mesh.points, dtype=np.float64).reshape(len(mesh.points), -1)
     points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
-    blocks, kept = [], []
+    _check_count(path, mesh)
+    blocks, kept, notes = [], [], []
     for number, block in enumerate(mesh.cells):
         corners = _corner_count(block.type, np.shape(block.data)[-1])
         if corners and len(block.data):
             blocks.append(np.asarray(block.data, dtype=np.int64)[:, :corners])
             kept.append(number)
+        elif len(block.data) and block.type != "vertex":
+            notes.append(f"{len(block.data)} cells of type {block.type!r} are no surface cells and mean nothing")
     tags = _gmsh_tags(mesh) if path.suffix.lower() == ".msh" else _array_tags(mesh)
-    return points, blocks, {name: [masks[number] for number in kept] for name, masks in tags.items()}
+    return points, blocks, {name: [masks[number] for number in kept] for name, masks in tags.items()}, notes
 
 
 def _corner_count(cell_type: str, nodes: int) -> int:
     """Count the corners of a meshio cell type; 0 for cells that are no edges or surfaces."""
-    for start, corners in (("line", 2), ("triangle", 3), ("quad", 4), ("polygon", nodes)):
-        if cell_type.startswith(start):
-            return corners
-    return 0
+    kind = cell_type.rstrip("0123456789")
+    return {"line": 2, "triangle": 3, "quad": 4, "polygon": nodes}.get(kind, 0)
+
+
+def _check_count(path: Path, mesh: Any) -> None:
+    """Refuse a VTU file some of whose cells meshio has passed over in silence."""
+    if path.suffix.lower() == ".vtu":
+        announced = sum(map(int, re.findall(rb'NumberOfCells="\s*(\d+)\s*"', path.read_bytes())))
+        read = sum(len(block.data) for block in mesh.cells)
+        if read != announced:
+            raise ValueError(
+                f"only {read} of its {announced} cells can be read, not those of strips, polylines and a second piece; "
+                "write one piece of triangles, quads, polygons and lines"
+            )
 
 
 def _gmsh_tags(mesh: Any) -> dict[str, list[BoolArray]]:
@@ -139,18 +154,25 @@ def _gmsh_tags(mesh: Any) -> dict[str, list[BoolArray]]:
         elif physical is not None:
             tags[name] = []
             for block, numbers in zip(mesh.cells, physical, strict=True):
-                tags[name].append(np.asarray((numbers == number) & (block.dim == dimension)))
+                # Gmsh writes the negative number where the group has the surface the other way round.
+                tags[name].append(np.asarray((np.abs(numbers) == number) & (block.dim == dimension)))
     return tags
 
 
 def _array_tags(mesh: Any) -> dict[str, list[BoolArray]]:
     """Masks of the cell-data arrays that are named like tags."""
-    tagged = {name: arrays for name, arrays in mesh.cell_data.items() if ":" in name and np.ndim(arrays[0]) == 1}
-    return {name: [np.asarray(values != 0) for values in arrays] for name, arrays in tagged.items()}
+    tags: dict[str, list[BoolArray]] = {}
+    for name, arrays in mesh.cell_data.items():
+        if ":" in name:
+            values = [np.asarray(array).reshape(len(array), -1) for array in arrays]
+            if any(array.shape[1] != 1 for array in values):
+                raise ValueError(f"the cell array {name!r} has several numbers for each cell; a tag has one")
+            tags[name] = [np.nan_to_num(array[:, 0]) != 0 for array in values]
+    return tags
 
 
 def _assemble(
-    path: Path, points: FloatArray, blocks: list[IndexArray], tags: dict[str, list[BoolArray]]
+    path: Path, points: FloatArray, blocks: list[IndexArray], tags: dict[str, list[BoolArray]], notes: list[str]
 ) -> SurfaceMesh:
     """Check indices and coordinates, triangulate, and sort tags into those of surfaces and of edges."""
     surfaces = [number for number, block in enumerate(blocks) if block.shape[1] > 2]
@@ -164,7 +186,7 @@ def _assemble(
         pieces = [triangulate(points, blocks[number]) for number in surfaces]
     except ValueError as error:
         raise BuildingError(f"{path}: {error}; repair this face or triangulate the mesh") from error
-    cell_tags, edge_tags, notes = {}, {}, []
+    cell_tags, edge_tags, notes = {}, {}, [*notes]
     for name, masks in tags.items():
         kind = name.partition(":")[0]
         if kind in SURFACE_TAGS:

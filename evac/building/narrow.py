@@ -35,7 +35,7 @@ def narrow_places(building: Building, width: float) -> tuple[str, ...]:
     for level in building.levels:
         for neck, (x, y) in necks(building, level, width):
             notes.append(
-                f"level {level.name!r} is only {neck:.2f} m wide at ({x:.2f}, {y:.2f}), "
+                f"level {level.name!r} is only {neck:.2f} m wide at ({x:z.2f}, {y:z.2f}), "
                 f"less than the widest person ({width:.2f} m): widen it"
             )
     return tuple(notes)
@@ -95,6 +95,6 @@ def _reachable(level: Level, walls: BaseGeometry, width: float) -> list[BaseGeom
 def _note(what: str, way: Portal | Exit, width: float) -> str:
     x, y = way.segments.reshape(-1, 2).mean(axis=0)
     return (
-        f"{what} at ({x:.2f}, {y:.2f}) is only {way.width:.2f} m wide, "
+        f"{what} at ({x:z.2f}, {y:z.2f}) is only {way.width:.2f} m wide, "
         f"less than the widest person ({width:.2f} m): widen it"
     )

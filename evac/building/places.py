@@ -13,6 +13,7 @@ from evac.building.edges import COLLINEAR, segment_lengths
 from evac.building.elevation import level_elevation
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
+from evac.building.union import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
@@ -58,8 +59,8 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         near = nearest_wall(building.walls[own], building.wall_level[own], building.levels, ends)
         (x1, y1), (x2, y2) = ends
         raise BuildingError(
-            f"{building.source}: {what}, ({x1:.2f}, {y1:.2f}) - ({x2:.2f}, {y2:.2f}) on level {level.name!r}, does not "
-            f"lie on a free edge (within {EXIT_REACH} m all along); "
+            f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
+            f"not lie on a free edge (within {EXIT_REACH} m all along); "
             + (f"{free:.2f} m of it do not: shorten it, or look for another exit or a portal there" if opened else near)
         )
     segments = np.array(opened)
@@ -120,12 +121,16 @@ def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Bui
         _check_open(building, level, polygon, what)
         on_level.setdefault(level.index, []).append(polygon)
     for index, polygons in on_level.items():
-        building = _take_out(building, building.levels[index], shapely.union_all(polygons))
+        building = _take_out(building, building.levels[index], union(polygons))
     return building
 
 
 def find_level(building: Building, item: Mapping[str, Any], what: str, geometry: BaseGeometry) -> Level:
-    """Find the level that ``level`` names, or the one nearest to `geometry` at about the height ``z``.
+    """Find the level that ``level`` names, or the one at about the height ``z`` on which most of `geometry` lies.
+
+    Of a polygon the area on the level counts, of a segment the length along the level's walls: a flight that ends
+    at the height of a floor has none of what lies on the floor. Where that is equal, the nearest level is taken,
+    then the one nearest to ``z``, then a floor before a flight.
 
     Raises
     ------
@@ -143,21 +148,31 @@ def find_level(building: Building, item: Mapping[str, Any], what: str, geometry:
     if item.get("z") is None:
         raise BuildingError(f"{building.source}: {what}: give its level by name (level = ...) or by height (z = ...)")
     z = float(item["z"])
-    centre = shapely.get_coordinates(geometry.centroid)
+    centre = shapely.points(shapely.get_coordinates(geometry.centroid))
     near = []
     for level in building.levels:
-        distance = float(level.polygon.distance(geometry))
-        point = shapely.get_coordinates(shapely.shortest_line(level.polygon, shapely.points(centre))[0])[:1]
+        point = shapely.get_coordinates(shapely.shortest_line(level.polygon, centre)[0])[:1]
         height_error = abs(float(level_elevation(building.vertices, level, point)[0]) - z)
         if height_error <= HEIGHT_REACH:
-            near.append((max(distance - EXIT_REACH, 0.0), height_error, level.index))
+            distance = max(float(level.polygon.distance(geometry)) - EXIT_REACH, 0.0)
+            overlap, is_flight = _overlap(building, level, geometry), level.kind == "flight"
+            near.append((-round(overlap, 3), round(distance, 3), round(height_error, 3), is_flight, level.index))
     if not near:
-        heights = ", ".join(f"{level.name!r} z = {level.z_min:.2f} to {level.z_max:.2f}" for level in building.levels)
+        heights = ", ".join(f"{level.name!r} z = {level.z_min:z.2f} to {level.z_max:z.2f}" for level in building.levels)
         raise BuildingError(
             f"{building.source}: {what}: no level is at the height z = {z:g} m there; correct z, or name a level: "
             f"{heights}"
         )
-    return building.levels[min(near)[2]]
+    return building.levels[min(near)[-1]]
+
+
+def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
+    """Area of a polygon on a level [m2], or length of a segment along its walls [m]."""
+    if geometry.geom_type != "LineString":
+        return float(geometry.intersection(level.polygon).area)
+    ends = shapely.get_coordinates(geometry)
+    pieces = [piece for wall in building.walls[building.wall_level == level.index] for piece in _cut(wall, ends)[1]]
+    return float(segment_lengths(np.array(pieces).reshape(-1, 4)).sum())
 
 
 def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: str, least: int) -> FloatArray:
@@ -232,8 +247,8 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
         if covered.length > LEAST_LENGTH:
             x, y = covered.centroid.coords[0]
             raise BuildingError(
-                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at ({x:.2f}, {y:.2f}) "
-                f"on level {level.name!r}; move it off"
+                f"{building.source}: {what} covers {covered.length:.2f} m of the {kind} {name!r} at "
+                f"({x:z.2f}, {y:z.2f}) on level {level.name!r}; move it off"
             )
 
 
@@ -291,4 +306,4 @@ def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
 def _extent(level: Level) -> str:
     """Word the plan extent of a level, and what to do about something beside it."""
     x1, y1, x2, y2 = level.polygon.bounds
-    return f", which reaches from ({x1:.2f}, {y1:.2f}) to ({x2:.2f}, {y2:.2f}); move it there"
+    return f", which reaches from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"

@@ -1,5 +1,6 @@
 """Reader of PLY files, text and binary: vertices and polygons, whatever else the file holds."""
 
+import codecs
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,7 +47,7 @@ def read_ply(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     ValueError
         If the header is wrong, the file is cut off, or x, y, z are missing.
     """
-    data = path.read_bytes()
+    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     head, found, rest = data.partition(b"end_header")
     if not data.startswith(b"ply") or not found:
         raise ValueError("this is no PLY file: its header is missing or not ended")
@@ -67,8 +68,17 @@ def read_ply(path: Path) -> tuple[FloatArray, list[IndexArray]]:
             corners = next((names.index(name) for name in CORNERS if name in names), None)
             if corners is None:
                 raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
-            faces = [[int(corner) for corner in row[corners]] for row in rows]
+            faces = [[_whole(corner) for corner in row[corners]] for row in rows]
+    if not body.is_read:
+        raise ValueError("rows follow after those that its header announces")
     return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
+
+
+def _whole(corner: float) -> int:
+    """Return the number of a vertex, or refuse one that is not whole."""
+    if corner != int(corner):
+        raise ValueError(f"a face refers to vertex {corner:g}, which is no whole number")
+    return int(corner)
 
 
 def _read_header(head: str) -> tuple[str, list[_Element]]:
@@ -107,6 +117,11 @@ class _TextBody:
         self.at += len(kinds)
         return [float(word) for word in taken]
 
+    @property
+    def is_read(self) -> bool:
+        """Whether nothing is left."""
+        return self.at == len(self.words)
+
 
 class _BinaryBody:
     """The numbers of a binary file of one byte order, one after the other."""
@@ -124,6 +139,11 @@ class _BinaryBody:
         taken = row.unpack_from(self.body, self.at)
         self.at += row.size
         return list(taken)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether nothing is left but ends of lines."""
+        return not self.body[self.at :].strip()
 
 
 def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[list[float]]]:

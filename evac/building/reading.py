@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts
+from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts, missed_seams
 from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
@@ -19,6 +19,7 @@ from evac.building.meshfile import read_mesh
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
 from evac.building.surface import Surface, clean_surface
+from evac.building.union import union
 from evac.errors import BuildingError
 
 #: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
@@ -71,7 +72,7 @@ def read_building(
         a stair that joins nothing, an exit off the edge, no exit.
     """
     source = Path(path)
-    if not (weld >= 0.0 and scale > 0.0 and 0.0 < flat_angle < walkable_angle < 90.0):
+    if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
             f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
@@ -94,6 +95,7 @@ def read_building(
     )
     check_overlap(building)
     check_depth(building)
+    building = replace(building, warnings=(*building.warnings, *missed_seams(building)))
     for item in exits:
         with _given("exits", item):
             building = add_exit(building, item)
@@ -126,7 +128,7 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
             names = " and ".join(repr(level_set.levels[level].name) for level in on) or "no walkable level"
             raise BuildingError(f"{source}: {tag!r} lies on {names}; an area is on one level")
         plan = shapely.polygons(surface.vertices[surface.triangles[cells]][:, :, :2])
-        areas.append(Area(tag.removeprefix("area:"), int(on[0]), shapely.union_all(plan).normalize()))
+        areas.append(Area(tag.removeprefix("area:"), int(on[0]), union(plan).normalize()))
     return tuple(areas)
 
 
@@ -135,7 +137,7 @@ def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, 
     found = []
     for tag, corners in sorted(surface.obstacles.items()):
         cells = shapely.polygons(corners[:, :, :2])
-        outline = shapely.union_all(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
+        outline = union(cells[shapely.area(cells) > LEAST_LENGTH**2]).simplify(COLLINEAR)
         z = float(corners[:, :, 2].min())
         for level in building.levels:
             on = outline.intersection(level.polygon)

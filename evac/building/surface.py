@@ -3,22 +3,25 @@
 The result depends on the geometry alone: shuffling the vertices, cells or winding of a file changes nothing.
 """
 
-import itertools
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
+from evac.building.hanging import split_at_vertices
 from evac.building.meshfile import SurfaceMesh
+from evac.building.resolution import check_resolution
+from evac.building.triangulation import least_height, plan_area
+from evac.building.welding import weld_points
 from evac.errors import BuildingError
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+#: Welding may change the area of the ground by this share.
+MOST_CHANGE = 5e-4
 
 
 @dataclass(frozen=True)
@@ -68,42 +71,49 @@ def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_an
     Raises
     ------
     BuildingError
-        If no walkable cell is left.
+        If the coordinates are too coarse for `weld`, no walkable cell is left, or cells that are too narrow for
+        `weld` make up a part of the ground that counts.
     """
+    check_resolution(mesh.source, mesh.points, scale, weld)
     notes = list(mesh.warnings)
-    vertices, new_index = _weld(mesh.points * scale, weld)
-    triangles, tags = new_index[mesh.triangles], mesh.cell_tags
+    points = mesh.points * scale
+    vertices, new_index = weld_points(points, weld)
     exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
     exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
+    triangles, drawn, tags = _distinct(new_index[mesh.triangles], mesh.cell_tags)
 
-    is_degenerate = _least_height(vertices[triangles]) <= weld
-    if is_degenerate.any():
-        place = _first_place(vertices, triangles, is_degenerate)
-        notes.append(f"{_count(is_degenerate)} without extent dropped, {place}")
-    triangles, tags = _distinct(triangles[~is_degenerate], _select(tags, ~is_degenerate))
-
+    is_sliver = least_height(vertices[triangles]) <= weld
+    if is_sliver.any():
+        place = _first_place(vertices, triangles, is_sliver)
+        notes.append(f"{_count(is_sliver)} without extent dropped, {place}")
     is_obstacle = _any_tag(tags, "obstacle", len(triangles))
     obstacles = {
-        name: vertices[np.sort(triangles[mask], axis=1)] for name, mask in tags.items() if name.startswith("obstacle:")
+        name: vertices[triangles[mask & ~is_sliver]] for name, mask in tags.items() if name.startswith("obstacle:")
     }
     is_steep = np.rad2deg(slope_angle(vertices[triangles])) > walkable_angle + 1e-9
-    if (is_steep & ~is_obstacle).any():
-        dropped = is_steep & ~is_obstacle
+    dropped = is_steep & ~is_obstacle & ~is_sliver
+    if dropped.any():
         place = _first_place(vertices, triangles, dropped)
         notes.append(
             f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped, {place}: walls are not needed, and "
             "stairs are drawn as inclined surfaces, not as treads and risers"
         )
-    keep = ~is_steep & ~is_obstacle
-    if not keep.any():
+    walkable = ~is_steep & ~is_obstacle & ~is_sliver
+    if not walkable.any():
+        x, y, z = vertices[triangles[0]].mean(axis=0)
         raise BuildingError(
-            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees); "
-            "the surface must be drawn in metres with z upwards, in cells larger than building.weld "
-            f"({weld:g} m): set building.scale, or turn the mesh"
+            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees), such as the one at "
+            f"({x:z.2f}, {y:z.2f}, {z:z.2f}); the surface must be drawn in metres with z upwards, in cells larger than "
+            f"building.weld ({weld:g} m): set building.scale, or turn the mesh"
         )
+    has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
+    counted = walkable | (is_sliver & ~is_obstacle)
+    before, is_sure = points[mesh.triangles[drawn[counted]]], (walkable | has_collapsed)[counted]
+    triangles, tags = triangles[walkable], _select(tags, walkable)
+    triangles, owner, exit_edges = split_at_vertices(mesh.source, vertices, triangles, exit_edges, weld)
+    _check_ground(mesh.source, before, is_sure, vertices[triangles], weld)
 
-    triangles, owner, exit_edges = _split_hanging(vertices, triangles[keep], exit_edges, weld)
-    tags = {name: mask[owner] for name, mask in _select(tags, keep).items() if not name.startswith("obstacle:")}
+    tags = {name: mask[owner] for name, mask in tags.items() if not name.startswith("obstacle:")}
     triangles = _counter_clockwise(vertices, triangles)
     order = np.lexsort(triangles.T[::-1])
     triangles, tags = triangles[order], _select(tags, order)
@@ -119,102 +129,35 @@ def slope_angle(corners: FloatArray) -> FloatArray:
     return angle
 
 
-def _weld(points: FloatArray, distance: float) -> tuple[FloatArray, IndexArray]:
-    """Merge close points into the least of each cluster; return them sorted, and the new row of each old one."""
-    distinct, row = np.unique(points + 0.0, axis=0, return_inverse=True)  # + 0.0 turns -0.0 into 0.0
-    pairs = cKDTree(distinct).query_pairs(distance, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(distinct), len(distinct)))
-    _, cluster = connected_components(links, directed=False)
-    least, cluster_row = np.unique(cluster, return_index=True)
-    order = np.argsort(cluster_row)
-    rank = np.empty(len(least), dtype=np.int64)
-    rank[order] = np.arange(len(least))
-    return distinct[cluster_row[order]], rank[cluster[row.ravel()]]
+def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
+    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and join their tags.
 
-
-def _least_height(corners: FloatArray) -> FloatArray:
-    """Least height of triangles (t, 3, 3), zero where corners coincide [m]."""
-    sides = np.roll(corners, -1, axis=1) - corners
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    height: FloatArray = np.divide(twice_area, longest, out=np.zeros(len(corners)), where=longest > 0)
-    return height
-
-
-def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, dict[str, BoolArray]]:
-    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and join their tags."""
-    distinct, row = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True)
+    Returns the cells, the row of `triangles` that each stands for, and the tags.
+    """
+    distinct, first, row = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
     joined = {}
     for name, mask in tags.items():
         joined[name] = np.zeros(len(distinct), dtype=bool)
         joined[name][row.ravel()[mask]] = True
-    return distinct, joined
+    return distinct, first, joined
 
 
-def _split_hanging(
-    vertices: FloatArray, triangles: IndexArray, exit_edges: dict[str, IndexArray], distance: float
-) -> tuple[IndexArray, IndexArray, dict[str, IndexArray]]:
-    """Split free edges and tagged edges at the vertices that lie on them.
+def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:
+    """Refuse cells (t, 3, 3) so narrow that welding changes how much ground there is in plan.
 
-    Returns the triangles, the row each was cut from, and the tagged edges.
+    Cells that are not sure are slivers, which may be ground of their own or lie over that of others: the ground
+    must be right either way.
     """
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    edges, uses = np.unique(edges, axis=0, return_counts=True)
-    tagged = [np.sort(e, axis=1) for e in exit_edges.values()]
-    used = np.unique(np.concatenate([triangles.ravel(), *(e.ravel() for e in tagged)]))
-    hanging = _vertices_on_edges(vertices, np.concatenate([edges[uses == 1], *tagged]), used, distance)
-    if not hanging:
-        return triangles, np.arange(len(triangles)), exit_edges
-
-    cells: list[tuple[int, ...]] = []
-    owner: list[int] = []
-    for row, triangle in enumerate(triangles.tolist()):
-        pieces = _split_triangle(tuple(triangle), hanging)
-        cells += pieces
-        owner += [row] * len(pieces)
-    split_edges = {
-        name: np.array([piece for a, b in e.tolist() for piece in _split_edge(a, b, hanging)], dtype=np.int64)
-        for name, e in exit_edges.items()
-    }
-    return np.array(cells, dtype=np.int64), np.array(owner), split_edges
-
-
-def _vertices_on_edges(
-    vertices: FloatArray, edges: IndexArray, candidates: IndexArray, distance: float
-) -> dict[tuple[int, int], list[int]]:
-    """Map each edge (a, b), a < b, to the vertices that lie on it, in their order from a to b."""
-    tree = shapely.STRtree(shapely.points(vertices[candidates, :2]))
-    lines = shapely.linestrings(vertices[edges][:, :, :2])
-    edge, point = tree.query(lines, predicate="dwithin", distance=distance)
-    a, b, p = edges[edge, 0], edges[edge, 1], candidates[point]
-    along = vertices[b] - vertices[a]
-    reach = vertices[p] - vertices[a]
-    share = (along * reach).sum(axis=1) / np.square(along).sum(axis=1)
-    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
-    on = (p != a) & (p != b) & (share > 0) & (share < 1) & (off <= distance)
-    hanging: dict[tuple[int, int], list[int]] = {}
-    for row in np.flatnonzero(on)[np.argsort(share[on], kind="stable")]:
-        found = hanging.setdefault((int(a[row]), int(b[row])), [])
-        if int(p[row]) not in found:
-            found.append(int(p[row]))
-    return hanging
-
-
-def _split_edge(a: int, b: int, hanging: dict[tuple[int, int], list[int]]) -> list[tuple[int, int]]:
-    """Cut an edge at the vertices on it."""
-    stops = [min(a, b), *hanging.get((min(a, b), max(a, b)), ()), max(a, b)]
-    return list(itertools.pairwise(stops))
-
-
-def _split_triangle(triangle: tuple[int, ...], hanging: dict[tuple[int, int], list[int]]) -> list[tuple[int, ...]]:
-    """Cut a triangle at the vertices on its edges, always through the opposite corner."""
-    for turn in range(3):
-        a, b, c = triangle[turn], triangle[(turn + 1) % 3], triangle[(turn + 2) % 3]
-        inner = hanging.get((min(a, b), max(a, b)))
-        if inner:
-            pieces = [(p, q, c) for p, q in _split_edge(a, b, hanging)]
-            return [cell for piece in pieces for cell in _split_triangle(piece, hanging)]
-    return [triangle]
+    drawn = plan_area(before)
+    for least in (drawn.sum(), drawn[is_sure].sum()):
+        change = float(plan_area(after).sum() - least)
+        if abs(change) > MOST_CHANGE * least:
+            x, y, z = before[np.argmin(least_height(before))].mean(axis=0)
+            raise BuildingError(
+                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because cells are "
+                f"hardly wider than building.weld ({weld:g} m), such as the one at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
+                "remove it or draw larger cells, or set building.weld lower"
+            )
 
 
 def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArray:
@@ -256,4 +199,4 @@ def _count(mask: BoolArray) -> str:
 def _first_place(vertices: FloatArray, triangles: IndexArray, mask: BoolArray) -> str:
     """Name the least vertex of some cells."""
     x, y, z = vertices[triangles[mask].min()]
-    return f"the first at ({x:.2f}, {y:.2f}, {z:.2f})"
+    return f"the first at ({x:z.2f}, {y:z.2f}, {z:z.2f})"

@@ -30,7 +30,9 @@ def read_obj(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     """
     points: list[list[float]] = []
     faces: list[list[int]] = []
-    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ")
+    text = path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ")
+    if "\0" in text:
+        raise ValueError("the text is not UTF-8; save it as UTF-8")
     for number, line in enumerate(text.splitlines(), start=1):
         word, *rest = line.partition("#")[0].split() or [""]
         try:
@@ -39,6 +41,8 @@ def read_obj(path: Path) -> tuple[FloatArray, list[IndexArray]]:
                 points.append([float(x), float(y), float(z)])
             elif word == "f":
                 corners = [int(corner.partition("/")[0]) for corner in rest]
+                if 0 in corners or min(corners, default=1) < -len(points):
+                    raise ValueError("a face counts its vertices from 1, or backwards from -1, the last one above it")
                 faces.append(_checked([c - 1 if c > 0 else len(points) + c for c in corners]))
         except ValueError as error:
             raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
@@ -58,7 +62,7 @@ def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     ValueError
         If the header, a count or a line is wrong.
     """
-    text = path.read_text(encoding="utf-8").splitlines()
+    text = path.read_text(encoding="utf-8-sig").splitlines()
     lines = [(number, line.partition("#")[0].split()) for number, line in enumerate(text, start=1)]
     lines = [(number, words) for number, words in lines if words]
     if not lines or not re.fullmatch(r"(ST)?C?N?OFF", lines[0][1][0]):
@@ -68,16 +72,19 @@ def read_off(path: Path) -> tuple[FloatArray, list[IndexArray]]:
     if len(counts) < 2:
         raise ValueError("the numbers of vertices and faces are missing")
     n_points, n_faces = int(counts[0]), int(counts[1])
-    if len(rest) < n_points + n_faces:
-        raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but only {len(rest)} lines follow")
+    if len(rest) != n_points + n_faces:
+        raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but {len(rest)} lines follow")
     points, faces = [], []
-    for index, (number, words) in enumerate(rest[: n_points + n_faces]):
+    for index, (number, words) in enumerate(rest):
         try:
             if index < n_points:
                 x, y, z = words[:3]
                 points.append([float(x), float(y), float(z)])
             else:
-                faces.append(_checked([int(corner) for corner in words[1 : 1 + int(words[0])]]))
+                corners = [int(corner) for corner in words[1 : 1 + int(words[0])]]
+                if len(corners) != int(words[0]):
+                    raise ValueError(f"{words[0]} corners are announced")
+                faces.append(_checked(corners))
         except ValueError as error:
             raise ValueError(f"line {number}: {text[number - 1].strip()!r}: {error}") from error
     return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)

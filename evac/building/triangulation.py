@@ -1,4 +1,4 @@
-"""Polygons to triangles, the same ones whatever corner a polygon starts at and however it is wound."""
+"""Polygons to triangles, the same ones whatever corner a polygon starts at and however it is wound; their size."""
 
 import numpy as np
 import shapely
@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
+
+#: Polygons with a normal so flat (vertical part over length) are upright: walls, whose outline in plan does not matter.
+UPRIGHT = 0.2
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
@@ -51,6 +54,22 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
     return np.concatenate(triangles), np.concatenate(owner)
 
 
+def least_height(corners: FloatArray) -> FloatArray:
+    """Least height of triangles (t, 3, 3), zero where corners coincide [m]."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    height: FloatArray = np.divide(twice_area, longest, out=np.zeros(len(corners)), where=longest > 0)
+    return height
+
+
+def plan_area(corners: FloatArray) -> FloatArray:
+    """Areas in plan of triangles (t, 3, 3), whichever way they are wound [m2]."""
+    one, other = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    area: FloatArray = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    return area
+
+
 def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
     """Turn and flip each polygon so that its least corner comes first and its lesser neighbour second."""
     k = polygons.shape[1]
@@ -68,8 +87,12 @@ def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
     plan = points[polygon, :2]
     outline = shapely.Polygon(plan)
     if not outline.is_valid:
+        corners = points[polygon] - points[polygon[0]]
+        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's
+        if abs(normal[2]) < UPRIGHT * float(np.linalg.norm(normal)):
+            return np.array([polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)])
         x, y, z = points[polygon[0]]
-        raise ValueError(f"the outline of the polygon at ({x:.2f}, {y:.2f}, {z:.2f}) crosses itself in plan")
+        raise ValueError(f"the outline of the polygon at ({x:z.2f}, {y:z.2f}, {z:z.2f}) crosses itself in plan")
     corner_at = {(x, y): corner for (x, y), corner in zip(plan.tolist(), polygon.tolist(), strict=True)}
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(outline))
     return np.array([[corner_at[xy] for xy in piece.exterior.coords[:3]] for piece in pieces], dtype=np.int64)

@@ -121,4 +121,4 @@ def show_people(simulation: "Simulation") -> None:
 
 
 def _span(low: float, high: float) -> str:
-    return f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"
+    return f"{low:z.2f}" if high - low < 0.005 else f"{low:z.2f} to {high:z.2f}"

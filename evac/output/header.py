@@ -29,11 +29,12 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "wall_level": building.wall_level.tolist(),
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
+        "closed": sorted(building.closed),
     }
 
 
 def building_from_json(data: Mapping[str, Any]) -> Building:
-    """Return the building that `building_to_json` wrote."""
+    """Return the building that `building_to_json` wrote; in files of earlier versions every link is open."""
     return Building(
         source=Path(data["source"]),
         vertices=np.array(data["vertices"], np.float64).reshape(-1, 3),
@@ -51,6 +52,7 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         wall_level=np.array(data["wall_level"], np.int32),
         stairs={name: tuple(levels) for name, levels in data["stairs"].items()},
         warnings=tuple(data["warnings"]),
+        closed=frozenset(data.get("closed", ())),
     )
 
 

@@ -23,7 +23,8 @@ FloatArray = NDArray[np.float64]
 COLOURS = ("group", "speed")
 
 LEVEL_COLOUR = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf"}
-WALL_COLOUR, EDGE_COLOUR, EXIT_COLOUR, TEXT_COLOUR = "#c3cad3", "#7b8794", "#12a150", "#27313d"
+WALL_COLOUR, EDGE_COLOUR, TEXT_COLOUR = "#c3cad3", "#7b8794", "#27313d"
+EXIT_COLOUR, CLOSED_COLOUR = "#12a150", "#c0392b"
 TOP_COLOUR, FURNITURE = "#d9bf9b", 4.0  # of tables and the like; their greatest area [m2]
 WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough to look over
 PERSON_HEIGHT, PERSON_RADIUS = 1.6, 0.22  # of the figure [m]; it is scaled to each body
@@ -104,10 +105,16 @@ class Scene:
         self._add_ribbon(walls, WALL_HEIGHT, WALL_COLOUR, EDGE_COLOUR)
         self._add_tops(building)
         for exit_ in building.exits:
-            level = np.full(len(exit_.segments), exit_.level)
-            self._add_ribbon(
-                self._place(segments_in_space(building, exit_.segments, level)), EXIT_HEIGHT, EXIT_COLOUR, EXIT_COLOUR
-            )
+            self._add_link(exit_.segments, exit_.level, is_open=building.is_open(exit_))
+        for portal in building.portals:
+            if not building.is_open(portal):
+                self._add_link(portal.segments, portal.levels[0], is_open=False)
+
+    def _add_link(self, segments: FloatArray, level: int, *, is_open: bool) -> None:
+        """Add a strip on the segments of an exit or of a closed portal."""
+        colour = EXIT_COLOUR if is_open else CLOSED_COLOUR
+        ends = segments_in_space(self.trajectory.building, segments, np.full(len(segments), level))
+        self._add_ribbon(self._place(ends), EXIT_HEIGHT, colour, colour)
 
     def _add_tops(self, building: Building) -> None:
         """Close the holes of flat levels that are as small as furniture at the height of the walls around them."""
@@ -169,7 +176,8 @@ class Scene:
         plotter.add_text(title, position=(0.02, 0.95), font_size=round(height / 75), **style)
         self._clock = plotter.add_text(" ", position=(0.02, 0.905), font_size=round(height / 85), **style)
         self._add_labels(*_floor_labels(self.trajectory.building, self._view[0]), TEXT_COLOUR, "right")
-        self._add_labels(*_exit_labels(self.trajectory.building), EXIT_COLOUR, "center")
+        for is_open, colour in ((True, EXIT_COLOUR), (False, CLOSED_COLOUR)):
+            self._add_labels(*_exit_labels(self.trajectory.building, is_open), colour, "center")
         self._group_colours = _group_colours(len(self.trajectory.groups))
         if self.colour_by == "group" and self._has_legend:
             names = [(name, tuple(self._group_colours[i] / 255)) for i, name in enumerate(self.trajectory.groups)]
@@ -180,6 +188,8 @@ class Scene:
             legend.GetEntryTextProperty().SetColor(pyvista.Color(TEXT_COLOUR).float_rgb)
 
     def _add_labels(self, points: FloatArray, words: list[str], colour: str, justification: str) -> None:
+        if not words:
+            return
         self.plotter.add_point_labels(
             self._place(points),
             words,
@@ -268,12 +278,13 @@ def _floor_labels(building: Building, right: FloatArray) -> tuple[FloatArray, li
     return points, [f"{level.name}  " for level in floors]
 
 
-def _exit_labels(building: Building) -> tuple[FloatArray, list[str]]:
-    """Return a point outside the middle of every exit, and the exit's name."""
-    ends = np.array([e.segments[len(e.segments) // 2] for e in building.exits]).reshape(-1, 4)
+def _exit_labels(building: Building, is_open: bool) -> tuple[FloatArray, list[str]]:
+    """Return a point outside the middle of every open or every closed exit, and the exit's name."""
+    exits = [exit_ for exit_ in building.exits if building.is_open(exit_) == is_open]
+    ends = np.array([e.segments[len(e.segments) // 2] for e in exits]).reshape(-1, 4)
     middles = 0.5 * (ends[:, :2] + ends[:, 2:])
     along = ends[:, 2:] - ends[:, :2]
     outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    z = elevation(building, np.array([e.level for e in building.exits], np.int32), middles)
+    z = elevation(building, np.array([e.level for e in exits], np.int32), middles)
     away = 0.045 * np.ptp(building.vertices[:, :2], axis=0).max()
-    return np.column_stack([middles + away * outward, z]), [e.name for e in building.exits]
+    return np.column_stack([middles + away * outward, z]), [e.name if is_open else f"{e.name} (closed)" for e in exits]

@@ -16,7 +16,7 @@ from evac.output.files import ANIMATION_NAME, BUILDING_NAME, FRAMES, FRAMES_FOLD
 from evac.output.trajectory import Frame, Trajectory
 
 #: Values of the building's cell array ``kind``.
-KINDS = ("floor", "flight", "landing", "wall", "exit")
+KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "closed portal")
 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
@@ -80,25 +80,31 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> vtkPolyData:
 
 
 def building_polydata(building: Building) -> vtkPolyData:
-    """Return floors, flights and landings as triangles, walls and exits as lines at the height of their level.
+    """Return floors, flights and landings as triangles; walls, exits and closed portals as lines on their level.
 
-    Cell arrays: ``level`` and ``kind`` (row of `KINDS`); field arrays ``level_names`` and ``kind_names``.
+    Cell arrays: ``level`` and ``kind`` (row of `KINDS`); field arrays ``level_names`` and ``kind_names``. A closed
+    portal stands on both of its levels.
     """
-    walls = segments_in_space(building, building.walls, building.wall_level)
-    exits = [segments_in_space(building, e.segments, np.full(len(e.segments), e.level)) for e in building.exits]
-    lines = np.concatenate([walls, *exits]).reshape(-1, 3)
+    lines = [("wall", building.walls, building.wall_level)]
+    for exit_ in building.exits:
+        kind = "exit" if building.is_open(exit_) else "closed exit"
+        lines.append((kind, exit_.segments, np.full(len(exit_.segments), exit_.level)))
+    for portal in building.portals:
+        if not building.is_open(portal):
+            for index in portal.levels:
+                lines.append(("closed portal", portal.segments, np.full(len(portal.segments), index)))
+    ends = np.concatenate([segments_in_space(building, segments, level) for _, segments, level in lines]).reshape(-1, 3)
     triangles = np.concatenate([level.triangles for level in building.levels])
     count = len(building.vertices)
     data = vtkPolyData()
-    data.SetPoints(_points(np.concatenate([building.vertices, lines])))
-    data.SetLines(_cells(count + np.arange(len(lines)).reshape(-1, 2)))
+    data.SetPoints(_points(np.concatenate([building.vertices, ends])))
+    data.SetLines(_cells(count + np.arange(len(ends)).reshape(-1, 2)))
     data.SetPolys(_cells(triangles))
-    level = [building.wall_level, *(np.full(len(e.segments), e.level) for e in building.exits)]
-    level += [np.full(len(item.triangles), item.index) for item in building.levels]
-    kind = [np.full(len(walls), KINDS.index("wall")), *(np.full(len(e), KINDS.index("exit")) for e in exits)]
-    kind += [np.full(len(item.triangles), KINDS.index(item.kind)) for item in building.levels]
+    level = [on for _, _, on in lines] + [np.full(len(item.triangles), item.index) for item in building.levels]
+    kind_of = [np.full(len(segments), KINDS.index(kind)) for kind, segments, _ in lines]
+    kind_of += [np.full(len(item.triangles), KINDS.index(item.kind)) for item in building.levels]
     data.GetCellData().AddArray(_array("level", np.concatenate(level).astype(np.int32)))
-    data.GetCellData().AddArray(_array("kind", np.concatenate(kind).astype(np.int32)))
+    data.GetCellData().AddArray(_array("kind", np.concatenate(kind_of).astype(np.int32)))
     for name, words in (("level_names", [item.name for item in building.levels]), ("kind_names", KINDS)):
         column = vtkStringArray()
         column.SetName(name)

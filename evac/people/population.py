@@ -216,21 +216,21 @@ def _put_inside(building: Building, level: IntArray, position: FloatArray) -> No
 
 
 def _levels_of(case: "Case", building: Building, people: "GroupSettings", position: FloatArray) -> IntArray:
-    """Return the level (k,) of each given position."""
+    """Return the level (k,) of each given position; on the common edge of a floor and a flight it is the floor."""
     x, y = position.T
     points = shapely.points(x, y)
     named = building.level_named(people.level) if people.level is not None else None
     candidates = building.levels if named is None else (named,)
     found = np.full(len(position), -1, dtype=np.int32)
     least = np.full(len(position), np.inf)
-    for level in candidates:
+    for level in sorted(candidates, key=lambda level: level.kind == "flight"):
         shapely.prepare(level.polygon)
         is_on = shapely.dwithin(level.polygon, points, ROUNDING)
         off = np.zeros(len(position))
         if people.z is not None:
             off = np.abs(elevation(building, np.full(len(position), level.index), position) - people.z)
             is_on &= off <= HEIGHT_REACH
-        better = is_on & (off < least)
+        better = is_on & (off < least - ROUNDING)
         found[better], least[better] = level.index, off[better]
     if (found < 0).any():
         row = int(np.argmax(found < 0))

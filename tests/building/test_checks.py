@@ -117,9 +117,35 @@ def test_floors_on_the_same_ground_are_refused(mesh, read, z, is_refused):
         assert len(read(mesh, exits=exits).levels) == 2
         return
     with pytest.raises(
-        BuildingError, match=rf"'floor .*' share 24.00 m2 of ground; at \(.* heights are 0.00 and {z:.2f}:"
+        BuildingError, match=rf"'floor .*' share 24 m2 of ground; at \(.* heights are 0.00 and {z:.2f}:"
     ):
         read(mesh, exits=exits)
+
+
+@pytest.mark.parametrize(("z", "is_refused"), [(0.0, True), (1.0, True), (-0.5, False), (2.5, False)])
+def test_a_flight_through_a_floor_is_refused(mesh, read, z, is_refused):
+    """Two floors, the stair between them, and a floor that does not touch it, below, above or across it."""
+    mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8, 0, 12, 2, 2).rectangle(4.1, 0.5, 7.9, 1.5, z)
+    if not is_refused:
+        assert len(read(mesh, need_exit=False).levels) == 4
+        return
+    with pytest.raises(BuildingError, match=r"'f.*' and 'f.*' share 3.8 m2 of ground; at \(\d"):
+        read(mesh, need_exit=False)
+
+
+@pytest.mark.parametrize(("gap", "weld", "walls"), [(0.002, 0.001, 8), (0.012, 0.001, 8), (0.002, 0.003, 4)])
+def test_walls_closer_than_any_wall_is_thick_are_warned_of(mesh, read, gap, weld, walls):
+    building = read(mesh.rectangle(0, 0, 4, 3).rectangle(4 + gap, 0, 8, 3), need_exit=False, weld=weld)
+    assert len(building.walls) == walls
+    notes = [
+        note for note in building.warnings if "(4.00, 1.50) of 'floor z=0.00' and 'floor z=0.00 (2)', by 2.0 mm" in note
+    ]
+    assert len(notes) == len(building.warnings) == (gap == 0.002 and walls == 8)
+
+
+def test_the_two_sides_of_a_slot_that_people_stand_in_are_no_missed_seam(mesh, read):
+    mesh.rectangle(0, 0, 4, 3).rectangle(4, 1, 4.5, 1.008).rectangle(4.5, 0, 8, 3)
+    assert read(mesh, need_exit=False).warnings == ()
 
 
 def test_a_sloping_deck_may_lie_under_a_floor(mesh, read):

@@ -18,6 +18,16 @@ def test_straight_stair(stair_mesh, read):
     assert building.level_named("flight z=0.00..3.00") is building.levels[1]
 
 
+@pytest.mark.parametrize("z", [-0.0, -1e-12, -0.004])
+def test_no_name_has_a_negative_zero(mesh, read, z):
+    mesh.rectangle(0, 0, 4, 2, z).rectangle(4, 0, 8, 2, z, 2.0).rectangle(8, 0, 12, 2, 2.0)
+    assert [level.name for level in read(mesh, need_exit=False).levels] == [
+        "floor z=0.00",
+        "flight z=0.00..2.00",
+        "floor z=2.00",
+    ]
+
+
 def test_names_of_tags_are_used(stair_mesh, tmp_path):
     building = read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
     assert [(lv.name, lv.kind, lv.stair) for lv in building.levels] == [

@@ -1,6 +1,9 @@
+import re
+
 import meshio
 import numpy as np
 import pytest
+import shapely
 
 from evac.building.meshfile import read_mesh
 from evac.building.reading import read_building
@@ -152,8 +155,108 @@ def test_second_order_cells_count_by_their_corners(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.obj", "v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 3 4\n"),
+        ("a.off", "OFF\n4 1 0\n0 0 0\n4 0 0\n4 3 0\n0 3 0\n4 0 1 2 3\n"),
+        ("a.ply", PLY),
+        ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 0 0\nvertex 4 3 0\nendloop\n"
+         "endfacet\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 4 3 0\nvertex 0 3 0\nendloop\nendfacet\n"
+         "endsolid a\n"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_byte_order_mark_changes_nothing(tmp_path, name, text, encoding):
+    path = tmp_path / name
+    path.write_text(text, encoding=encoding)
+    mesh = read_mesh(path)
+    assert len(mesh.points) == 4
+    assert shapely.area(shapely.polygons(mesh.points[mesh.triangles][:, :, :2])).sum() == 12.0
+
+
+def test_an_upright_wall_may_zigzag_in_plan(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 4 0.001 0\nv 3.9 -0.001 3\nv 0.1 0.002 3\nf 1 2 3 4\n")
+    assert read_mesh(path).triangles.shape == (2, 3)
+
+
+def vtu(path, *pieces, data=""):
+    """Write pieces of (points, cells, types), ``data`` in each."""
+    body = ""
+    for points, cells, types in pieces:
+        ends = np.cumsum([len(cell) for cell in cells]).tolist()
+        arrays = [("Int64", "connectivity", np.concatenate(cells).tolist()), ("Int64", "offsets", ends)]
+        rows = "".join(
+            f'<DataArray type="{kind}" Name="{name}" format="ascii">{" ".join(map(str, values))}</DataArray>'
+            for kind, name, values in (*arrays, ("UInt8", "types", types))
+        )
+        body += (
+            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(cells)}"><Points><DataArray type="Float64" '
+            f'NumberOfComponents="3" format="ascii">{" ".join(map(str, np.ravel(points)))}</DataArray></Points>'
+            f"<Cells>{rows}</Cells><CellData>{data}</CellData></Piece>"
+        )
+    path.write_text(
+        '<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">'
+        f"<UnstructuredGrid>{body}</UnstructuredGrid></VTKFile>"
+    )
+    return path
+
+
+QUAD = [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]]
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [[(QUAD, [[0, 1, 2], [1, 2, 0, 3]], [5, 6])], [(QUAD, [[0, 1, 2, 3]], [9]), (QUAD, [[0, 1, 2, 3]], [9])]],
+    ids=["strip", "two pieces"],
+)
+def test_cells_of_vtu_that_cannot_be_read_are_not_left_out_in_silence(tmp_path, pieces):
+    with pytest.raises(BuildingError, match="only 1 of its 2 cells can be read"):
+        read_mesh(vtu(tmp_path / "a.vtu", *pieces))
+
+
+def test_cells_that_are_no_surface_are_warned_of(tmp_path):
+    (note,) = read_mesh(vtu(tmp_path / "a.vtu", ([*QUAD, [0, 0, 3]], [[0, 1, 2, 4], [0, 1, 2, 3]], [10, 9]))).warnings
+    assert "1 cells of type 'tetra'" in note
+
+
+@pytest.mark.parametrize(
+    ("array", "carried"),
+    [('type="Int32"', "1 0"), ('type="Int32" NumberOfComponents="1"', "1 0"), ('type="Float64"', "1 nan")],
+)
+def test_tags_of_vtu_are_where_they_are_not_zero(tmp_path, array, carried):
+    data = f'<DataArray {array} Name="floor:a" format="ascii">{carried}</DataArray>'
+    mesh = read_mesh(vtu(tmp_path / "a.vtu", (QUAD, [[0, 1, 2], [0, 2, 3]], [5, 5]), data=data))
+    assert mesh.cell_tags["floor:a"].tolist() == [True, False]
+
+
+def test_a_tag_of_vtu_with_two_numbers_is_refused(tmp_path):
+    data = '<DataArray type="Int32" Name="floor:a" NumberOfComponents="2" format="ascii">1 0 0 0</DataArray>'
+    with pytest.raises(BuildingError, match="cell array 'floor:a' has several numbers"):
+        read_mesh(vtu(tmp_path / "a.vtu", (QUAD, [[0, 1, 2], [0, 2, 3]], [5, 5]), data=data))
+
+
+def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
+    """Gmsh writes the negative number for a surface that its group has the other way round."""
+    path = stair_mesh.write_gmsh22(tmp_path / "a.msh")
+    expected = read_mesh(path).cell_tags
+    turned = re.sub(r"^(\d+ 3 2) (\d+)", r"\1 -\2", path.read_text(), flags=re.MULTILINE)
+    assert turned != path.read_text()
+    path.write_text(turned)
+    for name, mask in read_mesh(path).cell_tags.items():
+        assert mask.tolist() == expected[name].tolist()
+        assert mask.any()
+
+
+@pytest.mark.parametrize(
     ("name", "content", "words"),
     [
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 9 9 9\n", "line 4: 'f 0 1 2': a face counts"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "line 4: 'f -1 -2 -4': a face counts"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n3 0 1 2\n", "but 5 lines follow"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n4 0 1 2\n", "line 6: '4 0 1 2': 4 corners are announced"),
+        ("a.ply", PLY + "0 1\n", "rows follow after those"),
+        ("a.ply", PLY.replace("4 0 1 2 3 0.5", "4 0 1 2.5 3 0.5"), "vertex 2.5, which is no whole number"),
         ("a.obj", "", "the file is empty"),
         ("a.obj", "v 0 0 0\n", "no surface cells"),
         ("a.obj", "v 0 0\n", "line 1"),
@@ -163,7 +266,7 @@ def test_second_order_cells_count_by_their_corners(tmp_path):
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 lies at .* farther than 1e\+11 from"),
         ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", r"vertex 2 is not finite"),
         ("a.off", "nothing", "first word must be OFF"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n", "only 1 lines follow"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n", "but 1 lines follow"),
         ("a.off", "OFF # corners\n3 1 0\n\n0 0 0\n1 0 0\n1 1 0\n2 0 1\n", "line 7: '2 0 1': a face has only 2 corners"),
         ("a.off", "OFF 3 1 0\n0 0 0\n1 0\n1 1 0\n3 0 1 2\n", "line 3: '1 0'"),
         ("a.off", "OFF\n", "numbers of vertices and faces are missing"),
@@ -188,6 +291,13 @@ def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name,
         read_mesh(path)
     assert str(path) in str(caught.value)
     assert capfd.readouterr() == ("", "")
+
+
+def test_text_that_is_not_utf_8_is_refused(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-16")
+    with pytest.raises(BuildingError, match="is not UTF-8"):
+        read_mesh(path)
 
 
 def test_missing_file(tmp_path):

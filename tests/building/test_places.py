@@ -82,6 +82,21 @@ def test_level_by_name_and_by_height(stair_mesh, read):
         read(stair_mesh, exits=[{"name": "out", "segment": [[0, 0], [0, 2]]}])
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.02, -0.02])
+def test_at_the_end_of_a_flight_a_height_finds_what_things_lie_on(stair_mesh, read, shift):
+    """The flight from x = 10 to 16 ends at the heights of both floors, and touches what lies beside it."""
+    areas = [
+        {"name": "up", "polygon": [[16 + shift, 0], [18, 0], [18, 2], [16 + shift, 2]], "z": 3.0},
+        {"name": "down", "polygon": [[8, 0], [10 + shift, 0], [10 + shift, 2], [8, 2]], "z": 0.0},
+        {"name": "on", "polygon": [[15, 0], [16 + shift, 0], [16 + shift, 2], [15, 2]], "z": 2.9},
+    ]
+    exits = [way([16 + shift, 0], [17, 0], name="up", z=3.0), way([9, 2], [10 + shift, 2], name="down")]
+    exits += [way([15, 0], [16, 0], name="on", z=2.8)]
+    building = read(stair_mesh, exits=exits, areas=areas)
+    assert [area.level for area in building.areas] == [2, 0, 1]
+    assert [exit_.level for exit_ in building.exits] == [2, 0, 1]
+
+
 def test_area_is_clipped_to_its_level(room, read):
     square = {"name": "start", "polygon": [[5, 3], [8, 3], [8, 6], [5, 6]], "z": 0.0}
     building = read(room, exits=[way([6, 1], [6, 2])], areas=[square])

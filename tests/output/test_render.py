@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.header import building_to_json
 from evac.output.render import render_animation, render_picture
 from evac.output.scene import Scene
 from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from tests.output.conftest import crowd_at
 
 SIZE = (320, 240)
 TAB_BLUE, TAB_ORANGE = np.array([31, 119, 180]), np.array([255, 127, 14])
@@ -88,6 +90,32 @@ def test_nonsense_is_refused(trajectory, tmp_path):
         render_picture(trajectory, tmp_path / "run.png", colour_by="mood")
     with pytest.raises(ResultError, match="greater than 0"):
         render_animation(trajectory, tmp_path / "run.gif", fps=0.0)
+
+
+def closed(path, *names):
+    """A trajectory of nobody, with links of the building closed."""
+    building = close_links(read_trajectory(path).building, names)
+    header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
+    writer = TrajectoryWriter(path.with_name("closed.evac"), header, np.zeros(2))
+    writer.append(0.0, crowd_at(np.zeros((0, 2)), []))
+    writer.close()
+    return read_trajectory(path.with_name("closed.evac"))
+
+
+def test_closed_exits_and_portals_are_not_drawn_open(trajectory, tmp_path):
+    shares = {}
+    for names in ((), ("door",), ("portal 3",)):
+        drawn = closed(trajectory.path, *names)
+        render_picture(drawn, tmp_path / "run.png", size=(640, 480))
+        pixels = np.asarray(Image.open(tmp_path / "run.png"))
+        red, green, blue = pixels.reshape(-1, 3).astype(int).T
+        shares[names] = np.mean(green > 1.3 * np.maximum(red, blue)), np.mean(red > 1.6 * np.maximum(green, blue))
+    assert shares[()][0] > 2e-4
+    assert shares[()][1] == 0.0
+    assert shares[("door",)][0] == 0.0
+    assert shares[("door",)][1] > 2e-4
+    assert shares[("portal 3",)][0] == shares[()][0]
+    assert shares[("portal 3",)][1] > 2e-4
 
 
 def test_unwritable_places_are_named(trajectory, tmp_path):

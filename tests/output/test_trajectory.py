@@ -9,6 +9,7 @@ import zlib
 import numpy as np
 import pytest
 
+from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_from_json, building_to_json
@@ -34,6 +35,14 @@ def test_round_trip_gives_back_what_was_recorded(descent):
         np.testing.assert_allclose(trajectory.crowd_pressure[k][inside], pressure, rtol=1e-12)
         assert np.isnan(trajectory.position[k][~inside]).all()
         assert np.isnan(trajectory.z[k][~inside]).all()
+
+
+def test_what_is_closed_is_kept_and_absent_in_earlier_files(building):
+    closed = close_links(building, ["door", "portal 1"])
+    data = json.loads(json.dumps(building_to_json(closed)))
+    assert building_from_json(data).closed == closed.closed == {1, 4}
+    del data["closed"]
+    assert building_from_json(data).closed == frozenset()
 
 
 def test_crowd_pressure_is_over_the_own_circumference(first_out):

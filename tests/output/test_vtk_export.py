@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 import pyvista
 
+from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.header import building_to_json
 from evac.output.trajectory import TrajectoryWriter, read_trajectory
-from evac.output.vtk_export import KINDS, export_vtk
+from evac.output.vtk_export import KINDS, building_polydata, export_vtk
 
 
 @pytest.fixture
@@ -74,6 +75,15 @@ def test_building_has_its_levels_and_walls_at_their_heights(exported):
         assert walls.bounds[4:] == pytest.approx((item.z_min, item.z_max))
     area = building.extract_cells(kind == KINDS.index("flight")).compute_cell_sizes()["Area"].sum()
     assert area == pytest.approx(2 * 2.0 * 5.0)
+
+
+def test_closed_exits_and_portals_are_kinds_of_their_own(building):
+    data = pyvista.wrap(building_polydata(close_links(building, ["door", "portal 3"])))
+    kind, names = data.cell_data["kind"], data.field_data["kind_names"].tolist()
+    assert np.bincount(kind).tolist() == [6, 4, 0, 16, 0, 1, 2]
+    assert names[5:] == ["closed exit", "closed portal"]
+    assert data.cell_data["level"][kind == 6].tolist() == [3, 4]
+    assert data.extract_cells(kind == 6).bounds[4:] == (6.0, 6.0)
 
 
 def test_far_from_the_origin_nothing_is_rounded(descent, tmp_path):

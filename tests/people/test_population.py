@@ -133,6 +133,14 @@ def test_of_levels_above_each_other_the_nearest_is_taken(make_case, house, field
     assert build_population(case, low, fields(), seed=1).crowd.level.tolist() == [level]
 
 
+def test_on_the_common_edge_of_a_flight_and_a_floor_one_stands_on_the_floor(make_case, house, fields):
+    case = make_case({"name": "one", "positions": [[4.0, 2.0], [4.0 + 5e-7, 1.0]], "z": 3.0})
+    assert build_population(case, house, fields(), seed=1).crowd.level.tolist() == [2, 2]
+    levels = (*house.levels[:2], replace(house.levels[2], kind="flight"), house.levels[3])
+    crowd = build_population(case, replace(house, levels=levels), fields(), seed=1).crowd
+    assert crowd.level.tolist() == [3, 3]
+
+
 def test_a_body_may_touch_a_wall_and_stand_across_a_portal(make_case, house, fields):
     case = make_case(standing(positions=[[0.2, 1.0], [4.0, 2.0]]))
     assert build_population(case, house, fields(), seed=1).crowd.level.tolist() == [0, 0]

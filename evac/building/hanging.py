@@ -1,0 +1,148 @@
+"""Vertices that lie on the side of a cell split it: neighbours then share their edges (T-junctions)."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.building.triangulation import least_height
+from evac.errors import BuildingError
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+#: The vertices on each edge (a, b), a < b, in their order from a to b.
+Hanging = dict[tuple[int, int], list[int]]
+
+
+#: Rounds of splitting after which a mesh is given up. One is enough for most; a vertex that is off its edge moves it,
+#: so that others may then lie on its parts.
+MOST_ROUNDS = 12
+
+
+def split_at_vertices(
+    source: Path, vertices: FloatArray, triangles: IndexArray, edges: dict[str, IndexArray], distance: float
+) -> tuple[IndexArray, IndexArray, dict[str, IndexArray]]:
+    """Split free edges and tagged edges at the vertices that lie on them.
+
+    Parts of a cell whose least height is at most `distance` are dropped, for a vertex of theirs then splits the
+    neighbour that takes their place.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float64 [m]
+        Farther apart than `distance`.
+    triangles : (t, 3) int64
+    edges : dict of str to (e, 2) int64
+        Tagged edges.
+    distance : float [m]
+        How far off an edge a vertex may be.
+
+    Returns
+    -------
+    triangles : (s, 3) int64
+    owner : (s,) int64
+        Row of the triangle that each was cut from.
+    edges : dict of str to (e, 2) int64
+
+    Raises
+    ------
+    BuildingError
+        If vertices are so close to each other that there is no end to it.
+    """
+    owner = np.arange(len(triangles))
+    for _ in range(MOST_ROUNDS):
+        hanging = _hanging_vertices(vertices, triangles, edges, distance)
+        if not hanging:
+            return triangles, owner, edges
+        pieces: list[tuple[int, int, int]] = []
+        cut_from: list[int] = []
+        for row, (a, b, c) in enumerate(triangles.tolist()):
+            parts = _split_triangle(a, b, c, _on_sides(vertices, (a, b, c), hanging))
+            pieces += parts
+            cut_from += [row] * len(parts)
+        triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
+        is_wide = least_height(vertices[triangles]) > distance
+        triangles, owner = triangles[is_wide], owner[is_wide]
+        edges = {
+            name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
+            for name, pairs in edges.items()
+        }
+    x, y, z = vertices[next(iter(hanging.values()))[0]]
+    raise BuildingError(
+        f"{source}: vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) lie hardly farther apart than building.weld "
+        f"({distance:g} m), so cells cannot be split at them; repair the mesh there, or set building.weld to some "
+        "times that"
+    )
+
+
+def _hanging_vertices(
+    vertices: FloatArray, triangles: IndexArray, edges: dict[str, IndexArray], distance: float
+) -> Hanging:
+    """Find the vertices that lie on free edges and on tagged edges."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    sides, uses = np.unique(sides, axis=0, return_counts=True)
+    tagged = [np.sort(pairs, axis=1) for pairs in edges.values()]
+    used = np.unique(np.concatenate([triangles.ravel(), *(pairs.ravel() for pairs in tagged)]))
+    return _vertices_on_edges(vertices, np.concatenate([sides[uses == 1], *tagged]), used, distance)
+
+
+def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: IndexArray, distance: float) -> Hanging:
+    """Find the vertices that lie on edges."""
+    tree = shapely.STRtree(shapely.points(vertices[candidates, :2]))
+    lines = shapely.linestrings(vertices[edges][:, :, :2])
+    edge, point = tree.query(lines, predicate="dwithin", distance=distance)
+    a, b, p = edges[edge, 0], edges[edge, 1], candidates[point]
+    along = vertices[b] - vertices[a]
+    reach = vertices[p] - vertices[a]
+    share = (along * reach).sum(axis=1) / np.square(along).sum(axis=1)
+    off = np.linalg.norm(reach - share[:, None] * along, axis=1)
+    on = (p != a) & (p != b) & (share > 0) & (share < 1) & (off <= distance)
+    hanging: Hanging = {}
+    for row in np.flatnonzero(on)[np.argsort(share[on], kind="stable")]:
+        found = hanging.setdefault((int(a[row]), int(b[row])), [])
+        if int(p[row]) not in found:
+            found.append(int(p[row]))
+    return hanging
+
+
+def _on_sides(vertices: FloatArray, corners: tuple[int, int, int], hanging: Hanging) -> Hanging:
+    """Return the vertices on the sides of one triangle, each on the nearest side only."""
+    sides = itertools.combinations(sorted(corners), 2)
+    own = {side: [p for p in hanging[side] if p not in corners] for side in sides if side in hanging}
+    if len(own) > 1:
+        for p in set[int]().union(*own.values()):
+            on = [side for side in own if p in own[side]]
+            nearest = min(on, key=lambda side: _distance(vertices, p, side))
+            for side in on:
+                if side != nearest:
+                    own[side].remove(p)
+    return own
+
+
+def _distance(vertices: FloatArray, p: int, edge: tuple[int, int]) -> float:
+    """Distance of vertex `p` from the line through an edge [m]."""
+    a, b = vertices[list(edge)]
+    return float(np.linalg.norm(np.cross(b - a, vertices[p] - a)) / np.linalg.norm(b - a))
+
+
+def _parts(a: int, b: int, hanging: Hanging) -> list[tuple[int, int]]:
+    """Cut the edge from a to b at the vertices on it."""
+    between = hanging.get((min(a, b), max(a, b)), [])
+    return list(itertools.pairwise([a, *(between if a < b else between[::-1]), b]))
+
+
+def _split_triangle(a: int, b: int, c: int, hanging: Hanging) -> list[tuple[int, int, int]]:
+    """Cut a triangle at the vertices on its sides: a fan from c over side ab, whose outer cells take the others."""
+    for _ in range(3):
+        if len(_parts(a, b, hanging)) > 1:
+            break
+        a, b, c = b, c, a
+    else:
+        return [(a, b, c)]
+    (_, p), *inner, (q, _) = _parts(a, b, hanging)
+    first = [(r, s, p) for r, s in _parts(c, a, hanging)]
+    last = [(r, s, q) for r, s in _parts(b, c, hanging)]
+    return [*first, *((r, s, c) for r, s in inner), *last]
