@@ -80,45 +80,46 @@ class Ensemble:
         """The runs in which everybody got out."""
         return tuple(run for run in self.runs if run.ended == EVERYBODY_OUT)
 
-    def last_out(self) -> dict[str, float]:
-        """Return statistics of the time at which the last one left, over the complete runs.
+    def last_out(self) -> dict[str, dict[str, float]]:
+        """Return statistics of the time at which the last person leaves.
 
         Returns
         -------
-        dict of str to float [s]
-            ``mean``, ``least``, ``greatest``, and of two runs or more ``percentile_5``, ``percentile_50``,
-            ``percentile_95``, ``standard_deviation``, ``mean_from`` and ``mean_to``: the interval of `CONFIDENCE` of
-            the mean (Student's t). Empty if no run is complete.
+        dict of str to dict of str to float [s]
+            ``over_runs``: number of ``runs``, ``least`` and ``greatest``, and of two runs or more ``percentile_5``,
+            ``percentile_50`` and ``percentile_95``; a run with people left counts as endless, so that any of these
+            can be infinite. ``over_complete_runs``: number of ``runs`` in which everybody got out, ``mean`` of these if
+            there is one, and of two or more ``standard_deviation``, ``mean_from`` and ``mean_to`` (`mean_interval`).
         """
-        last = np.array([np.nanmax(run.exit_time) for run in self.complete])
-        if not last.size:
-            return {}
-        found = {"mean": float(last.mean()), "least": float(last.min()), "greatest": float(last.max())}
+        last = np.array([_last_out(run) for run in self.runs])
+        over_runs = {"runs": last.size, "least": float(last.min()), "greatest": float(last.max())}
         if last.size > 1:
-            for percentile in PERCENTILES:
-                found[f"percentile_{percentile}"] = float(np.percentile(last, percentile))
-            deviation = float(last.std(ddof=1))
-            half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, last.size - 1)) * deviation / float(np.sqrt(last.size))
-            found["standard_deviation"] = deviation
-            found |= {"mean_from": found["mean"] - half, "mean_to": found["mean"] + half}
-        return found
+            over_runs |= {f"percentile_{of}": percentile(last, of) for of in PERCENTILES}
+        last = last[np.isfinite(last)]
+        over_complete: dict[str, float] = {"runs": last.size}
+        if last.size:
+            over_complete["mean"] = float(last.mean())
+        if last.size > 1:
+            over_complete["standard_deviation"] = float(last.std(ddof=1))
+            over_complete["mean_from"], over_complete["mean_to"] = mean_interval(last)
+        return {"over_runs": over_runs, "over_complete_runs": over_complete}
 
     def egress(self) -> dict[str, FloatArray]:
-        """Return mean and percentiles of the number out over all runs.
+        """Return mean and percentiles over all runs of the number of people out; who is left in a run is never out.
 
         Returns
         -------
         dict of str to (k,) float64
-            ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean``, and ``percentile_5``,
-            ``percentile_50`` and ``percentile_95``.
+            ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean_over_runs``, and
+            ``percentile_5_over_runs``, ``percentile_50_over_runs`` and ``percentile_95_over_runs``.
         """
         end, every = max(run.time for run in self.runs), self.case.output.every
         time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
         # NaN sorts last, behind every time.
         out = np.array([np.searchsorted(np.sort(run.exit_time), time, "right") for run in self.runs])
-        columns = {"time": time, "mean": out.mean(axis=0)}
-        for percentile in PERCENTILES:
-            columns[f"percentile_{percentile}"] = np.percentile(out, percentile, axis=0)
+        columns = {"time": time, "mean_over_runs": out.mean(axis=0)}
+        for of in PERCENTILES:
+            columns[f"percentile_{of}_over_runs"] = np.percentile(out, of, axis=0)
         return columns
 
     def write(self, folder: Path) -> None:
@@ -156,16 +157,45 @@ class Ensemble:
     def _draw(self, path: Path, egress: dict[str, FloatArray]) -> None:
         from evac.output.pictures import new_axes, save
 
-        low, middle, high = (f"percentile_{percentile}" for percentile in PERCENTILES)
+        low, median, high = (egress[f"percentile_{of}_over_runs"] for of in PERCENTILES)
+        time, mean = egress["time"], egress["mean_over_runs"]
         note = f"{len(self.runs)} runs, everybody out in {len(self.complete)}"
         figure, axes = new_axes(f"{textwrap.fill(self.case.title, 90)}\n{note}", self.people)
-        label = f"percentiles {PERCENTILES[0]} to {PERCENTILES[-1]}"
-        axes.fill_between(egress["time"], egress[low], egress[high], color="#9fb3c8", label=label)
-        axes.plot(egress["time"], egress[middle], color="#486581", linewidth=1.2, linestyle="--", label="median")
-        axes.plot(egress["time"], egress["mean"], color="#1f2933", linewidth=2.0, label="mean")
-        axes.set_xlim(0.0, float(egress["time"][-1]))
+        label = f"percentiles {PERCENTILES[0]} to {PERCENTILES[-1]} over runs"
+        axes.fill_between(time, low, high, color="#9fb3c8", label=label)
+        axes.plot(time, median, color="#486581", linewidth=1.2, linestyle="--", label="median over runs")
+        axes.plot(time, mean, color="#1f2933", linewidth=2.0, label="mean over runs")
+        axes.set_xlim(0.0, float(time[-1]))
         axes.legend(frameon=False, loc="lower right")
         save(figure, path)
+
+
+def percentile(times: FloatArray, of: float) -> float:
+    """Return a percentile of times of which some may be infinite, linear between neighbours as `numpy.percentile`.
+
+    It is infinite where one of the neighbours that it lies between is.
+    """
+    ascending = np.sort(times)
+    place = 0.01 * of * (len(ascending) - 1)
+    lower, upper = ascending[math.floor(place)], ascending[math.ceil(place)]
+    return math.inf if np.isinf(upper) else float(lower + (place - math.floor(place)) * (upper - lower))
+
+
+def mean_interval(values: FloatArray) -> tuple[float, float]:
+    """Return the interval of `CONFIDENCE` of the mean of two positive values or more; it is positive.
+
+    With m the mean, s the standard deviation and t the quantile of Student's t for n - 1 degrees of freedom, it goes
+    from m / c to m c with c = exp(t sqrt(ln(1 + s^2 / (n m^2)))). Of skewed samples it covers the mean more often than
+    m +- t s / sqrt(n), which it tends to where s is small, and than bootstrap intervals, of few values by far.
+
+    References
+    ----------
+    Buckland et al.: Introduction to Distance Sampling. Oxford University Press (2001), chapter 3, with t for z.
+    """
+    n, mean = len(values), float(values.mean())
+    quantile = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, n - 1))
+    factor = math.exp(quantile * math.sqrt(math.log1p(float(values.var(ddof=1)) / (n * mean**2))))
+    return mean / factor, mean * factor
 
 
 def run_many(
@@ -268,7 +298,12 @@ def _one(case: "Case") -> Run:
     return Run(results.seed, results.ended, results.time, plugins, exit_time, results.doubts)
 
 
+def _last_out(run: Run) -> float:
+    """Return when the last person left [s]; infinite where people are left."""
+    return float(run.exit_time.max()) if run.ended == EVERYBODY_OUT else math.inf
+
+
 def _row(run: Run) -> tuple[Any, ...]:
+    last = _last_out(run)
     out = int(np.isfinite(run.exit_time).sum())
-    last = float(np.nanmax(run.exit_time)) if out else None
-    return run.seed, run.ended, out, last, "; ".join(run.doubts)
+    return run.seed, run.ended, out, last if math.isfinite(last) else None, "; ".join(run.doubts)

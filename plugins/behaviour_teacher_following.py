@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
+from evac.building.model import FLAT
 from evac.directions.sampling import sample_travel_time
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
@@ -14,11 +15,14 @@ from evac.jit import kernel
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray
 
-#: Somebody has made progress once its remaining travel time has changed by this much [s].
+#: Somebody has made progress once its remaining travel time is less by this much than ever before [s].
 PROGRESS = 0.5
 
+#: Who is slower than this counts as that fast: who cannot walk at all closes no gap [m/s].
+SLOWEST = 1e-9
+
 # Columns of the memory of a class.
-LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE = range(5)
+LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE, ROUTE = range(6)
 
 
 class Classes(NamedTuple):
@@ -27,18 +31,16 @@ class Classes(NamedTuple):
     teacher: IntArray  # (classes,) row in Crowd
     first: IntArray  # (classes + 1,)
     member: IntArray  # (members,) row in Crowd
-    memory: FloatArray  # (classes, 5)
-    goes_alone: ByteArray  # (members,) 1: released, until behind its teacher again
+    memory: FloatArray  # (classes, 6)
+    goes_alone: ByteArray  # (members,) 1: released
 
 
 class Rules(NamedTuple):
     """The parameters of `TeacherFollowing` and the tick [s]."""
 
     tick: float
-    gap: float
     trail: float
     lag: float
-    spacing: float
     patience: float
     stuck: float
 
@@ -52,18 +54,21 @@ class TeacherFollowing(Behaviour):
     - a member takes its teacher's route, and sets off no earlier than its teacher: at the later of the
       two start times;
     - a member walks at full speed while it is more than `trail` behind (L < -trail), and ever slower from
-      there to L = gap, where it stands: its factor is (gap - L) / (gap + trail), cut to [0, 1];
-    - with D the greatest -L of the n members inside and D_0 = lag + n spacing, the teacher walks at full
-      speed up to D = D_0 / 2 and ever slower from there to D = D_0, where it stands: its factor is
-      2 (1 - D / D_0), cut to [0, 1];
-    - a teacher that has waited `patience` in vain, its last member making no progress, goes on until its class
-      has caught up (D <= D_0 / 2);
-    - while a teacher has wanted to walk for more than `stuck` without progress, members ahead of it go on
-      alone, each until it is behind its teacher again; once the teacher is out, all go on alone.
+      there to L = 0, where it stands: its factor is -L / trail, cut to [0, 1];
+    - the teacher and those behind it form a line. With D the longest time that one of them takes, at its own
+      speed, to where its neighbour ahead is now, or the teacher to the exit where that is less, the teacher walks
+      at full speed up to D = lag / 2 and ever slower from there to D = lag, where it stands: its factor is
+      2 (1 - D / lag), cut to [0, 1];
+    - a teacher that has waited `patience` in vain, its last member making no progress, goes on until the
+      gaps are closed (D <= lag / 2);
+    - once a teacher has wanted to walk for more than `stuck` without progress, members ahead of it make way: each
+      goes on alone until it is `trail` ahead, or behind again. After another `patience` without progress, and
+      once the teacher is out, all members go on alone.
 
-    The last two rules keep classes that wait for each other on a stair, and pupils who stand in their
-    teacher's way, from blocking the building for good. With ``trail = 0`` those behind push those who
-    stand ahead of a slow teacher on, and a crowd carries them off.
+    A teacher waits for gaps and not for the length of its class, because a queue is no reason to wait: a teacher
+    that dawdles in front of it is overtaken, and pushed about. Nor does it wait longer than it has still to walk:
+    in front of the exit it leads its class out. The last rule keeps classes that wait for each other on a stair,
+    and members who stand in their teacher's way, from blocking the building for good.
 
     Raises
     ------
@@ -72,16 +77,14 @@ class TeacherFollowing(Behaviour):
     """
 
     name = "teacher_following"
-    reads = ("position", "level", "route", "start_time")
+    reads = ("position", "level", "speed", "route", "start_time")
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
 
-    gap = Parameter(0.5, "lead in travel time at which a member stands and lets its teacher pass", unit="s", above=0.0)
-    trail = Parameter(3.0, "how far behind its teacher a member starts to take up its pace", unit="s", minimum=0.0)
-    lag = Parameter(2.0, "lag of the last member at which the teacher of an empty class stands", unit="s", above=0.0)
-    spacing = Parameter(0.9, "what each member inside adds to that lag: a class has a length", unit="s", minimum=0.0)
+    trail = Parameter(3.0, "how far behind its teacher a member starts to take up its pace", unit="s", above=0.0)
+    lag = Parameter(4.0, "gap in the line of its class at which a teacher stands", unit="s", above=0.0)
     patience = Parameter(10.0, "how long a teacher waits in vain", unit="s", minimum=0.0, infinite=True)
-    stuck = Parameter(10.0, "how long a teacher is hindered before its class passes", unit="s", minimum=0.0)
+    stuck = Parameter(10.0, "how long a teacher is hindered before members ahead make way", unit="s", minimum=0.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """List the classes and their teachers."""
@@ -91,10 +94,10 @@ class TeacherFollowing(Behaviour):
             teacher=np.array([_teacher_of(group, scene.groups) for group in followers], dtype=np.int32),
             first=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
             member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
-            memory=np.zeros((len(followers), 5)),
+            memory=np.tile([np.inf, 0.0, np.inf, 0.0, 0.0, -1.0], (len(followers), 1)),
             goes_alone=np.zeros(sum(sizes), dtype=np.uint8),
         )
-        self._rules = Rules(scene.tick, self.gap, self.trail, self.lag, self.spacing, self.patience, self.stuck)
+        self._rules = Rules(scene.tick, self.trail, self.lag, self.patience, self.stuck)
         self._fields = scene.fields.packed
 
     def act(self, crowd: Crowd, time: float) -> None:
@@ -135,12 +138,18 @@ def follow(crowd, fields, classes, rules, time):  # type: ignore[no-untyped-def]
         t = classes.teacher[g]
         if crowd.level[t] < 0:
             continue
+        memory = classes.memory[g]
+        if memory[ROUTE] != crowd.route[t]:  # travel times of two routes cannot be compared
+            memory[ROUTE] = crowd.route[t]
+            memory[LAST_TRAVEL_TIME] = np.inf
+            memory[TEACHER_TRAVEL_TIME] = np.inf
         x, y = crowd.position[t, 0], crowd.position[t, 1]
         own = sample_travel_time(fields, x, y, crowd.level[t], crowd.route[t])
-        last, allowed = pace_members(crowd, fields, classes, rules, time, g, own)
+        behind, speed = pace_members(crowd, fields, classes, rules, time, g, own)
         if time >= crowd.start_time[t] and np.isfinite(own):
-            memory = classes.memory[g]
-            pace = lead_on(memory, last, (last - own) / allowed, rules.patience, rules.tick)
+            last = behind[-1] if len(behind) else own
+            delay = min(widest_gap(own, behind, speed), time_to_walk(own, crowd.speed[t, FLAT]))
+            pace = lead_on(memory, last, delay / rules.lag, rules.patience, rules.tick)
             crowd.speed_factor[t] *= pace
             count_vain(memory, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
 
@@ -149,11 +158,12 @@ def follow(crowd, fields, classes, rules, time):  # type: ignore[no-untyped-def]
 def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[no-untyped-def]
     """Apply the members' rules to class g, whose teacher has the travel time `own` left.
 
-    Return the travel time of the last member inside and the lag that the class is allowed [s].
+    Return the travel times [s] and speeds [m/s] of those behind the teacher, from the first in line to the last.
     """
     t = classes.teacher[g]
-    last = own
-    allowed = rules.lag
+    hindered = classes.memory[g, HINDERED]
+    size = classes.first[g + 1] - classes.first[g]
+    behind, speed, count = np.empty(size), np.empty(size), 0
     for k in range(classes.first[g], classes.first[g + 1]):
         m = classes.member[k]
         if crowd.level[m] < 0:
@@ -167,20 +177,41 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
         lead = own - remaining
         if not np.isfinite(lead):
             continue
-        last = max(last, remaining)
-        allowed += rules.spacing
         if lead <= 0.0:
+            behind[count] = remaining
+            speed[count] = crowd.speed[m, FLAT]
+            count += 1
+        if hindered > rules.stuck + rules.patience:
+            classes.goes_alone[k] = 1
+        elif not 0.0 < lead < rules.trail:
             classes.goes_alone[k] = 0
-        elif classes.memory[g, HINDERED] > rules.stuck:
+        elif hindered > rules.stuck:
             classes.goes_alone[k] = 1
         if not classes.goes_alone[k]:
-            crowd.speed_factor[m] *= min(max((rules.gap - lead) / (rules.gap + rules.trail), 0.0), 1.0)
-    return last, allowed
+            crowd.speed_factor[m] *= min(max(-lead / rules.trail, 0.0), 1.0)
+    order = np.argsort(behind[:count])
+    return behind[order], speed[order]
+
+
+@kernel
+def widest_gap(own, behind, speed):  # type: ignore[no-untyped-def]
+    """Return the longest time [s] that somebody in a teacher's line takes to where its neighbour ahead is now."""
+    widest, ahead = 0.0, own
+    for k in range(len(behind)):
+        widest = max(widest, time_to_walk(behind[k] - ahead, speed[k]))
+        ahead = behind[k]
+    return widest
+
+
+@kernel
+def time_to_walk(difference, speed):  # type: ignore[no-untyped-def]
+    """Return how long a person takes at its own speed for a difference of travel times, which are those at 1 m/s."""
+    return difference / max(speed, SLOWEST)
 
 
 @kernel
 def lead_on(memory, last, share, patience, tick):  # type: ignore[no-untyped-def]
-    """Return a teacher's speed factor at a `share` of the lag its class is allowed, and remember how long it waits."""
+    """Return a teacher's speed factor at a `share` of the gap at which it stands, and remember how long it waits."""
     pace = min(max(2.0 * (1.0 - share), 0.0), 1.0)
     if pace == 1.0:
         memory[WAITS_NO_MORE] = 0.0
@@ -194,8 +225,8 @@ def lead_on(memory, last, share, patience, tick):  # type: ignore[no-untyped-def
 
 @kernel
 def count_vain(memory, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
-    """Add the time `spent` [s] to column `vain`, or start anew if the travel time in column `seen` has changed."""
-    if abs(remaining - memory[seen]) > PROGRESS:
+    """Add the time `spent` [s] to column `vain`, or start anew once less travel time is left than column `seen` has."""
+    if remaining < memory[seen] - PROGRESS:
         memory[seen] = remaining
         memory[vain] = 0.0
     else:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import evac
-from evac.ensemble import Ensemble, Run, in_processes, run_many
+from evac.ending import EVERYBODY_OUT
+from evac.ensemble import Ensemble, Run, in_processes, mean_interval, percentile, run_many
 from evac.errors import PluginError, ScenarioError
 
 
@@ -18,9 +19,10 @@ def case():
     return evac.load("square_room", {"people.people.number": 6, "simulation.seed": 5, "output.every": 0.5})
 
 
-def made(case, *times, ended="everybody out"):
-    runs = tuple(Run(seed, ended, 10.0, (), np.array(time)) for seed, time in enumerate(times))
-    return Ensemble(case, runs)
+def made(case, *times):
+    """Return runs in which people leave at the times given, NaN: not at all."""
+    ends = ["no progress" if np.isnan(time).any() else EVERYBODY_OUT for time in times]
+    return Ensemble(case, tuple(Run(k, ends[k], 10.0, (), np.array(time)) for k, time in enumerate(times)))
 
 
 def test_runs_are_those_of_their_seeds(case):
@@ -66,27 +68,74 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
 
 def test_statistics_of_the_last_one_out(case):
     found = made(case, [1.0, 2.0], [4.0, 3.0], [6.0, 1.0]).last_out()
-    assert (found["mean"], found["least"], found["percentile_50"], found["greatest"]) == (4.0, 2.0, 4.0, 6.0)
-    assert found["standard_deviation"] == 2.0
+    assert found["over_runs"] == {
+        "runs": 3,
+        "least": 2.0,
+        "greatest": 6.0,
+        "percentile_5": pytest.approx(2.2),
+        "percentile_50": 4.0,
+        "percentile_95": pytest.approx(5.8),
+    }
+    mean = found["over_complete_runs"]
+    assert (mean["runs"], mean["mean"], mean["standard_deviation"]) == (3, 4.0, 2.0)
     # Student's t for two degrees of freedom and 95 %: 4.303.
-    assert found["mean_to"] - found["mean"] == pytest.approx(4.303 * 2.0 / math.sqrt(3.0), rel=1e-3)
-    assert found["mean"] - found["mean_from"] == pytest.approx(found["mean_to"] - found["mean"], rel=1e-12)
-    assert made(case, [math.nan, 1.0], ended="no progress").last_out() == {}
-    assert made(case, [1.0, 2.0]).last_out() == {"mean": 2.0, "least": 2.0, "greatest": 2.0}  # one run has no spread
+    assert math.log(mean["mean_to"] / 4.0) == pytest.approx(
+        4.303 * math.sqrt(math.log(1.0 + 4.0 / (3 * 16.0))), rel=1e-3
+    )
+    assert mean["mean_from"] * mean["mean_to"] == pytest.approx(16.0, rel=1e-12)
+    assert made(case, [1.0, 2.0]).last_out() == {  # one run has no spread
+        "over_runs": {"runs": 1, "least": 2.0, "greatest": 2.0},
+        "over_complete_runs": {"runs": 1, "mean": 2.0},
+    }
+
+
+def test_a_run_with_people_left_counts_as_endless(case):
+    found = made(case, [1.0, 2.0], [4.0, math.nan], [6.0, 1.0]).last_out()
+    assert found["over_runs"]["least"] == 2.0
+    assert found["over_runs"]["percentile_50"] == 6.0
+    assert found["over_runs"]["percentile_95"] == found["over_runs"]["greatest"] == math.inf
+    assert (found["over_complete_runs"]["runs"], found["over_complete_runs"]["mean"]) == (2, 4.0)
+    blocked = made(case, [math.nan, 1.0]).last_out()
+    assert blocked["over_runs"] == {"runs": 1, "least": math.inf, "greatest": math.inf}
+    assert blocked["over_complete_runs"] == {"runs": 0}
+
+
+@pytest.mark.parametrize("of", [0, 5, 37.5, 50, 95, 100])
+def test_a_percentile_is_that_of_numpy_as_long_as_times_are_finite(of):
+    times = np.random.default_rng(1).lognormal(size=9)
+    assert percentile(times, of) == pytest.approx(np.percentile(times, of), rel=1e-12)
+
+
+def test_a_percentile_among_endless_runs_is_endless():
+    times = np.array([3.0, math.inf, 1.0, 2.0, math.inf])
+    assert [percentile(times, of) for of in (0, 25, 50, 51, 75, 100)] == [1.0, 2.0, 3.0, math.inf, math.inf, math.inf]
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 20])
+@pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.94), (0.6, 0.915)])
+def test_the_interval_of_a_mean_is_positive_and_covers_it(n, sigma, least):
+    """Log-normal samples, more skewed than times of egress are for sigma = 0.6; 95 % is asked for."""
+    samples = np.random.default_rng(3).lognormal(0.0, sigma, (4000, n))
+    low, high = np.array([mean_interval(sample) for sample in samples]).T
+    true = math.exp(0.5 * sigma**2)
+    assert (low > 0.0).all()
+    assert np.mean((low <= true) & (true <= high)) >= least
 
 
 def test_egress_counts_who_is_out_at_each_time(case):
     egress = made(case, [1.0, 2.0], [2.0, math.nan]).egress()
     assert egress["time"][:6].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
-    assert egress["mean"][:6].tolist() == [0.0, 0.0, 0.5, 0.5, 1.5, 1.5]
-    assert egress["percentile_50"][-1] == 1.5
+    assert egress["mean_over_runs"][:6].tolist() == [0.0, 0.0, 0.5, 0.5, 1.5, 1.5]
+    assert egress["percentile_50_over_runs"][-1] == 1.5
 
 
 def test_percentiles_of_the_curves(case):
     """Of 21 runs, with 0, 1, ..., 20 people out after 1 s."""
     egress = made(case, *([1.0] * out + [math.nan] * (20 - out) for out in range(21))).egress()
     after = egress["time"].tolist().index(1.0)
-    assert [egress[f"percentile_{k}"][after] for k in (5, 50, 95)] == pytest.approx([1.0, 10.0, 19.0], rel=1e-12)
+    assert [egress[f"percentile_{k}_over_runs"][after] for k in (5, 50, 95)] == pytest.approx(
+        [1.0, 10.0, 19.0], rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(("end", "every", "points"), [(1.1, 0.1, 12), (0.7, 0.1, 8), (1.0, 0.5, 3), (1.1, 0.5, 4)])
@@ -95,7 +144,7 @@ def test_the_curves_end_with_the_longest_run(case, end, every, points):
     runs = tuple(Run(0, "everybody out", time, (), np.array([0.2, time])) for time in (0.25, end))
     egress = Ensemble(case.change({"output.every": every}), runs).egress()
     np.testing.assert_allclose(egress["time"], every * np.arange(points), rtol=1e-12)
-    assert egress["mean"][-1] == 2.0
+    assert egress["mean_over_runs"][-1] == 2.0
 
 
 def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
@@ -106,13 +155,22 @@ def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
     with (tmp_path / "r" / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert rows[0]["doubts"] == "deep; thrown about"
-    assert rows[1] == {"seed": "1", "ended": "everybody out", "out": "1", "last_out": "4.0", "doubts": ""}
+    assert (rows[0]["out"], rows[0]["last_out"]) == ("2", "2.0")
+    assert rows[1] == {"seed": "1", "ended": "no progress", "out": "1", "last_out": "", "doubts": ""}
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
-    assert (summary["runs"], summary["people"]) == (2, 2)
-    assert summary["last_out"]["greatest"] == 4.0
+    assert (summary["runs"], summary["complete"], summary["people"]) == (2, 1, 2)
+    assert summary["last_out"]["over_runs"]["least"] == 2.0
+    assert summary["last_out"]["over_runs"]["greatest"] is None
+    assert summary["last_out"]["over_complete_runs"] == {"runs": 1, "mean": 2.0}
     assert (tmp_path / "r" / "egress.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "r" / "egress.csv").open() as file:
-        assert next(csv.reader(file)) == ["time", "mean", "percentile_5", "percentile_50", "percentile_95"]
+        assert next(csv.reader(file)) == [
+            "time",
+            "mean_over_runs",
+            "percentile_5_over_runs",
+            "percentile_50_over_runs",
+            "percentile_95_over_runs",
+        ]
     ensemble.write(tmp_path / "r")  # its own results may be overwritten
 
 

@@ -48,7 +48,7 @@ def test_the_school_needs_its_stairs_its_force_and_its_behaviours():
     [
         ({"forces.social.strength": 0.0}, "force: social", "it is zero everywhere"),
         ({"behaviours.response_time.time": {"constant": 0}}, "behaviour: response_time", "nobody is concerned"),
-        ({"behaviours.teacher_following.gap": 1.0}, "behaviour: teacher_following", "nobody is concerned"),
+        ({"behaviours.teacher_following.lag": 5.0}, "behaviour: teacher_following", "nobody is concerned"),
         ({"contact.nsm2.tangential_dissipation": 0.0}, "tangential contact", "K_T = 0 kg"),
         ({"output.picture": False}, "picture", "output.picture = false"),
     ],

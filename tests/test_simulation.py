@@ -46,7 +46,7 @@ SCENES = {
     "social-zero": {"forces.social.strength": 0.0},
     "response-time": {"behaviours.response_time.time": {"uniform": [0.0, 3.0]}},
     "response-time-zero": {"behaviours.response_time.time": {"constant": 0.0}},
-    "teacher-without-class": {"behaviours.teacher_following.gap": 0.5},
+    "teacher-without-class": {"behaviours.teacher_following.lag": 5.0},
     "route-choice": {"behaviours.route_choice": {}},
 }
 

@@ -1,11 +1,14 @@
 """evac repeat: run a case with many seeds, and say how certain the result is.
 
 Runs go to several processes. To ./CASE-runs, or to --out, go runs.csv (one row for each seed), the mean and the
-percentiles of the egress curves (egress.csv, egress.png), and summary.json. `evac run CASE --seed N` shows one of them.
+percentiles over runs of the egress curves (egress.csv, egress.png), and summary.json. `evac run CASE --seed N` shows
+one of them.
 """
 
 import argparse
+import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from evac.cli.cases import case_of, declare_case, default_folder
@@ -22,7 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
-    from evac.cli.screen import show_facts, show_warnings
+    from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.ending import EVERYBODY_OUT
     from evac.ensemble import run_many
     from evac.running import check_folder, make_folder
@@ -39,18 +42,31 @@ def execute(arguments: argparse.Namespace) -> int:
     ensemble.write(folder)
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
-    show_facts({f"last out, {name.replace('_', ' ')}": f"{value:.2f} s" for name, value in ensemble.last_out().items()})
+    show_table("When the last person left", ("statistic", "value", "over"), _rows(ensemble.last_out()))
     left = [str(run.seed) for run in ensemble.runs if run.ended != EVERYBODY_OUT]
     if left:
         print(
-            f"evac: people are left with seeds {', '.join(left)}, so these times are of the other runs alone;"
-            " evac run --seed N shows where people are left",
+            f"evac: people are left with seeds {', '.join(left)}, which count as endless in the percentiles and are not"
+            " in the mean; evac run --seed N shows where people are left",
             file=sys.stderr,
         )
     for run in ensemble.runs:
         show_warnings(f"seed {run.seed}: {doubt}" for doubt in run.doubts)
     show_facts({"results in": folder})
     return 0 if complete == runs else 3
+
+
+def _rows(last_out: Mapping[str, Mapping[str, float]]) -> list[tuple[str, str, str]]:
+    """Return the statistics of the last person out with what each is taken over."""
+    runs, complete = (int(last_out[over]["runs"]) for over in ("over_runs", "over_complete_runs"))
+    never = f"not reached: people are left in {runs - complete} of {runs} runs"
+    everybody = f"{complete} of {runs} runs, in which everybody got out"
+    rows = []
+    for over, what in (("over_runs", f"{runs} of {runs} runs"), ("over_complete_runs", everybody)):
+        for name, value in last_out[over].items():
+            if name != "runs":
+                rows.append((name.replace("_", " "), f"{value:.2f} s" if math.isfinite(value) else never, what))
+    return rows
 
 
 def _positive(text: str) -> int:

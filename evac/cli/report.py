@@ -28,14 +28,15 @@ def show_results(results: Results, folder: Path) -> None:
 
 
 def _show_outcome(summary: dict[str, Any]) -> None:
-    last = summary["last_out"]
+    last, left = summary["last_out"], summary["people"] - summary["evacuated"]
+    note = f", the last of those who are out; people left: {left}" if left else ""
     show_facts(
         {
             "case": summary["title"],
             "ended": summary["ended"],
             "people": summary["people"],
             "out": summary["evacuated"],
-            "last out": None if last is None else f"{last:.2f} s",
+            "last out": None if last is None else f"{last:.2f} s{note}",
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import PrivateAttr
+from pydantic import PrivateAttr, field_validator
 
 from evac.scenario.keys import Parameters, Section, key
 from evac.scenario.schema import (
@@ -69,6 +69,12 @@ class Case(Section):
     plugins: PluginSettings = key("plugin files", "", PluginSettings())
 
     _origin: Origin = PrivateAttr()
+
+    @field_validator("people", mode="after")
+    @classmethod
+    def _sorted_by_name(cls, people: tuple[GroupSettings, ...]) -> tuple[GroupSettings, ...]:
+        """Sort the groups by name, so that rows, routes and draws do not depend on the order of the tables."""
+        return tuple(sorted(people, key=lambda group: group.name))
 
     @property
     def source(self) -> Path:

@@ -123,7 +123,9 @@ class DirectionSettings(Section):
 class GroupSettings(Section):
     """`[[people]]`: one group; each quantity is a number or a distribution."""
 
-    name: str = key("name of the group", min_length=1)
+    name: str = key(
+        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
+    )
     number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
     positions: tuple[Point, ...] | None = key(

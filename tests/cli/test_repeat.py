@@ -16,8 +16,10 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
         assert [row["seed"] for row in csv.DictReader(file)] == ["4", "5", "6"]
     out = capsys.readouterr().out
     assert "in 3 of 3 runs" in out
-    mean = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["last_out"]["mean"]
-    assert f"{mean:.2f} s" in out
+    found = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["last_out"]
+    lines = [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()]
+    assert ["mean", f"{found['over_complete_runs']['mean']:.2f} s", "3 of 3 runs, in which everybody got out"] in lines
+    assert ["percentile 95", f"{found['over_runs']['percentile_95']:.2f} s", "3 of 3 runs"] in lines
 
 
 @pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
@@ -38,7 +40,10 @@ def test_a_run_that_is_not_to_be_trusted_says_so(evac, capsys, command):
 
 def test_runs_with_people_left_are_named(evac, capsys):
     assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--set", "simulation.duration=1.0") == 3
-    assert "people are left with seeds 1, 2" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert "people are left with seeds 1, 2" in err
+    assert re.search(r"percentile 50 +not reached: people are left in 2 of 2 runs +2 of 2 runs", out)
+    assert not re.search(r"^mean ", out, re.MULTILINE)
 
 
 def heed_interrupts():

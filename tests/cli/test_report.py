@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from evac.cli.report import show_results
@@ -43,7 +44,12 @@ def shown(capsys, tmp_path):
     """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
 
     def show(**changes):
-        show_results(SimpleNamespace(summary=lambda: SUMMARY | changes), Path(tmp_path))
+        results = SimpleNamespace(
+            summary=lambda: SUMMARY | changes,
+            crowd=SimpleNamespace(level=np.array([-1, 0])),
+            building=SimpleNamespace(levels=[SimpleNamespace(name="room")]),
+        )
+        show_results(results, Path(tmp_path))
         out, err = capsys.readouterr()
         return [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()], err
 
@@ -85,3 +91,10 @@ def test_who_left_by_another_exit_is_told(shown):
     assert shown()[1] == ""
     assert "left by another exit than the own route leads to" in shown(left_by_other_exits=2)[1]
     assert "2 people" in shown(left_by_other_exits=2)[1]
+
+
+def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
+    assert ["last out", "9.00 s"] in shown()[0]
+    lines, err = shown(evacuated=4, ended="no progress")
+    assert ["last out", "9.00 s, the last of those who are out; people left: 1"] in lines
+    assert "1 of 5 people are still inside" in err

@@ -1,13 +1,72 @@
 """Teacher following in the whole school, and a group with a slow member in a corridor."""
 
-import numpy as np
+import itertools
 
-from evac.evidence.validation.buildings import rectangle
+import numpy as np
+import pytest
+
+from evac.evidence.validation.buildings import rectangle, write_case
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 from tests.validation.buildings import simulate, track
 
 SECOND = 1.0  # of travel time
+
+#: Whether people keep their distance, and whether the social force pushes them apart.
+KEEPING_APART = list(itertools.product((False, True), (False, True)))
+
+
+def out_before_teacher(simulation):
+    """Return how many of the groups "class..." got out before the group "teacher..." of the same ending."""
+    exit_time = simulation.population.crowd.exit_time
+    groups = {group.name: group.rows for group in simulation.population.groups}
+    return sum(
+        int((exit_time[rows] < exit_time[groups[name.replace("class", "teacher")][0]]).sum())
+        for name, rows in groups.items()
+        if name.startswith("class")
+    )
+
+
+@pytest.mark.parametrize(("headway", "social"), KEEPING_APART)
+def test_a_class_stays_behind_a_teacher_who_waits_for_the_last(tmp_path, headway, social):
+    """Twelve follow through 20 m of corridor to a door, and one more at 0.6 m/s."""
+    follows = {"behaviours": {"teacher_following": {"teacher": "teacher"}}}
+    people = [
+        {"name": "teacher", "positions": [[9.0, 1.5]], "z": 0.0},
+        {"name": "class", "area": "front", "number": 12, **follows},
+        {"name": "last", "positions": [[1.0, 1.5]], "z": 0.0, "speed": 0.6, **follows},
+    ]
+    sections = {
+        "contact.model": "nsm2",
+        "behaviours": {"teacher_following": {}} | ({"headway": {}} if headway else {}),
+        "forces": {"social": {}} if social else {},
+    }
+    door, front = ("door", [[20, 0.9], [20, 2.1]], 0.0), ("front", (4, 0.3, 8.5, 2.7), 0.0)
+    for seed in (1, 2):
+        seeded = sections | {"simulation.seed": seed}
+        simulation = Simulation(write_case(tmp_path, [rectangle(0, 0, 20, 3)], [door], people, [front], seeded))
+        simulation.run()
+        assert simulation.ended == "everybody out"
+        assert out_before_teacher(simulation) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("headway", "social"), KEEPING_APART)
+def test_the_schools_classes_stay_behind_their_teachers(headway, social):
+    """Nor does a teacher stand around: within 5 s of travel of the exit none takes 5 s for half a second of the way."""
+    changes = ({"behaviours.headway": {}} if headway else {}) | ({} if social else {"forces": {}})
+    for seed in range(1, 6):
+        simulation = Simulation(load_case("primary_school", changes | {"simulation.seed": seed}))
+        groups = {group.name: group.rows for group in simulation.population.groups}
+        teachers = np.array([rows[0] for name, rows in groups.items() if name.startswith("teacher")])
+        best, since = np.full(len(teachers), 5.0), np.full(len(teachers), np.inf)
+        for time, crowd in track(simulation):
+            remaining = simulation.fields.travel_time_at(crowd.level, crowd.position, crowd.route)[teachers]
+            ahead = (remaining < best - 0.5) & (crowd.level[teachers] >= 0)
+            best[ahead], since[ahead] = remaining[ahead], time
+            assert (time - since[crowd.level[teachers] >= 0] < 5.0).all()
+        assert simulation.ended == "everybody out"
+        assert out_before_teacher(simulation) == 0
 
 
 def leads(simulation):
