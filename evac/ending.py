@@ -1,4 +1,4 @@
-"""How a run ends: with everybody out, when its duration is over, or when nobody inside gets on any more."""
+"""How a run ends: with everybody out, when its duration is over, or when nobody gets nearer to an exit any more."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ INTERRUPTED = "interrupted"
 #: Of a run that could not go on, in the tables that it leaves.
 FAILED = "failed"
 
-#: A person makes progress when its remaining travel time changes by this much [s].
+#: A person makes progress when its remaining travel time falls by this much below what it was at its last progress [s].
 PROGRESS = 0.25
 
 #: Who is inside when a run ends, and has made no progress for so long, is stuck [s].
@@ -32,17 +32,22 @@ PROGRESS_EVERY = 1.0
 class Ending:
     """Decides after each tick whether it was the last one; notes when each person last made progress.
 
+    Progress is progress towards an exit: the remaining travel time falls more than `PROGRESS` below the least one
+    at which the same person made progress on the same route. Being pushed back, and returning, is none. What was
+    reached on a route is remembered while a person follows another one, so that alternating between routes is no
+    progress either. People who have yet to set off count as making progress, and are measured from where they set off.
+
     Parameters
     ----------
     settings : SimulationSettings
-    people : int
+    people, routes : int
     """
 
-    def __init__(self, settings: "SimulationSettings", people: int) -> None:
+    def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
         self._settings = settings
         self._steps_per_look = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
-        self._seen = np.full(people, np.inf)  # remaining travel time when it last made progress [s]
-        self._moved_at = np.zeros(people)
+        self._least = np.full((routes, people), np.inf)  # remaining travel time at the last progress on each route [s]
+        self._progress_at = np.zeros(people)  # time of the last progress [s]
 
     def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
         """Return how the run ends with this tick; nothing where it goes on.
@@ -73,25 +78,25 @@ class Ending:
         Who has yet to set off is not stuck.
         """
         time = step * self._settings.step
-        standing = time - self._moved_at >= min(STANDING, self._settings.no_progress)
+        standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
         return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
-        """Return what the next answer depends on, (2, people) [s]."""
-        return np.stack([self._seen, self._moved_at])
+        """Return what the next answer depends on, (routes + 1, people) [s]."""
+        return np.concatenate([self._least, self._progress_at[None]])
 
     def restore(self, state: NDArray[np.float64]) -> None:
-        """Take up what `state` returned."""
-        self._seen[:], self._moved_at[:] = state
+        """Restore what `state` returned."""
+        self._least[:], self._progress_at[:] = state[:-1], state[-1]
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
-        """Say whether nobody inside has made progress for too long; who has yet to set off counts as making some."""
+        """Say whether nobody has made progress or got out for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
-        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
-        with np.errstate(invalid="ignore"):  # somebody pushed where no way leads out compares inf with inf
-            changed = np.abs(remaining - self._seen[inside]) > PROGRESS
-        changed |= crowd.start_time[inside] > time
-        self._seen[inside[changed]] = remaining[changed]
-        self._moved_at[inside[changed]] = time
-        latest = max(self._moved_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        route = crowd.route[inside]
+        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], route)
+        progresses = remaining < self._least[route, inside] - PROGRESS
+        progresses |= crowd.start_time[inside] > time
+        self._least[route[progresses], inside[progresses]] = remaining[progresses]
+        self._progress_at[inside[progresses]] = time
+        latest = max(self._progress_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
         return bool(time - latest >= self._settings.no_progress)
