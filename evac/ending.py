@@ -19,7 +19,7 @@ INTERRUPTED = "interrupted"
 #: Of a run that could not go on, in the tables that it leaves.
 FAILED = "failed"
 
-#: A person makes progress when its remaining travel time falls by this much below what it was at its last progress [s].
+#: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
 PROGRESS = 0.25
 
 #: Who is inside when a run ends, and has made no progress for so long, is stuck [s].
@@ -32,10 +32,12 @@ PROGRESS_EVERY = 1.0
 class Ending:
     """Decides after each tick whether it was the last one; notes when each person last made progress.
 
-    Progress is progress towards an exit: the remaining travel time falls more than `PROGRESS` below the least one
-    at which the same person made progress on the same route. Being pushed back, and returning, is none. What was
-    reached on a route is remembered while a person follows another one, so that alternating between routes is no
-    progress either. People who have yet to set off count as making progress, and are measured from where they set off.
+    Progress is progress towards an exit. What counts is the least remaining travel time that a person has reached on
+    its route: being pushed back, and returning, is none. Each route has a least time of its own, which is remembered
+    while another route is followed, so that a person who alternates between routes makes no progress for ever. What a
+    person gains adds up to `PROGRESS`; a gain slower than `PROGRESS` in `no_progress` (or in `STANDING`, where that is
+    longer) is forgotten, so that the creep of a blocked crowd does not count. People who have yet to set off count
+    as making progress, and are measured from where they set off.
 
     Parameters
     ----------
@@ -46,7 +48,10 @@ class Ending:
     def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
         self._settings = settings
         self._steps_per_look = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
-        self._least = np.full((routes, people), np.inf)  # remaining travel time at the last progress on each route [s]
+        seconds_per_look = self._steps_per_look * settings.step
+        self._forgotten = PROGRESS * seconds_per_look / max(settings.no_progress, STANDING)  # of the gain, at a look
+        self._least = np.full((routes, people), np.inf)  # least remaining travel time on each route [s]
+        self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
         self._progress_at = np.zeros(people)  # time of the last progress [s]
 
     def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
@@ -82,21 +87,25 @@ class Ending:
         return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
-        """Return what the next answer depends on, (routes + 1, people) [s]."""
-        return np.concatenate([self._least, self._progress_at[None]])
+        """Return what the next answer depends on, (routes + 2, people) [s]."""
+        return np.vstack([self._least, self._gained, self._progress_at])
 
     def restore(self, state: NDArray[np.float64]) -> None:
         """Restore what `state` returned."""
-        self._least[:], self._progress_at[:] = state[:-1], state[-1]
+        self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
         """Say whether nobody has made progress or got out for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
-        route = crowd.route[inside]
-        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], route)
-        progresses = remaining < self._least[route, inside] - PROGRESS
-        progresses |= crowd.start_time[inside] > time
-        self._least[route[progresses], inside[progresses]] = remaining[progresses]
+        place = crowd.route[inside], inside
+        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
+        waits = crowd.start_time[inside] > time
+        with np.errstate(invalid="ignore"):  # inf less inf where no way leads out: no gain
+            gain = np.fmax(self._least[place] - remaining, 0.0)
+        gained = np.maximum(self._gained[inside] - self._forgotten, 0.0) + gain
+        progresses = waits | (gained > PROGRESS)
+        self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
+        self._gained[inside] = np.where(progresses, 0.0, gained)
         self._progress_at[inside[progresses]] = time
         latest = max(self._progress_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
         return bool(time - latest >= self._settings.no_progress)

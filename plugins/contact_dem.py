@@ -18,8 +18,7 @@ from evac.physics.contacts import push
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
 
-
-#: The tangent stiffness of a hardened contact rises to this many times k, at an overlap of the radius.
+#: The tangent stiffness of a hardening contact rises to this many times k at an overlap of the radius.
 HARDEST = 1000.0
 
 
@@ -29,21 +28,20 @@ class Law(NamedTuple):
     stiffness: float  # [kg/s2]
     smallest: float  # smallest radius [m]
     hardening: float  # share of the radius
-    onset: float  # no contact with a smaller overlap is hardened [m]
+    onset: float  # no contact hardens at a smaller overlap [m]
 
 
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius r, that of the smaller body of two, the tangent stiffness
-    rises exponentially from k to `HARDEST` times k at an overlap of r, and stays there (`press`). A linear spring
-    cannot carry the load of thousands of people: its equilibrium overlap would exceed the radius.
+    Beyond an overlap of `hardening` times the radius (of the smaller body of two) contacts harden, see `press`: a
+    linear spring cannot carry the load of thousands of people, since its equilibrium overlap exceeds the radius.
     """
 
     name = "dem"
     stiffness = Parameter(1.2e5, "contact stiffness k of eq. 3", unit="kg/s2", above=0.0)
     hardening = Parameter(
-        0.5, "overlap, as a share of the smaller radius, beyond which contacts harden; 1: never", above=0.0, maximum=1.0
+        0.5, "overlap beyond which contacts harden, as a share of the smaller radius; 1: never", above=0.0, maximum=1.0
     )
 
     def check_scene(self, scene: BorderScene) -> None:
@@ -76,8 +74,7 @@ class Dem(ContactModel):
         """Make the steps of `clock` in compiled code."""
         inside = engine.bodies.count[0]
         smallest = float(engine.bodies.radius[:inside].min())
-        onset = self.hardening * smallest if self.hardening < 1.0 else math.inf
-        law = Law(self.stiffness, smallest, self.hardening, onset)
+        law = Law(self.stiffness, smallest, self.hardening, self.hardening * smallest)
         return run(
             engine.world,
             engine.bodies,
@@ -117,17 +114,20 @@ def damping_limit(h, tau, explicit):
 
 @inner
 def press(overlap, radius, hardening):
-    """Return the force of a contact and its tangent stiffness, both over k [m], [-].
+    """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
 
-    With the onset D_h = hardening r and the length L = (r - D_h) / ln(HARDEST) the force is
-    k D up to D_h, k (D_h + L (exp((D - D_h) / L) - 1)) from there to r, and a straight line beyond.
+    With the overlap D, the onset D_h = hardening r and the length L = (r - D_h) / ln(HARDEST), the force is
+
+    - k D up to D_h;
+    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
+    - k D beyond r, where two people started in one another: hardened contacts would throw them.
     """
     onset = hardening * radius
-    if hardening >= 1.0 or overlap <= onset:
+    if overlap <= onset or overlap > radius:
         return overlap, 1.0
     length = (radius - onset) / math.log(HARDEST)
-    tangent = math.exp((min(overlap, radius) - onset) / length)
-    return onset + length * (tangent - 1.0) + tangent * max(overlap - radius, 0.0), tangent
+    tangent = math.exp((overlap - onset) / length)
+    return onset + length * (tangent - 1.0), tangent
 
 
 @inner
@@ -143,8 +143,8 @@ def is_too_stiff(bodies, contacts, law, h, explicit):
     """Say whether the contacts as they are make a step of `h` unstable, and note the body.
 
     omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each. A hardened contact counts
-    with that at the overlap to which its speed takes it within the step.
+    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
+    speed takes it within the step.
     """
     own, cross = contacts.rows.image[0], contacts.rows.image[1]  # xx and yy; xy and couplings [1/kg]
     for c in range(contacts.count[0]):
@@ -156,11 +156,10 @@ def is_too_stiff(bodies, contacts, law, h, explicit):
         i, j = contacts.body[c], contacts.other[c]
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         tangent = 1.0
-        if -contacts.gap[c] > law.onset:
+        deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
+        if deepest > law.onset:
             radius = _radius(bodies, contacts, c)
-            if -contacts.gap[c] > law.hardening * radius:
-                deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
-                tangent = press(deepest, radius, law.hardening)[1]
+            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, law.hardening)[1]
         _stiffen(own, cross, tangent * bodies.inverse_mass[i], i, nx, ny)
         if j >= 0:
             _stiffen(own, cross, tangent * bodies.inverse_mass[j], j, nx, ny)
