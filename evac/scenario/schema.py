@@ -224,7 +224,7 @@ class SimulationSettings(Section):
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends when nobody got out or moved on for this long; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody got out or nearer to an exit for this long; inf: never", "s", 60.0, gt=0
     )
 
     @property
