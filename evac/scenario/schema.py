@@ -258,6 +258,12 @@ class SimulationSettings(Section):
                 f"{self.step:g} s makes {self.tick / self.step:.3g} steps to a tick of {self.tick:g} s, more than "
                 f"{MOST_STEPS:,}; use a longer step or a shorter tick",
             )
+        if self.last_step < 1:
+            raise wrong(
+                "duration",
+                f"{self.duration:g} s is less than half of simulation.step {self.step:g} s, so that no step is made; "
+                "use a longer duration",
+            )
         return self
 
 
