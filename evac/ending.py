@@ -33,11 +33,11 @@ class Ending:
     """Decides after each tick whether it was the last one; notes when each person last made progress.
 
     Progress is progress towards an exit. What counts is the least remaining travel time that a person has reached on
-    its route: being pushed back, and returning, is none. Each route has a least time of its own, which is remembered
-    while another route is followed, so that a person who alternates between routes makes no progress for ever. What a
-    person gains adds up to `PROGRESS`; a gain slower than `PROGRESS` in `no_progress` (or in `STANDING`, where that is
-    longer) is forgotten, so that the creep of a blocked crowd does not count. People who have yet to set off count
-    as making progress, and are measured from where they set off.
+    its route: being pushed back and returning is no progress. Each route has a least time of its own, which is kept
+    while another route is followed, so that alternating between routes counts only until each has been tried. Gains
+    below the least time are added up, and their sum counts once it exceeds `PROGRESS`; `PROGRESS` is taken from the
+    sum in every `no_progress` (or `STANDING`, where that is longer), so that the creep of a blocked crowd does not
+    count. People who have yet to set off count as making progress, and are measured from where they set off.
 
     Parameters
     ----------

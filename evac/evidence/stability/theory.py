@@ -41,7 +41,7 @@ def hardened_overlap(load: float, stiffness: float, radius: float, hardening: fl
     """
 
     def slope(overlap: float) -> float:
-        return stiffness * 1000.0 ** max(0.0, (overlap / radius - hardening) / (1.0 - hardening))
+        return stiffness * float(1000.0 ** max(0.0, (overlap / radius - hardening) / (1.0 - hardening)))
 
     def missing(overlap: float) -> float:
         return float(quad(slope, 0.0, overlap, points=[hardening * radius], epsabs=0.0, epsrel=1e-12)[0]) - load
