@@ -1,4 +1,4 @@
-"""How a run ends: with everybody out, when its duration is over, or when nobody inside gets on any more."""
+"""How a run ends: with everybody out, when its duration is over, or when nobody gets nearer to an exit any more."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ INTERRUPTED = "interrupted"
 #: Of a run that could not go on, in the tables that it leaves.
 FAILED = "failed"
 
-#: A person makes progress when its remaining travel time changes by this much [s].
+#: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
 PROGRESS = 0.25
 
 #: Who is inside when a run ends, and has made no progress for so long, is stuck [s].
@@ -32,17 +32,27 @@ PROGRESS_EVERY = 1.0
 class Ending:
     """Decides after each tick whether it was the last one; notes when each person last made progress.
 
+    Progress is progress towards an exit. What counts is the least remaining travel time that a person has reached on
+    its route: being pushed back and returning is no progress. Each route has a least time of its own, which is kept
+    while another route is followed, so that alternating between routes counts only until each has been tried. Gains
+    below the least time are added up, and their sum counts once it exceeds `PROGRESS`; `PROGRESS` is taken from the
+    sum in every `no_progress` (or `STANDING`, where that is longer), so that the creep of a blocked crowd does not
+    count. People who have yet to set off count as making progress, and are measured from where they set off.
+
     Parameters
     ----------
     settings : SimulationSettings
-    people : int
+    people, routes : int
     """
 
-    def __init__(self, settings: "SimulationSettings", people: int) -> None:
+    def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
         self._settings = settings
         self._steps_per_look = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
-        self._seen = np.full(people, np.inf)  # remaining travel time when it last made progress [s]
-        self._moved_at = np.zeros(people)
+        seconds_per_look = self._steps_per_look * settings.step
+        self._forgotten = PROGRESS * seconds_per_look / max(settings.no_progress, STANDING)  # of the gain, at a look
+        self._least = np.full((routes, people), np.inf)  # least remaining travel time on each route [s]
+        self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
+        self._progress_at = np.zeros(people)  # time of the last progress [s]
 
     def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
         """Return how the run ends with this tick; nothing where it goes on.
@@ -73,25 +83,29 @@ class Ending:
         Who has yet to set off is not stuck.
         """
         time = step * self._settings.step
-        standing = time - self._moved_at >= min(STANDING, self._settings.no_progress)
+        standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
         return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
-        """Return what the next answer depends on, (2, people) [s]."""
-        return np.stack([self._seen, self._moved_at])
+        """Return what the next answer depends on, (routes + 2, people) [s]."""
+        return np.vstack([self._least, self._gained, self._progress_at])
 
     def restore(self, state: NDArray[np.float64]) -> None:
-        """Take up what `state` returned."""
-        self._seen[:], self._moved_at[:] = state
+        """Restore what `state` returned."""
+        self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
-        """Say whether nobody inside has made progress for too long; who has yet to set off counts as making some."""
+        """Say whether nobody has made progress or got out for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
+        place = crowd.route[inside], inside
         remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
-        with np.errstate(invalid="ignore"):  # somebody pushed where no way leads out compares inf with inf
-            changed = np.abs(remaining - self._seen[inside]) > PROGRESS
-        changed |= crowd.start_time[inside] > time
-        self._seen[inside[changed]] = remaining[changed]
-        self._moved_at[inside[changed]] = time
-        latest = max(self._moved_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
+        waits = crowd.start_time[inside] > time
+        with np.errstate(invalid="ignore"):  # inf less inf where no way leads out: no gain
+            gain = np.fmax(self._least[place] - remaining, 0.0)
+        gained = np.maximum(self._gained[inside] - self._forgotten, 0.0) + gain
+        progresses = waits | (gained > PROGRESS)
+        self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
+        self._gained[inside] = np.where(progresses, 0.0, gained)
+        self._progress_at[inside[progresses]] = time
+        latest = max(self._progress_at[inside].max(), np.nanmax(crowd.exit_time, initial=0.0))
         return bool(time - latest >= self._settings.no_progress)

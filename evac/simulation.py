@@ -129,7 +129,7 @@ class Simulation:
         """Note how everybody starts, and let the behaviours prepare."""
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
-        self._ending = Ending(self.case.simulation, len(crowd.level))
+        self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
         self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
         for behaviour, scene in self.behaviours:

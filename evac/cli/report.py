@@ -71,6 +71,8 @@ def _show_contact(contact: dict[str, Any]) -> None:
     if cut:
         value = f"{cut} times; greatest speed {contact['greatest_speed']:.3g} m/s"
         rows.insert(5, ("steps cut into smaller ones", value))
+    if contact["hardened_contacts"]:
+        rows.insert(3, ("hardened contacts", f"{contact['hardened_contacts']} of {contact['contacts']}"))
     show_table("Contact", ("quantity", "value"), rows)
 
 

@@ -27,6 +27,7 @@ NAMES = (
     "too_stiff_steps",
     "failed_position_corrections",
     "repeated_searches",
+    "hardened_contacts",
 )
 
 #: Those that are no counts.
@@ -65,4 +66,5 @@ MEASURES = {
     TOO_STIFF_STEPS,
     FAILED_POSITION_CORRECTIONS,
     REPEATED_SEARCHES,
+    HARDENED_CONTACTS,
 ) = range(len(NAMES))

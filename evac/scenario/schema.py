@@ -226,7 +226,7 @@ class SimulationSettings(Section):
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends when nobody got out or moved on for this long; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody got out or nearer to an exit for this long; inf: never", "s", 60.0, gt=0
     )
 
     @property
@@ -259,6 +259,12 @@ class SimulationSettings(Section):
                 "step",
                 f"{self.step:g} s makes {self.tick / self.step:.3g} steps to a tick of {self.tick:g} s, more than "
                 f"{MOST_STEPS:,}; use a longer step or a shorter tick",
+            )
+        if self.last_step < 1:
+            raise wrong(
+                "duration",
+                f"{self.duration:g} s is less than half of simulation.step {self.step:g} s, so that no step is made; "
+                "use a longer duration",
             )
         return self
 

@@ -27,6 +27,8 @@ SUMMARY = {
         "greatest_residual": 2e-4,
         "unconverged_steps": 6,
         "steps": 1000,
+        "contacts": 900,
+        "hardened_contacts": 8,
         "too_fast_steps": 1,
         "too_stiff_steps": 2,
         "wall_crossings_prevented": 4,
@@ -59,10 +61,11 @@ def shown(capsys, tmp_path):
 def test_contact_is_told_in_millimetres_and_joules(shown):
     lines, _ = shown()
     first = next(k for k, line in enumerate(lines) if line[0] == "contact model")
-    assert lines[first : first + 10] == [
+    assert lines[first : first + 11] == [
         ["contact model", "dem"],
         ["greatest overlap", "12.3 mm"],
         ["mean overlap", "4.5 mm"],
+        ["hardened contacts", "8 of 900"],
         ["greatest residual", "0.0002 m/s"],
         ["unconverged steps", "6 of 1000"],
         ["steps cut into smaller ones", "7 times; greatest speed 3 m/s"],

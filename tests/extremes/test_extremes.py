@@ -38,13 +38,13 @@ def models(names, kind, least, greatest):
 #: What comes of a scene with each model: the verdict, and between what the error lies, by theory or by what is asked.
 EXPECTED = {
     # NSM2 keeps an overlap as it is, DEM's springs and NSM1's position solve part it
+    # DEM: pressed against the wall by its own drive, if it gets there in time from where the springs have thrown it
     "coincident centres": models(NSM1, HANDLED, 0.0, GAP)
     | models(NSM2, DEGRADED, 0.39, 0.4)
-    | {"DEM": (HANDLED, 0.0, 2e-3)},
-    # DEM: pressed against the wall by its own drive
+    | {"DEM": ({HANDLED, DEGRADED}, 0.0, 0.03)},
     "half-overlapping start": models(NSM1, HANDLED, 0.0, GAP)
     | models(NSM2, DEGRADED, 0.19, 0.2)
-    | {"DEM": (DEGRADED, 2e-3, 0.03)},
+    | {"DEM": ({HANDLED, DEGRADED}, 0.0, 0.03)},
     # pi/(2 sqrt 3) of the floor at most can be covered: the overlap must stay, but nobody may leave the room
     # and percussions that grow with K_N where people are squeezed may throw somebody faster than a run allows:
     # which it is turns on rounding
@@ -64,10 +64,10 @@ EXPECTED = {
     | models(["NSM2 K_N = 1e5", "NSM2 K_N = inf"], DEGRADED, 0.005, 1.5),
 }
 
-#: The same for the large and the long scene; 10,000 people press DEM's bodies through the wall beside the door.
+#: The same for the large and the long scene.
 EXPECTED_LARGE = {
     "10000 people at a closed door": {
-        "DEM": (REFUSED, 0.0, 0.0),
+        "DEM": (DEGRADED, 0.1, 0.2),  # hardened
         "NSM1 inertial": (HANDLED, 0.0, GAP),
         "NSM2 K_N = 1e5": (BEYOND, 0.015, 0.15),
     },

@@ -1,9 +1,13 @@
-"""DEM: the spring, its limits, and the same law written in numpy."""
+"""DEM: the spring, how it hardens, its limits, and the same law written in numpy."""
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, SimulationError
+from evac.evidence.scaling import halls
+from evac.evidence.scaling.walks import Walk
 from evac.parameters import Parameter
 from evac.physics.bundles import make_crowd
 from evac.physics.contact_model import BorderScene, ContactModel
@@ -42,6 +46,77 @@ def test_head_on_overlap(stiffness, masses):
     assert kinetic_energy(crowd) == pytest.approx(2.0 * sum(masses), rel=1e-2)  # parted again, elastically
     if masses == (80.0, 80.0):
         assert engine.report()["greatest_overlap"] == pytest.approx(0.073, abs=5e-4)
+
+
+def slope(overlap, radius):
+    """The tangent stiffness over k with the default hardening: from 1 at r / 2 to 1000 at r, exponentially."""
+    return 1000.0 ** max(0.0, 2.0 * overlap / radius - 1.0)
+
+
+def force(overlap, radius, stiffness=1.2e5):
+    return stiffness * quad(slope, 0.0, overlap, (radius,), points=[0.5 * radius], epsabs=0.0, epsrel=1e-12)[0]
+
+
+@pytest.mark.parametrize("load", [11e3, 13e3, 1e5, 1.2e6])
+def test_static_overlap_of_a_hardened_contact(load):
+    """A disc against a wall under a known load, against the root of the integrated stiffness."""
+    exact = brentq(lambda overlap: force(overlap, 0.2) - load, 0.01, 0.2, xtol=1e-14)
+    crowd = make_crowd([(0.98 * exact - 0.2, 0)], radius=0.2, mass=8000.0, tau=0.1, speed=load * 0.1 / 8000.0)
+    engine = walk(Dem(), crowd, 1500, building=make_building(walls=[(0, -3, 0, 3)]), report=True)
+    assert 0.2 + crowd.position[0, 0] == pytest.approx(exact, abs=1e-9)
+    assert crowd.contact_force[0] == pytest.approx(load, rel=1e-6)
+    assert (engine.report()["hardened_contacts"] > 0) == (exact > 0.1)
+
+
+def test_the_smaller_body_of_two_decides_how_a_contact_hardens():
+    """Two people run into each other; at the deepest the spring holds their energy."""
+    crowd = make_crowd([(-0.25, 0), (0.26, 0)], [(5, 0), (-5, 0)], radius=[0.3, 0.2], mass=80.0, tau=FREE)
+    engine = walk(Dem(), crowd, 1000, h=1e-4, tick=100)
+
+    def missing(overlap):
+        return quad(force, 0.0, overlap, (0.2,), points=[0.1])[0] - 0.5 * 40.0 * 10.0**2
+
+    report = engine.report()
+    assert report["greatest_overlap"] == pytest.approx(brentq(missing, 0.1, 0.2), rel=1e-3)
+    assert report["hardened_contacts"] > 0
+    assert kinetic_energy(crowd) == pytest.approx(2000.0, rel=1e-2)  # parted again, elastically
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_hardened_contact_cuts_steps_by_its_tangent_stiffness(share):
+    """A body at rest against a wall: unstable beyond h^2 k(D) / m = 4."""
+    limit = 2.0 / (1.2e5 * slope(0.14, 0.2) / 80.0) ** 0.5
+    crowd = make_crowd([(-0.06, 0)], radius=0.2, mass=80.0, tau=FREE)
+    engine = walk(Dem(), crowd, 1, h=share * limit, building=make_building(walls=[(0, -3, 0, 3)]))
+    assert engine.report()["too_stiff_steps"] == (share > 1.0)
+
+
+def test_contacts_below_the_onset_are_those_of_the_linear_law_to_the_bit():
+    """Twenty people at a door; the deepest contact is not far below half the smallest radius."""
+    building = make_building(walls=[(0, 0, 4, 0), (4, 0, 4, 1.1), (4, 1.9, 4, 3), (4, 3, 0, 3), (0, 3, 0, 0)])
+    crowds = [random_crowd(20, (0, 0), (4, 3), seed=3) for _ in range(2)]
+    engines = [
+        walk(model, crowd, 300, building=building, fields=fields_towards((4.5, 1.5)))
+        for model, crowd in zip((Dem(), Dem(hardening=1.0)), crowds, strict=True)
+    ]
+    np.testing.assert_array_equal(crowds[0].position, crowds[1].position)
+    np.testing.assert_array_equal(crowds[0].velocity, crowds[1].velocity)
+    assert engines[0].report() == engines[1].report()
+    assert 0.25 < engines[0].report()["greatest_overlap"] / crowds[0].radius.min() < 0.5
+
+
+def test_two_people_at_one_place_are_parted_without_hardening():
+    """Beyond an overlap of the radius contacts are linear; what hardens below it throws nobody out of a room."""
+    crowd = make_crowd([(0, 0), (0, 0)], radius=0.2, mass=80.0, tau=0.5)
+    walls = [(-3, -3, 3, -3), (3, -3, 3, 3), (3, 3, -3, 3), (-3, 3, -3, -3)]
+    walk(Dem(), crowd, 300, building=make_building(walls=walls))
+    assert np.hypot(*(crowd.position[0] - crowd.position[1])) > 0.4
+    assert np.abs(crowd.position).max() < 3.0
+
+
+def test_whether_contacts_can_harden_is_explained():
+    assert [is_in for _, is_in, _ in Dem().parts()] == [True]
+    assert [is_in for _, is_in, _ in Dem(hardening=1.0).parts()] == [False]
 
 
 def border(step, mass=60.0, tau=0.1, explicit=True):
@@ -86,6 +161,49 @@ def test_a_dense_packing_under_load_stands_and_is_cut_beyond_its_limit(step, is_
             greatest = max(greatest, np.abs(crowd.velocity).max())
     assert greatest < 0.15
     assert (engine.report()["too_stiff_steps"] > 0) == is_cut
+
+
+def press_hard(model, steps):
+    """Press the packing with 6 kN a person; return the engine and the crowd."""
+    crowd, building, fields = packing()
+    crowd.tau[:], crowd.speed[:] = 0.05, 5.0
+    engine = make_engine(crowd, building, fields)
+    for first in range(0, steps, 5):
+        engine.advance(model, crowd, first, 5, 0.01, False, False)
+    return engine, crowd
+
+
+def test_a_load_beyond_what_linear_springs_carry():
+    """The lowest row carries seven rows, 42 kN a person: with linear springs its centres reach the wall."""
+    with pytest.raises(SimulationError, match="would pass through a wall"):
+        press_hard(Dem(hardening=1.0), 400)
+    engine, crowd = press_hard(Dem(), 400)
+    report = engine.report()
+    assert (crowd.position[:, 1] > -0.2).all()
+    assert report["hardened_contacts"] > 0
+    assert report["sub_steps"] > report["steps"] == 400
+    work = report["driving_work"] - report["contact_dissipation"] + report["contact_creation"]
+    assert work == pytest.approx(kinetic_energy(crowd), abs=1e-9 * report["contact_dissipation"])
+
+
+@pytest.mark.slow
+def test_ten_thousand_people_at_four_doors_go_on(monkeypatch):
+    """For 20 s, twice as long as with linear springs, whose run is refused after 11 s."""
+    monkeypatch.setattr(halls, "STRETCH", 12.5)
+    hall = halls.make_hall(10_000, 4.0, seed=1)
+    assert len(hall.building.exits) == 4
+    jam = Walk(hall, 0.01)
+    jam.advance(Dem(), 200)
+    is_inside = jam.crowd.level >= 0
+    place = jam.crowd.position[is_inside]
+    assert np.isfinite(place).all()
+    assert np.isfinite(jam.crowd.velocity).all()
+    assert (place > 0.0).all()
+    assert (place < (hall.depth, hall.length)).all()
+    report = jam.engine.report()
+    assert report["hardened_contacts"] > 0
+    assert report["greatest_overlap"] < jam.crowd.radius.min()
+    assert 2_000 < (~is_inside).sum() < 3_000
 
 
 @pytest.mark.parametrize("masses", [(80.0, 20.0), (20.0, 80.0)], ids=["light behind", "light ahead"])

@@ -129,6 +129,8 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people.pupils.number=1000001", "people.pupils.number: must be less than or equal to 1000000, got 1000001"),
         ("simulation.step=1e-9", "simulation.step: 1e-09 s makes 1e+08 steps to a tick of 0.1 s, more than 100,000; "
          "use a longer step or a shorter tick"),
+        ("simulation.duration=0.004", "simulation.duration: 0.004 s is less than half of simulation.step 0.01 s, "
+         "so that no step is made; use a longer duration"),
         ("contact.modle=soft", "contact.modle: unknown key; did you mean 'model'?"),
         ("contact.model=sofd", "contact.model: unknown contact model 'sofd'; did you mean 'soft'?"),
         ("contact.hrad.solver=cg", "contact.hrad: unknown contact model; did you mean 'hard'?"),

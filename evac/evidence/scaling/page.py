@@ -254,8 +254,9 @@ def _jams(rows: list[dict[str, Any]]) -> str:
     return (
         f"What ended the walk into the jam: {'; '.join(told)}. A crowd that has not jammed in time is one whose bodies "
         "give way, as the greatest overlap says: its numbers are those of people pressed into each other. Refused is "
-        f"what the model cannot go on with, a person pressed through a wall; the stiffer DEM has {STIFFER:g} times the "
-        f"stiffness and 1/{FINER} of the step, and shows DEM's cost where the contacts bear the load."
+        "what the model cannot go on with. DEM's contacts harden at large overlap: its steps are then cut into parts, "
+        f"whose time is that of the step. The stiffer DEM has {STIFFER:g} times the stiffness and 1/{FINER} of the "
+        "step, and shows DEM's cost where linear contacts bear the load."
     )
 
 

@@ -8,8 +8,8 @@ from evac.evidence import scenes
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, show_map
-from evac.evidence.stability.theory import greatest_frequency, step_limit, uncut_speed
-from evac.evidence.stability.trial import Trial, Verdict, attempt, judge, make_model
+from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
+from evac.evidence.stability.trial import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
 from evac.physics.bundles import Crowd, make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
@@ -159,6 +159,39 @@ def network_limits(evidence: Evidence) -> None:
         "network and by plain steps of eq. 17 made apart from the engine; beyond which step a run cuts its steps, and "
         "beyond which it does not start. At least one of the last two must lie below the theory's limit.",
         {key: ".5f" for key in rows[0] if key.endswith("[s]")},
+    )
+
+
+def hardened_contacts(evidence: Evidence) -> None:
+    """Tabulate the overlap of one heavy body pressed against a wall by loads up to a thousand people's."""
+    radius, mass, tau, step = 0.2, 800.0, 0.1, 0.01
+    hardening = float(make_model("DEM").values()["hardening"])
+    rows = []
+    for load in (5e3, 2e5) if evidence.quick else (5e3, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6):
+        exact = hardened_overlap(load, STIFFNESS, radius, hardening)
+        bounds = (0.0, 0.0, 8.0, 4.0)
+        place, speed = (8.0 - radius + 0.98 * exact, 2.0), load * tau / mass
+        crowd = make_crowd([place], radius=radius, mass=mass, tau=tau, speed=speed)
+        scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+        trial = attempt(make_model("DEM"), scene, step, 20.0, explicit=True, every=10.0)
+        rows.append(
+            {
+                "load [kN]": 1e-3 * load,
+                "overlap [m]": last_overlap(trial),
+                "theory [m]": exact,
+                "F / k [m]": load / STIFFNESS,
+                "overlap over radius": last_overlap(trial) / radius,
+                "error": abs(last_overlap(trial) / exact - 1.0),
+                "sub-steps per step": trial.report["sub_steps"] / trial.report["steps"],
+            }
+        )
+    evidence.table(
+        "dem_hardening",
+        rows,
+        f"DEM at k = 1.2e5 kg/s², one body of radius {radius:g} m and {mass:g} kg pressed against a wall for 20 s: "
+        f"contacts harden beyond {hardening:g} of the radius. Theory is the root of the integrated stiffness, F / k "
+        "what a linear spring would do, which has the centre in the wall beyond an overlap of the radius.",
+        {"overlap [m]": ".6f", "theory [m]": ".6f"},
     )
 
 

@@ -1,6 +1,7 @@
 """What theory allows: the step at which DEM turns unstable, the error of a free walk, overlaps of each model."""
 
 import numpy as np
+from scipy.integrate import quad
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -31,6 +32,21 @@ def wall_gaps(scene: Scene, position: FloatArray) -> tuple[FloatArray, FloatArra
     away = position[:, None] - nearest
     distance = np.hypot(away[..., 0], away[..., 1])
     return away / np.maximum(distance, TOUCHING)[..., None], distance - scene.crowd.radius[: len(position), None]
+
+
+def hardened_overlap(load: float, stiffness: float, radius: float, hardening: float) -> float:
+    """Return the overlap [m] at which a contact of DEM bears `load` [N], by the integral of its stiffness.
+
+    That is k up to the share `hardening` of the radius, and rises exponentially from there, to 1000 k at the radius.
+    """
+
+    def slope(overlap: float) -> float:
+        return stiffness * float(1000.0 ** max(0.0, (overlap / radius - hardening) / (1.0 - hardening)))
+
+    def missing(overlap: float) -> float:
+        return float(quad(slope, 0.0, overlap, points=[hardening * radius], epsabs=0.0, epsrel=1e-12)[0]) - load
+
+    return float(brentq(missing, 1e-9 * radius, radius, xtol=1e-15))
 
 
 def greatest_frequency(scene: Scene, position: FloatArray, stiffness: float) -> float:
