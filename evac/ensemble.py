@@ -48,7 +48,7 @@ class Run:
     time: float  # simulated [s]
     plugins: tuple[str, ...]  # name and version of each with a part in it
     exit_time: FloatArray  # (people,) [s], NaN for who is still inside
-    doubts: tuple[str, ...] = ()  # what its numbers say against it
+    quality_warnings: tuple[str, ...] = ()  # what its numbers say against it
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,9 @@ class Ensemble:
         egress = self.egress()
         with writing("the results", folder):
             (folder / SUMMARY_NAME).write_text(json.dumps(plain(summary), indent=2) + "\n", encoding="utf-8")
-            write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out", "doubts"), map(_row, self.runs))
+            write_csv(
+                folder / RUNS_NAME, ("seed", "ended", "out", "last_out", "quality_warnings"), map(_row, self.runs)
+            )
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
             write_csv(folder / EGRESS_NAME, egress, rows)
             self._draw(folder / EGRESS_PICTURE_NAME, egress)
@@ -265,10 +267,10 @@ def _one(case: "Case") -> Run:
         error.add_note(f"in the run with simulation.seed = {case.simulation.seed}")
         raise
     plugins, exit_time = tuple(results.plugins), results.crowd.exit_time
-    return Run(results.seed, results.ended, results.time, plugins, exit_time, results.doubts)
+    return Run(results.seed, results.ended, results.time, plugins, exit_time, results.quality_warnings)
 
 
 def _row(run: Run) -> tuple[Any, ...]:
     out = int(np.isfinite(run.exit_time).sum())
     last = float(np.nanmax(run.exit_time)) if out else None
-    return run.seed, run.ended, out, last, "; ".join(run.doubts)
+    return run.seed, run.ended, out, last, "; ".join(run.quality_warnings)

@@ -27,6 +27,12 @@ NAMES = (
     "too_stiff_steps",
     "failed_position_corrections",
     "repeated_searches",
+    "deepest_body",
+    "deepest_time",
+    "deepest_person",
+    "deepest_level",
+    "deepest_x",
+    "deepest_y",
 )
 
 #: Those that are no counts.
@@ -39,6 +45,10 @@ MEASURES = {
     "contact_creation",
     "greatest_speed",
 }
+
+#: Time [s] and place of the greatest overlap: not sums, and reported by `Engine.deepest_overlap`. ``deepest_body`` is
+#: one more than the body of a greatest overlap whose place has yet to be noted, 0 where there is none.
+DEEPEST = ("deepest_body", "deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
 
 #: Where each number stands in a row.
 (
@@ -65,4 +75,10 @@ MEASURES = {
     TOO_STIFF_STEPS,
     FAILED_POSITION_CORRECTIONS,
     REPEATED_SEARCHES,
+    DEEPEST_BODY,
+    DEEPEST_TIME,
+    DEEPEST_PERSON,
+    DEEPEST_LEVEL,
+    DEEPEST_X,
+    DEEPEST_Y,
 ) = range(len(NAMES))

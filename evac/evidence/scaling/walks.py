@@ -64,6 +64,7 @@ class Walk:
         self.step = step
         self.per_tick = round(TICK / step)
         self.made = 0  # steps
+        self._before = self.crowd.position.copy()  # at the start of the last tick [m]
 
     @property
     def time(self) -> float:
@@ -77,9 +78,9 @@ class Walk:
 
     @property
     def pace(self) -> float:
-        """Median of speed over desired speed of who is inside; 0 of nobody."""
+        """Median of speed, by displacement over the last tick, over desired speed of who is inside; 0 of nobody."""
         inside = self.crowd.level >= 0
-        speed = np.hypot(*self.crowd.velocity[inside].T)
+        speed = np.hypot(*(self.crowd.position - self._before)[inside].T) / TICK
         return float(np.median(speed / self.crowd.speed[inside, 0])) if len(speed) else 0.0
 
     def advance(self, model: ContactModel, ticks: int = 1) -> None:
@@ -91,6 +92,7 @@ class Walk:
             The model cannot make a step.
         """
         for _ in range(ticks):
+            self._before[:] = self.crowd.position
             self.engine.advance(model, self.crowd, self.made, self.per_tick, self.step, False, False)
             self.made += self.per_tick
 
