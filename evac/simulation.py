@@ -123,7 +123,8 @@ class Simulation:
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
             self.contact.check_scene(border)
-            self._promised_overlap = self.contact.promised_overlap(border)
+            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+                self._promised_overlap = float(self.contact.promised_overlap(border))
         people, levels = len(self.population.crowd.level), [level.name for level in self.building.levels]
         self.engine = Engine(make_world(self.building, self.fields), people, self.forces, self.full, levels)
 

@@ -144,6 +144,9 @@ def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, st
         if status != OK:
             return status
         keep_only_meeting(world, bodies, contacts, h, margin)
+        for c in range(contacts.count[0] if law.correction else 0):
+            if 0.0 < contacts.gap[c] <= margin:  # touching too; the others have been counted
+                tally[0, at.CONTACTS] += 1.0
         set_velocity_before(bodies, contacts)
         _stick(bodies, contacts, law, clock.full)
         _strike(bodies, contacts, tally, law)

@@ -18,6 +18,9 @@ TICK = 0.1  # s
 #: A crowd is jammed when the median of speed over desired speed has fallen below this.
 JAMMED = 0.25
 
+#: It starts from rest, so it is no jam before [s].
+STARTED = 1.0
+
 #: A crowd that has not jammed by then has walked long enough [s]; so has one of which this share is out.
 LONGEST = 8.0
 WALKED_OUT = 0.5
@@ -121,7 +124,7 @@ class Walk:
             self.advance(variant.rough)
             if self.inside < (1.0 - WALKED_OUT) * people:
                 ended = f"{100.0 * WALKED_OUT:.0f} % are out"
-            elif self.pace < JAMMED:
+            elif self.pace < JAMMED and self.time >= STARTED:
                 ended = "jam"
             elif self.time >= LONGEST:
                 ended = "longest time"
