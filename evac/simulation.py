@@ -178,6 +178,7 @@ class Simulation:
                 for behaviour in due(step): behaviour.act(crowd, time)    # Python, whole arrays, every tick = k h
                 events = engine.advance(contact, crowd, step, k, ...)     # compiled: drive, forces, contact, move
                 population.settle(events)                                 # exits and portals crossed
+                watch.look_at_velocities(...)                             # for quality warnings
                 for recorder in due(step): recorder.record(simulation)
 
         Raises
