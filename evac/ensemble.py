@@ -48,7 +48,7 @@ class Run:
     time: float  # simulated [s]
     plugins: tuple[str, ...]  # name and version of each with a part in it
     exit_time: FloatArray  # (people,) [s], NaN for who is still inside
-    doubts: tuple[str, ...] = ()  # what its numbers say against it
+    quality_warnings: tuple[str, ...] = ()  # what its numbers say against it
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,9 @@ class Ensemble:
         egress = self.egress()
         with writing("the results", folder):
             (folder / SUMMARY_NAME).write_text(json.dumps(plain(summary), indent=2) + "\n", encoding="utf-8")
-            write_csv(folder / RUNS_NAME, ("seed", "ended", "out", "last_out", "doubts"), map(_row, self.runs))
+            write_csv(
+                folder / RUNS_NAME, ("seed", "ended", "out", "last_out", "quality_warnings"), map(_row, self.runs)
+            )
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
             write_csv(folder / EGRESS_NAME, egress, rows)
             self._draw(folder / EGRESS_PICTURE_NAME, egress)
@@ -295,7 +297,7 @@ def _one(case: "Case") -> Run:
         error.add_note(f"in the run with simulation.seed = {case.simulation.seed}")
         raise
     plugins, exit_time = tuple(results.plugins), results.crowd.exit_time
-    return Run(results.seed, results.ended, results.time, plugins, exit_time, results.doubts)
+    return Run(results.seed, results.ended, results.time, plugins, exit_time, results.quality_warnings)
 
 
 def _last_out(run: Run) -> float:
@@ -306,4 +308,4 @@ def _last_out(run: Run) -> float:
 def _row(run: Run) -> tuple[Any, ...]:
     last = _last_out(run)
     out = int(np.isfinite(run.exit_time).sum())
-    return run.seed, run.ended, out, last if math.isfinite(last) else None, "; ".join(run.doubts)
+    return run.seed, run.ended, out, last if math.isfinite(last) else None, "; ".join(run.quality_warnings)

@@ -18,13 +18,14 @@ from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.output.results import Results
+from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people, default_clearance, reference_speeds
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
 from evac.physics.bundles import copy_of
-from evac.physics.contact_model import BorderScene
+from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.world import make_world
@@ -76,6 +77,9 @@ class Simulation:
         What the scene needs and what was left out, see `evac.plan.explain`.
     step, time : int, float
         Steps made, and the time reached [s].
+    displacement_velocity : (n, 2) float64
+        Displacement of each person over the last tick, over the length of that tick, in plan [m/s]; before the first
+        tick the initial velocity. The velocity that is recorded: that of the crowd is the contact model's own.
     phases : dict of str to float
         Wall time of each phase [s].
     ended : str
@@ -121,7 +125,10 @@ class Simulation:
             with naming(case.source):
                 self.behaviours = needed_behaviours(scenes, self.full)
         with naming(case.source):
-            self.contact.check_scene(self._border_scene())
+            border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
+            self.contact.check_scene(border)
+            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+                self._promised_overlap = float(self.contact.promised_overlap(border))
         people, levels = len(self.population.crowd.level), [level.name for level in self.building.levels]
         self.engine = Engine(world, people, self.forces, self.full, levels)
 
@@ -129,6 +136,8 @@ class Simulation:
         """Note how everybody starts, and let the behaviours prepare."""
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
+        self.displacement_velocity = crowd.velocity.copy()
+        self._watch = Watch(crowd.radius, self.case.simulation.tick, self.case.output.every)
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
         self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
@@ -173,6 +182,7 @@ class Simulation:
                 for behaviour in due(step): behaviour.act(crowd, time)    # Python, whole arrays, every tick = k h
                 events = engine.advance(contact, crowd, step, k, ...)     # compiled: drive, forces, contact, move
                 population.settle(events)                                 # exits and portals crossed
+                watch.look_at_velocities(...)                             # for quality warnings
                 for recorder in due(step): recorder.record(simulation)
 
         Raises
@@ -217,10 +227,12 @@ class Simulation:
         is_output = (self.step + steps) % per_record == 0
         with self._phase("behaviours"):
             self._act()
+        crowd = self.population.crowd
+        before = crowd.position.copy()
         with self._phase("physics"):
             events = self.engine.advance(
                 self.contact,
-                self.population.crowd,
+                crowd,
                 self.step,
                 steps,
                 settings.step,
@@ -228,11 +240,14 @@ class Simulation:
                 is_output or self.step + steps == settings.last_step or self._force_is_read,
             )
         self.step += steps
+        self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
         with self._phase("recording"):
             self.population.settle(events)
+            self._watch.look_at_velocities(self.time, crowd, self.displacement_velocity)
             if is_output:
+                self._watch.look_at_forces(self.time, crowd)
                 self._record()
-        self.ended = self._ending.reason(self.step, self.population.crowd, self.fields)
+        self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
         """Return the results of what has been run so far."""
@@ -251,7 +266,9 @@ class Simulation:
             seed=self.seed,
             stuck=tuple(self._ending.stuck(self.step, self.population.crowd).tolist()),
             warnings=self.warnings(),
-            report=self._report(),
+            report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},
+            chatter=self._watch.chatter(),
+            crushing=self._watch.crushing(),
             phases=dict(self.phases),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
@@ -269,10 +286,12 @@ class Simulation:
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         state["simulation.step"] = np.array([self.step])
         state["simulation.ending"] = self._ending.state()
+        state["simulation.displacement_velocity"] = self.displacement_velocity.copy()
+        state |= {f"watch.{key}": value for key, value in self._watch.state().items()}
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Take up what `state` returned, in a simulation of the same case."""
+        """Restore what `state` returned, in a simulation of the same case."""
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
             behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
@@ -280,6 +299,8 @@ class Simulation:
         self.step = int(state["simulation.step"][0])
         self.engine.restore(_part(state, "engine."))
         self._ending.restore(state["simulation.ending"])
+        self.displacement_velocity[:] = state["simulation.displacement_velocity"]
+        self._watch.restore(_part(state, "watch."))
         self.ended = ""
 
     def _start_recording(self) -> None:
@@ -316,14 +337,6 @@ class Simulation:
             if error is None:
                 raise one
             error.add_note(f"then: {one}")
-
-    def _report(self) -> dict[str, Any]:
-        """Return what the contact model has come to, by the names that docs/results.md lists."""
-        report: dict[str, Any] = self.engine.report()
-        overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
-        report["mean_overlap"] = total / overlaps if overlaps else 0.0
-        report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
-        return report | {"model": self.contact.name, "parameters": self.contact.values()}
 
     def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
         """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
@@ -375,17 +388,6 @@ class Simulation:
             groups=self.population.groups_for(behaviour.name),
             generator=generator_for(self.seed, "behaviour", behaviour.name),
             tick=self.case.simulation.tick,
-        )
-
-    def _border_scene(self) -> BorderScene:
-        crowd = self.population.crowd
-        settings = self.case.simulation
-        return BorderScene(
-            step=settings.step,
-            explicit=settings.is_explicit,
-            radius=crowd.radius,
-            mass=crowd.mass,
-            tau=crowd.tau,
         )
 
     @contextmanager

@@ -12,7 +12,7 @@ from evac.parameters import Parameter
 from evac.physics import stepping
 from evac.physics import tallies as at
 from evac.physics.bundles import Clock
-from evac.physics.contact_model import ContactModel, SolvedContactModel
+from evac.physics.contact_model import BorderScene, ContactModel, SolvedContactModel
 from evac.physics.contacts import keep_percussions
 from evac.physics.engine import Engine
 from evac.physics.neighbours import OK
@@ -52,6 +52,10 @@ class Nsm1(SolvedContactModel):
     def overdamped(self) -> bool:  # type: ignore[override]
         """Whether the free velocity is the desired one."""
         return bool(self.variant == "overdamped")
+
+    def promised_overlap(self, scene: BorderScene) -> float:
+        """Return the gap tolerance [m]; people who start in one another are beyond it until they are moved apart."""
+        return float(self.gap_tolerance)
 
     def run(self, engine: Engine, clock: Clock) -> tuple[int, int]:
         """Make the steps of `clock` in compiled code."""

@@ -34,7 +34,7 @@ class TrajectoryRecorder(Recorder):
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
         if self._writer is not None:
-            self._writer.append(simulation.time, simulation.population.crowd)
+            self._writer.append(simulation.time, simulation.population.crowd, simulation.displacement_velocity)
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:

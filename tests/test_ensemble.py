@@ -149,14 +149,14 @@ def test_the_curves_end_with_the_longest_run(case, end, every, points):
 
 def test_the_folder_holds_runs_curves_and_statistics(case, tmp_path):
     ensemble = made(case, [1.0, 2.0], [4.0, math.nan])
-    doubted = replace(ensemble.runs[0], doubts=("deep", "thrown about"))
-    ensemble = replace(ensemble, runs=(doubted, ensemble.runs[1]))
+    warned = replace(ensemble.runs[0], quality_warnings=("deep", "thrown about"))
+    ensemble = replace(ensemble, runs=(warned, ensemble.runs[1]))
     ensemble.write(tmp_path / "r")
     with (tmp_path / "r" / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert rows[0]["doubts"] == "deep; thrown about"
+    assert rows[0]["quality_warnings"] == "deep; thrown about"
     assert (rows[0]["out"], rows[0]["last_out"]) == ("2", "2.0")
-    assert rows[1] == {"seed": "1", "ended": "no progress", "out": "1", "last_out": "", "doubts": ""}
+    assert rows[1] == {"seed": "1", "ended": "no progress", "out": "1", "last_out": "", "quality_warnings": ""}
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
     assert (summary["runs"], summary["complete"], summary["people"]) == (2, 1, 2)
     assert summary["last_out"]["over_runs"]["least"] == 2.0

@@ -62,6 +62,26 @@ def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path)
         Simulation(case).run()
 
 
+def test_a_promise_that_is_no_length_is_named(tmp_path):
+    text = """
+        from evac import ContactModel, hookimpl
+
+        class Vague(ContactModel):
+            '''Promises nothing that can be compared.'''
+            name = "vague"
+
+            def promised_overlap(self, scene):
+                return "little"
+
+        @hookimpl
+        def evac_contact_models():
+            return [Vague]
+        """
+    case = in_the_room(tmp_path, text, **model_of("vague"))
+    with pytest.raises(PluginError, match=r"^contact model 'vague': promised_overlap: ValueError"):
+        Simulation(case)
+
+
 FORCES = """
     from evac import Force, hookimpl
     from evac.jit import pair_force

@@ -51,7 +51,7 @@ def execute(arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     for run in ensemble.runs:
-        show_warnings(f"seed {run.seed}: {doubt}" for doubt in run.doubts)
+        show_warnings(f"seed {run.seed}: {line}" for line in run.quality_warnings)
     show_facts({"results in": folder})
     return 0 if complete == runs else 3
 

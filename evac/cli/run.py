@@ -66,7 +66,7 @@ def execute(arguments: argparse.Namespace) -> int:
     show_warnings(results.warnings)
     show_facts({f"{key} (from --tolerance)": value for key, value in chosen.items()})
     show_results(results, folder)
-    show_warnings(results.doubts)
+    show_warnings(results.quality_warnings)
     return INTERRUPTED_STATUS if results.ended == INTERRUPTED else results.exit_status
 
 

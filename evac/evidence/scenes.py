@@ -11,7 +11,7 @@ from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.physics.bundles import Crowd
-from evac.physics.contact_model import BorderScene
+from evac.physics.contact_model import BorderScene, border_scene
 from evac.physics.engine import Engine
 from evac.physics.world import make_world, set_open
 
@@ -50,8 +50,7 @@ class Scene:
 
     def border(self, step: float, explicit: bool) -> BorderScene:
         """Return what contact models check a step [s] against."""
-        crowd = self.crowd
-        return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau)
+        return border_scene(self.crowd, step, explicit)
 
 
 def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] = ()) -> Building:

@@ -33,7 +33,8 @@ class Recorder(Configurable, ABC):
         Parameters
         ----------
         simulation : Simulation
-            Its ``population.crowd`` has the arrays of everybody; copy what is kept, for they go on changing.
+            Its ``population.crowd`` has the arrays of everybody, and ``displacement_velocity`` how fast they move;
+            copy what is kept, for they go on changing.
         """
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:

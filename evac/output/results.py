@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from evac.building.model import Building
 from evac.directions.routes import Route
-from evac.output.doubts import doubts_about, doubts_about_flows
 from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
 from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
+from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.output.watch import Finding
 from evac.physics.bundles import Crowd
 
 if TYPE_CHECKING:
@@ -92,6 +93,8 @@ class Results:
         What `Simulation.warnings` tells of building and people.
     report : mapping
         Numbers of the contact model, by the names that docs/results.md lists.
+    chatter, crushing : Finding or None
+        What was noticed of people during the run, see `evac.output.watch.Watch`.
     phases : mapping of str to float
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)
@@ -118,6 +121,8 @@ class Results:
     stuck: Sequence[int] = ()
     warnings: Sequence[str] = ()
     report: Mapping[str, Any] = field(default_factory=dict)
+    chatter: Finding | None = None
+    crushing: Finding | None = None
     phases: Mapping[str, float] = field(default_factory=dict)
     plan: Sequence[tuple[str, str, str]] = ()
     plugins: Sequence[str] = ()
@@ -153,11 +158,16 @@ class Results:
         return 0 if self.evacuated == self.people else 3
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def quality_warnings(self) -> tuple[str, ...]:
         """What the numbers of the run say against it, a line each."""
+        levels = [level.name for level in self.building.levels]
         keeps_distance = self.case.behaviours.get("headway", False) is not False
-        contacts = doubts_about(self.report, float(self.crowd.radius.min()))
-        return (*contacts, *doubts_about_flows(self.exits, keeps_distance))
+        lines = [*contact_warnings(self.report)]
+        if self.chatter:
+            lines.append(chatter_warning(self.chatter, levels))
+        if self.crushing:
+            lines.append(crushing_warning(self.crushing, levels, keeps_distance))
+        return (*lines, *flow_warnings(self.exits, keeps_distance))
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:
@@ -227,7 +237,7 @@ class Results:
             "exit_status": self.exit_status,
             "stuck": self._stuck_places(),
             "warnings": self.warnings,
-            "doubts": self.doubts,
+            "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self.exits,

@@ -66,8 +66,15 @@ class TrajectoryWriter:
             self._file.write(MAGIC + _HEADER_LENGTH.pack(len(text)) + text)
             self._file.flush()
 
-    def append(self, time: float, crowd: Crowd) -> None:
-        """Write one frame: everybody who is inside at `time` [s].
+    def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
+        """Write one frame: everybody who is inside at `time`.
+
+        Parameters
+        ----------
+        time : float [s]
+        crowd : Crowd
+        velocity : (n, 2)
+            Velocities to record, in plan [m/s]: `Simulation.displacement_velocity`.
 
         Raises
         ------
@@ -79,7 +86,7 @@ class TrajectoryWriter:
         records[:, 0] = rows
         records[:, 1] = crowd.level[rows]
         records[:, 2:4] = crowd.position[rows] - self._origin
-        records[:, 4:6] = crowd.velocity[rows]
+        records[:, 4:6] = velocity[rows]
         records[:, 6] = crowd.contact_force[rows]
         end = FRAME_HEAD_BYTES + RECORD_BYTES * rows.size
         _STAMP.pack_into(self._buffer, 0, time, rows.size)
@@ -108,7 +115,7 @@ class Frame(TypedDict):
         In plan.
     z : (c,) float64 [m]
     velocity : (c, 3) float64 [m/s]
-        In space; its vertical part is that of the slope.
+        Displacement over the last tick, in space; its vertical part is that of the slope.
     speed : (c,) float64 [m/s]
         Length of the velocity, so along the slope on stairs.
     contact_force : (c,) float64 [N]

@@ -19,7 +19,8 @@ class Crowd(NamedTuple):
 
     Attributes
     ----------
-    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only.
+    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is the contact
+        model's own; how fast people move is `Simulation.displacement_velocity`.
     level : (n,) int32, -1 once out. Written by the contact model only.
     radius, mass, tau : (n,) [m], [kg], [s]
     speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, Parameter
 from evac.physics import stepping
-from evac.physics.bundles import Clock
+from evac.physics.bundles import Clock, Crowd
 from evac.physics.solvers import SOLVERS
 
 if TYPE_CHECKING:
@@ -60,6 +60,8 @@ class BorderScene(NamedTuple):
     explicit : bool
         Whether the drive is explicit Euler.
     radius, mass, tau : (n,) [m], [kg], [s]
+    speed : (n,)
+        The greatest that each wants to walk or starts with [m/s].
     """
 
     step: float
@@ -67,6 +69,13 @@ class BorderScene(NamedTuple):
     radius: FloatArray
     mass: FloatArray
     tau: FloatArray
+    speed: FloatArray
+
+
+def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
+    """Return what contact models check a step [s] against, of a crowd as it starts."""
+    speed = np.maximum(crowd.speed.max(axis=1), np.hypot(*crowd.velocity.T))
+    return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau, speed)
 
 
 class ContactModel(Configurable, ABC):
@@ -100,6 +109,13 @@ class ContactModel(Configurable, ABC):
                 f"simulation.step: {scene.step} s is too long for simulation.driving = 'explicit' with a least tau of"
                 f" {tau:g} s; it must be below {2.0 * tau:g} s, or use simulation.driving = 'exponential'"
             )
+
+    def promised_overlap(self, scene: BorderScene) -> float:
+        """Return the overlap [m] that the model promises not to exceed; a run that does has a quality warning.
+
+        Here: half the smallest radius, beyond which people pass through one another.
+        """
+        return 0.5 * float(scene.radius.min())
 
     def parts(self) -> list[tuple[str, bool, str]]:
         """Return the parts of the model that a scene may not need: name, whether in, why."""

@@ -261,11 +261,14 @@ def keep_percussions(contacts):
 
 
 @inner
-def keep_only_meeting(world, bodies, contacts, h):
-    """Drop the contacts that the free velocity does not close within the step: D + h G.V > 0 (NSM2)."""
+def keep_only_meeting(world, bodies, contacts, h, margin):
+    """Drop the contacts that the free velocity does not close to `margin` [m] within the step (NSM2).
+
+    That is, those with D + h G.V > `margin`; it is 0 in the paper.
+    """
     used = np.int64(0)
     for c in range(contacts.count[0]):
-        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= world.rounding:
+        if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= margin + world.rounding:
             if used != c:
                 contacts.body[used] = contacts.body[c]
                 contacts.other[used] = contacts.other[c]

@@ -129,7 +129,24 @@ class Engine:
         return {
             name: float(value) if name in at.MEASURES else int(value)
             for name, value in zip(at.NAMES, self.tally[0], strict=True)
+            if name not in at.DEEPEST
         }
+
+    def contact_report(self, model: "ContactModel") -> dict[str, Any]:
+        """Return what a contact model has come to, by the names that docs/results.md lists."""
+        report: dict[str, Any] = self.report()
+        overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
+        report["mean_overlap"] = total / overlaps if overlaps else 0.0
+        report["greatest_overlap_at"] = self.deepest_overlap()
+        report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
+        return report | {"model": model.name, "parameters": model.values()}
+
+    def deepest_overlap(self) -> dict[str, Any] | None:
+        """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
+        if not self.tally[0, at.GREATEST_OVERLAP]:
+            return None
+        _, time, person, level, x, y = self.tally[0, at.DEEPEST_BODY :].tolist()
+        return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def handle(self, status: int, time: float) -> None:
         """Grow what a status says was full, or raise SimulationError."""
@@ -155,9 +172,11 @@ class Engine:
         """Name the body that the failure is about."""
         i = int(self.bodies.count[1])
         x, y = self.bodies.position[i]
-        level = int(self.bodies.level[i])
-        name = repr(self.levels[level]) if self.levels else level
-        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {name}"
+        level = self._level_name(int(self.bodies.level[i]))
+        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {level!r}"
+
+    def _level_name(self, level: int) -> str | int:
+        return self.levels[level] if self.levels else level
 
 
 def _grown(array: np.ndarray) -> np.ndarray:

@@ -168,9 +168,23 @@ def tally_contacts(contacts, tally):
     for c in range(contacts.count[0]):
         if contacts.gap[c] <= 0.0:
             tally[0, at.CONTACTS] += 1.0
-            tally[0, at.GREATEST_OVERLAP] = max(tally[0, at.GREATEST_OVERLAP], -contacts.gap[c])
+            if -contacts.gap[c] > tally[0, at.GREATEST_OVERLAP]:
+                tally[0, at.GREATEST_OVERLAP] = -contacts.gap[c]
+                tally[0, at.DEEPEST_BODY] = 1.0 + contacts.body[c]
             tally[0, at.OVERLAP_SUM] -= contacts.gap[c]
             tally[0, at.OVERLAPS] += 1.0
+
+
+@inner
+def _place_deepest(bodies, tally, time):
+    """Note time and place of a greatest overlap that this sub-step has found: where the body was as the step began."""
+    i = int(tally[0, at.DEEPEST_BODY]) - 1
+    tally[0, at.DEEPEST_BODY] = 0.0
+    tally[0, at.DEEPEST_TIME] = time
+    tally[0, at.DEEPEST_PERSON] = bodies.row[i]
+    tally[0, at.DEEPEST_LEVEL] = bodies.old_level[i]
+    tally[0, at.DEEPEST_X] = bodies.old_position[i, 0]
+    tally[0, at.DEEPEST_Y] = bodies.old_position[i, 1]
 
 
 @inner
@@ -184,6 +198,8 @@ def take_free(bodies):
 @inner
 def finish(world, bodies, lists, contacts, events, clock, tally, time, h, old_share):
     """Sum the work, keep the percussions for a warm start, move; return a status."""
+    if tally[0, at.DEEPEST_BODY] > 0.0:
+        _place_deepest(bodies, tally, time)
     add_work(bodies, contacts, tally[0, at.DRIVING_WORK : at.CONTACT_CREATION + 1])
     keep_percussions(contacts)
     tally[0, at.SUB_STEPS] += 1.0

@@ -28,6 +28,12 @@ NAMES = (
     "failed_position_corrections",
     "repeated_searches",
     "hardened_contacts",
+    "deepest_body",
+    "deepest_time",
+    "deepest_person",
+    "deepest_level",
+    "deepest_x",
+    "deepest_y",
 )
 
 #: Those that are no counts.
@@ -40,6 +46,10 @@ MEASURES = {
     "contact_creation",
     "greatest_speed",
 }
+
+#: Time [s] and place of the greatest overlap: not sums, and reported by `Engine.deepest_overlap`. ``deepest_body`` is
+#: one more than the body of a greatest overlap whose place has yet to be noted, 0 where there is none.
+DEEPEST = ("deepest_body", "deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
 
 #: Where each number stands in a row.
 (
@@ -67,4 +77,10 @@ MEASURES = {
     FAILED_POSITION_CORRECTIONS,
     REPEATED_SEARCHES,
     HARDENED_CONTACTS,
+    DEEPEST_BODY,
+    DEEPEST_TIME,
+    DEEPEST_PERSON,
+    DEEPEST_LEVEL,
+    DEEPEST_X,
+    DEEPEST_Y,
 ) = range(len(NAMES))

@@ -129,7 +129,7 @@ def descent(tmp_path):
             if k == frames - 1:
                 level[-1] = -1
             crowds.append(crowd_at(np.array(position) + shift, level, velocity=[[1.0, 0.0]] * people))
-            writer.append(0.5 * k, crowds[-1])
+            writer.append(0.5 * k, crowds[-1], crowds[-1].velocity)
         writer.close()
         return SimpleNamespace(path=path, building=building, crowds=crowds)
 
@@ -147,7 +147,7 @@ def first_out(tmp_path, building):
         "building": building_to_json(building),
     }
     writer = TrajectoryWriter(tmp_path / TRAJECTORY_NAME, header, np.zeros(2))
-    writer.append(0.0, crowd_at([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]], [-1, 0, 0]))
+    writer.append(0.0, crowd_at([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]], [-1, 0, 0]), np.zeros((3, 2)))
     writer.close()
     return tmp_path / TRAJECTORY_NAME
 
@@ -185,7 +185,10 @@ def results(building):
         stuck=(3,),
         warnings=("a narrow place",),
         report={
+            "model": "dem",
             "greatest_overlap": np.float64(1e-4),
+            "greatest_overlap_at": {"time": 3.21, "person": 2, "level": "floor 1", "x": 9.5, "y": 3.0},
+            "promised_overlap": 0.1,
             "residual": np.nan,
             "unconverged_steps": 0,
             "failed_position_corrections": 0,

@@ -9,6 +9,7 @@ import pytest
 from evac.directions.routes import Route
 from evac.errors import ResultError
 from evac.output.results import plain, versions
+from evac.output.watch import Finding
 
 
 def test_counts_and_exit_status(results):
@@ -30,16 +31,16 @@ def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results):
     assert pushed.left_by_other_exits.tolist() == by_first.tolist()
 
 
-def test_people_who_rush_out_are_doubted(results, monkeypatch):
+def test_people_who_rush_out_have_a_warning(results, monkeypatch):
     monkeypatch.setattr("evac.output.flows.FEWEST", 5)
-    for seconds, doubted in ((0.4, False), (0.3, True)):
+    for seconds, warned in ((0.4, False), (0.3, True)):
         rush = results.crowd._replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
-        doubts = replace(results, crowd=rush).summary()["doubts"]
-        assert any("people per second and metre left by 'door'" in doubt for doubt in doubts) == doubted
+        lines = replace(results, crowd=rush).summary()["quality_warnings"]
+        assert any("people per second and metre left by 'door'" in line for line in lines) == warned
     for headway, advised in (({"headway": {}}, False), ({"headway": False}, True), ({}, True)):
         case = SimpleNamespace(behaviours=headway)
-        doubts = replace(results, crowd=rush, case=case).doubts
-        assert any("[behaviours.headway]" in doubt for doubt in doubts) == advised
+        lines = replace(results, crowd=rush, case=case).quality_warnings
+        assert any("[behaviours.headway]" in line for line in lines) == advised
 
 
 def test_egress_counts_exit_times_in_order(results):
@@ -49,15 +50,22 @@ def test_egress_counts_exit_times_in_order(results):
     assert (time.tolist(), number.tolist()) == ([0.0], [0])
 
 
-def test_doubts_are_of_the_smallest_body_and_in_the_summary(results, tmp_path):
+def test_quality_warnings_are_in_the_summary(results, tmp_path):
+    assert results.quality_warnings == ()
+    noticed = Finding(3, 2.0, 8.0, 4.0, 6.0, 3, 4, 2.0, 5.0, (0.9, 0.2))
     deep = results.report | {"greatest_overlap": 0.15}
-    assert replace(results, report=deep).doubts != ()
-    large = results.crowd._replace(radius=np.full(5, 0.4))
-    assert replace(results, report=deep, crowd=large).doubts == ()
-    mixed = replace(results, report=deep, crowd=large._replace(radius=np.array([0.4, 0.4, 0.2, 0.4, 0.4])))
-    mixed.write(tmp_path / "r")
-    assert json.loads((tmp_path / "r" / "summary.json").read_text())["doubts"] == list(mixed.doubts)
-    assert len(mixed.doubts) == 1
+    warned = replace(results, report=deep, chatter=noticed, crushing=noticed)
+    warned.write(tmp_path / "r")
+    lines = json.loads((tmp_path / "r" / "summary.json").read_text())["quality_warnings"]
+    assert lines == list(warned.quality_warnings)
+    assert len(lines) == 3
+    assert "level 'floor 1'" in lines[0]
+    assert all("person 3 at (2.00, 5.00) on level 'floor 2'" in line for line in lines[1:])
+    headway = SimpleNamespace(behaviours={"headway": {}})
+    assert [replace(warned, case=case).quality_warnings[2].count("headway") for case in (results.case, headway)] == [
+        1,
+        0,
+    ]
 
 
 def test_folder_holds_summary_egress_and_people(results, tmp_path):
@@ -73,7 +81,7 @@ def test_folder_holds_summary_egress_and_people(results, tmp_path):
     door = {"people": 2, "last_out": 9.0, "width": 1.0, "flow": None, "flow_per_metre": None}
     assert summary["exits"] == {"door": door}
     assert (summary["contact"]["greatest_overlap"], summary["contact"]["residual"]) == (1e-4, None)
-    assert summary["doubts"] == []
+    assert summary["quality_warnings"] == []
     assert summary["wall_time"] == {"contact": 1.5}
     assert summary["plan"] == [{"part": "social force", "state": "out", "why": "no force is in use"}]
     assert summary["plugins"] == ["dem"]

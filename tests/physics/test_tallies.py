@@ -1,5 +1,7 @@
 """What a run counts about its own work: lists built, solves that fail, and how far off they end."""
 
+import math
+
 import pytest
 
 from evac.physics.bundles import make_crowd
@@ -45,6 +47,30 @@ def test_overlaps_that_cannot_be_parted_are_counted_once_a_tick(model):
     report = walk(model, crowd, 30, building=GAP).report()
     assert report["failed_position_corrections"] == 3
     assert report["position_corrections"] == 0
+
+
+@pytest.mark.parametrize("model", [Dem(), Nsm1(), Nsm2()], ids=name_of)
+def test_the_greatest_overlap_is_known_by_time_and_place(model):
+    """Two people start in one another and part; a third stands at the same place on another level."""
+    building = make_building(bounds=((-10, -10, 10, 10), (-10, -10, 10, 10)))
+    crowd = make_crowd([(0, 0), (0, 0), (0.39, 0)], [(0, 0), (0, 0), (3, 0)], level=[0, 1, 1], radius=0.2, tau=1e12)
+    engine = make_engine(crowd, building)
+    assert engine.deepest_overlap() is None
+    engine.advance(model, crowd, 40, 10, 0.01, True, False)
+    assert engine.report()["greatest_overlap"] == pytest.approx(0.01, abs=1e-12)
+    assert engine.deepest_overlap() == {"time": 0.4, "person": 2, "level": 1, "x": 0.39, "y": 0.0}
+
+
+def test_the_greatest_overlap_of_an_impact_is_where_the_body_turns():
+    """A quarter of the spring's period after it has met the wall, v sqrt(m / k) deep."""
+    step, mass, stiffness = 1e-3, 80.0, 8e4
+    crowd = make_crowd([(-1.0, 0.3), (-0.25, 0.0)], [(0, 0), (1.0, 0.0)], radius=0.2, mass=mass, tau=1e12)
+    building = make_building(walls=[(0, -2, 0, 2)])
+    engine = walk(Dem(stiffness=stiffness), crowd, 200, h=step, building=building)
+    found, inverse_frequency = engine.deepest_overlap(), math.sqrt(mass / stiffness)
+    assert (found["person"], found["y"]) == (1, 0.0)
+    assert found["time"] == pytest.approx(0.05 + 0.5 * math.pi * inverse_frequency, abs=2.0 * step)
+    assert found["x"] == pytest.approx(-0.2 + 1.0 * inverse_frequency, abs=1e-4)
 
 
 @pytest.mark.parametrize("model", [Dem(), Nsm1(), Nsm2()], ids=name_of)

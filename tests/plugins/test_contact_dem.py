@@ -121,7 +121,7 @@ def test_whether_contacts_can_harden_is_explained():
 
 def border(step, mass=60.0, tau=0.1, explicit=True):
     array = np.array([mass, 100.0])
-    return BorderScene(step, explicit, np.full(2, 0.2), array, np.array([tau, 0.5]))
+    return BorderScene(step, explicit, np.full(2, 0.2), array, np.array([tau, 0.5]), np.ones(2))
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,6 @@ def simulation(tmp_path):
         level=np.zeros(3, np.int32),
         radius=np.array([0.2, 0.21, 0.22]),
         position=np.array([[1.0, 1.0], [2.0, 1.0], [3.0, 1.0]]) + CORNER,
-        velocity=np.ones((3, 2)),
         contact_force=np.zeros(3),
     )
     groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
@@ -53,6 +52,7 @@ def simulation(tmp_path):
         case=SimpleNamespace(title="A room"),
         building=building,
         population=SimpleNamespace(crowd=crowd, groups=groups),
+        displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),
         time=0.0,
         seed=11,
         folder=tmp_path / "result",
@@ -82,6 +82,7 @@ def test_file_tells_all_that_a_picture_needs(simulation):
     expected = np.array([[1.0, 1.5], [2.0, 1.5], [3.0, 1.5]]) + CORNER
     np.testing.assert_allclose(trajectory.position[1], expected, rtol=0.0, atol=1e-6)
     assert (trajectory.z == 1.5).all()
+    np.testing.assert_array_equal(trajectory.velocity[1][:, :2], simulation.displacement_velocity)
 
 
 def test_frames_can_be_read_while_the_run_goes_on(simulation):

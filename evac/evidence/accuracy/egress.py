@@ -12,7 +12,7 @@ from evac.evidence.models import MODELS, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.square_room import crowd_at, exit_times, start_positions
 from evac.physics.bundles import FloatArray
-from evac.physics.contact_model import BorderScene
+from evac.physics.contact_model import border_scene
 from evac.scenario.schema import SimulationSettings
 
 #: Steps [s] and the number of runs at each. The same crowds are run at every step, so differences are paired.
@@ -66,9 +66,8 @@ def measure(model: str, step: float, number: int, seed: int) -> list[dict[str, A
     for run_number in range(number):
         position_set, place = divmod(run_number, PER_SET)
         crowd = crowd_at(start_positions(seed, position_set), seed, position_set, place)
-        scene = BorderScene(step, False, crowd.radius, crowd.mass, crowd.tau)
         try:
-            make_model(model).check_scene(scene)
+            make_model(model).check_scene(border_scene(crowd, step, False))
         except ScenarioError:
             continue
         start = time.perf_counter()

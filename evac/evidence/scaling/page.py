@@ -20,6 +20,7 @@ from evac.evidence.scaling.walks import (
     JAMMED,
     LONGEST,
     SETTLING,
+    STARTED,
     TICK,
     WALKED_OUT,
     Cost,
@@ -228,7 +229,7 @@ def _report_scaling(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[
         of radius {RADIUS[0]} to {RADIUS[1]} m on a jittered hexagonal lattice, {DENSITIES["free"]:g} per m2 (free) and
         {DENSITIES["jammed"]:g} per m2 (jammed). Halls are square, those of the jammed at most {DEEPEST:g} m deep. All
         start at rest. The free walk for the time in the table; the jammed walk until half of them are slower than
-        {100.0 * JAMMED:.0f} % of the speed they want, but no longer than {LONGEST:g} s and until
+        {100.0 * JAMMED:.0f} % of the speed they want, from {STARTED:g} s on, but no longer than {LONGEST:g} s and until
         {100.0 * WALKED_OUT:.0f} % are out, and {SETTLING * TICK:g} s more. To there NSM1 is solved to
         {COARSE["gap_tolerance"]:g} m only, for its time's sake; these last {SETTLING * TICK:g} s and what is timed are
         solved as shipped. Then ticks of {TICK:g} s are timed on one core, Python's part included: {ticks}. Medians;

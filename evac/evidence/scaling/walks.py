@@ -18,6 +18,9 @@ TICK = 0.1  # s
 #: A crowd is jammed when the median of speed over desired speed has fallen below this.
 JAMMED = 0.25
 
+#: It starts from rest, so it is no jam before [s].
+STARTED = 1.0
+
 #: A crowd that has not jammed by then has walked long enough [s]; so has one of which this share is out.
 LONGEST = 8.0
 WALKED_OUT = 0.5
@@ -64,6 +67,7 @@ class Walk:
         self.step = step
         self.per_tick = round(TICK / step)
         self.made = 0  # steps
+        self._before = self.crowd.position.copy()  # at the start of the last tick [m]
 
     @property
     def time(self) -> float:
@@ -77,9 +81,9 @@ class Walk:
 
     @property
     def pace(self) -> float:
-        """Median of speed over desired speed of who is inside; 0 of nobody."""
+        """Median of speed, by displacement over the last tick, over desired speed of who is inside; 0 of nobody."""
         inside = self.crowd.level >= 0
-        speed = np.hypot(*self.crowd.velocity[inside].T)
+        speed = np.hypot(*(self.crowd.position - self._before)[inside].T) / TICK
         return float(np.median(speed / self.crowd.speed[inside, 0])) if len(speed) else 0.0
 
     def advance(self, model: ContactModel, ticks: int = 1) -> None:
@@ -91,6 +95,7 @@ class Walk:
             The model cannot make a step.
         """
         for _ in range(ticks):
+            self._before[:] = self.crowd.position
             self.engine.advance(model, self.crowd, self.made, self.per_tick, self.step, False, False)
             self.made += self.per_tick
 
@@ -119,7 +124,7 @@ class Walk:
             self.advance(variant.rough)
             if self.inside < (1.0 - WALKED_OUT) * people:
                 ended = f"{100.0 * WALKED_OUT:.0f} % are out"
-            elif self.pace < JAMMED:
+            elif self.pace < JAMMED and self.time >= STARTED:
                 ended = "jam"
             elif self.time >= LONGEST:
                 ended = "longest time"

@@ -85,7 +85,7 @@ class Trial:
     message : str
         Why it was refused or stopped; empty if it ran to its end.
     time, position, velocity : (f,), (f, n, 2), (f, n, 2)
-        Frames, the first at the start [s], [m], [m/s].
+        Frames, the first at the start [s], [m], [m/s]; the velocity is the contact model's own.
     crowd : Crowd
         At the end.
     outside : int
