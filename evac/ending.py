@@ -29,6 +29,10 @@ STANDING = 10.0
 PROGRESS_EVERY = 1.0
 
 
+class Stopped(KeyboardInterrupt):
+    """To be raised by a progress display that wants the run to end at this tick, with its results."""
+
+
 class Ending:
     """Decides after each tick whether it was the last one; notes when each person last made progress.
 

@@ -15,7 +15,7 @@ from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
-from evac.ending import INTERRUPTED, Ending
+from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.output.results import Results
 from evac.output.watch import Watch
@@ -34,10 +34,6 @@ from evac.registry import Registry
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
-
-
-class Stopped(KeyboardInterrupt):
-    """To be raised by a progress display that wants the run to end at this tick, with its results."""
 
 
 @dataclass(frozen=True)

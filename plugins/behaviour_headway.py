@@ -14,7 +14,8 @@ from evac.parameters import Parameter
 from evac.physics.bundles import Crowd, FloatArray, IntArray
 from evac.physics.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
-from evac.physics.seams import reaches, side_of
+from evac.physics.seams import reaches
+from evac.physics.sight import bucket_at, passes_through
 from evac.physics.world import make_world
 
 #: A repulsion below this share of the desired direction is left out.
@@ -241,17 +242,6 @@ def look_for_walls(world, crowd, sights):  # type: ignore[no-untyped-def]
 
 
 @inner
-def bucket_at(world, x, y):  # type: ignore[no-untyped-def]
-    """Return where the walls of the bucket at a place stand in the list of all buckets, as first and last + 1."""
-    frame, nx, ny = world.bucket_frame, world.bucket_shape[0], world.bucket_shape[1]
-    across, along = (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
-    if not (0.0 <= across < nx and 0.0 <= along < ny):
-        return 0, 0  # no wall is near
-    bucket = int(across) * ny + int(along)
-    return world.bucket_start[bucket], world.bucket_start[bucket + 1]
-
-
-@inner
 def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
     """Say whether the straight line from person i to j ends on the level of j and passes no wall of either level.
 
@@ -270,18 +260,9 @@ def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
             w = world.bucket_wall[slot]
             if world.wall_open[w] or (world.wall_level[w] != a and world.wall_level[w] != b):
                 continue
-            if cross(world.wall[w], ax, ay, bx, by):
+            if passes_through(world.wall[w], ax, ay, bx, by):
                 return False
     return True
-
-
-@inner
-def cross(wall, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Say whether the line from a to b passes through a wall (4,)."""
-    x1, y1, x2, y2 = wall[0], wall[1], wall[2], wall[3]
-    if side_of(x1, y1, x2, y2, ax, ay) * side_of(x1, y1, x2, y2, bx, by) >= 0.0:
-        return False
-    return side_of(ax, ay, bx, by, x1, y1) * side_of(ax, ay, bx, by, x2, y2) <= 0.0
 
 
 @hookimpl

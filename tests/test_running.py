@@ -6,11 +6,11 @@ import textwrap
 import pytest
 
 import evac
-from evac.ending import INTERRUPTED
+from evac.ending import INTERRUPTED, Stopped
 from evac.ensemble import run_many
 from evac.errors import PluginError, ResultError, SimulationError
 from evac.running import clear_folder, run
-from evac.simulation import Simulation, Stopped
+from evac.simulation import Simulation
 
 
 def with_plugin(tmp_path, text, changes=()):

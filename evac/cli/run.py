@@ -79,7 +79,7 @@ class _Interrupt:
 
     def __call__(self, state: "Progress") -> None:
         """Show the state of the run, or stop it."""
-        from evac.simulation import Stopped
+        from evac.ending import Stopped
 
         self.display(state)
         if self.is_wanted:
