@@ -15,7 +15,7 @@ from evac.jit import kernel
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray
 
-#: Somebody has made progress once its remaining travel time is less by this much than ever before [s].
+#: Somebody has made progress once its remaining travel time is less by this much than the least so far [s].
 PROGRESS = 0.5
 
 #: Who is slower than this counts as that fast: who cannot walk at all closes no gap [m/s].
@@ -65,10 +65,10 @@ class TeacherFollowing(Behaviour):
       goes on alone until it is `trail` ahead, or behind again. After another `patience` without progress, and
       once the teacher is out, all members go on alone.
 
-    A teacher waits for gaps and not for the length of its class, because a queue is no reason to wait: a teacher
-    that dawdles in front of it is overtaken, and pushed about. Nor does it wait longer than it has still to walk:
-    in front of the exit it leads its class out. The last rule keeps classes that wait for each other on a stair,
-    and members who stand in their teacher's way, from blocking the building for good.
+    A teacher waits for gaps in the line and not for the length of its class: a class in a queue is long, and a
+    teacher that walks slowly ahead of it is overtaken and pushed aside. It does not wait longer than it has still
+    to walk itself, so that it does not stop in front of the exit. The last rule keeps classes that wait for each
+    other on a stair, and members who stand in their teacher's way, from blocking the building for good.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 #: A union that lacks no more than this share of the polygons' area lacks nothing.
-SAME_AREA = 1e-9
+SAME_AREA = 1e-8
 #: Grid that coordinates are snapped to where the union would lack a polygon otherwise [m].
 SNAP = 1e-8
 #: How far a polygon may reach beyond the union that holds it [m].
@@ -23,6 +23,10 @@ def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometr
     """
     joined = shapely.union_all(polygons)
     total = float(shapely.area(polygons).sum())
-    if joined.area >= (1.0 - SAME_AREA) * total or shapely.covers(joined.buffer(ROUNDING), polygons).all():
+    if joined.area >= (1.0 - SAME_AREA) * total:
+        return joined
+    reach = joined.buffer(ROUNDING)
+    shapely.prepare(reach)
+    if shapely.covers(reach, polygons).all():
         return joined
     return shapely.union_all(polygons, grid_size=SNAP)

@@ -12,7 +12,7 @@ from evac.evidence.table3 import classroom
 from evac.evidence.table3.classroom import ClassTask, median_last, report_classroom, run_class, share_interval
 from evac.evidence.table3.figures import draw_figure_2, draw_figure_3
 from evac.evidence.table3.page import PUBLISHED, report_flow
-from evac.evidence.table3.school import SchoolTask, curve, longest_pause, run_school
+from evac.evidence.table3.school import SchoolRuns, SchoolTask, curve, longest_pause, run_school, school_row
 from evac.scenario.loading import load_case
 
 
@@ -179,6 +179,15 @@ def test_classroom_says_how_many_runs_each_mean_is_of_and_compares_all_runs(tmp_
     assert {row["out by 5 s"] for row in rows} == {"15.0"}  # the same for all: nobody is left out of it
     assert [float(row["out by 10 s"]) for row in rows] == [25.0, 25.0, 25.0, 20.0]
     assert rows[-1]["last out, median [s]"] == ""
+
+
+def test_a_school_with_pupils_left_is_never_empty():
+    times = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, np.nan]])
+    row = school_row("all", SchoolRuns(times, np.array([0, 0, 1, 1])))
+    assert row["runs with people left"] == 1
+    assert row["half are out, mean [s]"] == 2.5
+    assert (row["last out, mean [s]"], row["least [s]"], row["greatest [s]"]) == (np.inf, 4.0, np.inf)
+    assert (row["storey 0 empty, mean [s]"], row["storey 1 empty, mean [s]"]) == (2.0, np.inf)
 
 
 def test_school_is_run_with_and_without_teachers():

@@ -61,7 +61,7 @@ def report_school(evidence: Evidence) -> None:
         name: SchoolRuns(np.concatenate([parts[2 * k].times, parts[2 * k + 1].times]), parts[2 * k].storey)
         for k, name in enumerate(VARIANTS)
     }
-    rows = [_row(name, found[name]) for name in VARIANTS]
+    rows = [school_row(name, found[name]) for name in VARIANTS]
     with_teacher, alone = rows
     evidence.heading("The primary school: egress curves (section 4.3)")
     last, pause = "last out, mean [s]", "longest pause, mean [s]"
@@ -90,20 +90,22 @@ def longest_pause(times: FloatArray) -> FloatArray:
     return pause
 
 
-def _row(name: str, runs: SchoolRuns) -> dict[str, Any]:
-    last = np.nanmax(runs.times, axis=1)
+def school_row(name: str, runs: SchoolRuns) -> dict[str, Any]:
+    """Return means and extremes over runs; a run with people left counts as endless."""
+    times = np.nan_to_num(runs.times, nan=np.inf)  # who is left counts as endless
+    last = times.max(axis=1)
     row: dict[str, Any] = {
         "variant": name,
         "runs": len(last),
         "runs with people left": int(np.isnan(runs.times).any(axis=1).sum()),
-        "half are out, mean [s]": float(np.nanmedian(runs.times, axis=1).mean()),
+        "half are out, mean [s]": float(np.median(times, axis=1).mean()),
         "last out, mean [s]": float(last.mean()),
         "least [s]": float(last.min()),
         "greatest [s]": float(last.max()),
         "longest pause, mean [s]": float(longest_pause(runs.times).mean()),
     }
     for storey in np.unique(runs.storey):
-        of_storey = np.nanmax(runs.times[:, runs.storey == storey], axis=1)
+        of_storey = times[:, runs.storey == storey].max(axis=1)
         row[f"storey {storey} empty, mean [s]"] = float(of_storey.mean())
     return row
 
