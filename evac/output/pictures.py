@@ -23,8 +23,10 @@ def draw_egress(results: Results, path: Path) -> None:
     ResultError
         The file cannot be written.
     """
-    last = "nobody is out" if results.last_out is None else f"last one out after {results.last_out:.1f} s"
-    note = f"{results.evacuated} of {results.people} out, {last}"
+    note = f"{results.evacuated} of {results.people} out"
+    if results.last_out is not None:
+        which = "the last one" if results.evacuated == results.people else "the last of these"
+        note += f", {which} after {results.last_out:.1f} s"
     figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.people)
     end = results.time
     if 1 < len(results.groups) <= MOST_GROUPS:

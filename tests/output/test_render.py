@@ -97,7 +97,7 @@ def closed(path, *names):
     building = close_links(read_trajectory(path).building, names)
     header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
     writer = TrajectoryWriter(path.with_name("closed.evac"), header, np.zeros(2))
-    writer.append(0.0, crowd_at(np.zeros((0, 2)), []))
+    writer.append(0.0, crowd_at(np.zeros((0, 2)), []), np.zeros((0, 2)))
     writer.close()
     return read_trajectory(path.with_name("closed.evac"))
 
