@@ -21,6 +21,9 @@ from evac.physics.neighbours import OK
 #: The tangent stiffness of a hardening contact rises to this many times k at an overlap of the radius.
 HARDEST = 1000.0
 
+#: No contact hardens under a smaller force, whatever its overlap: people survive it, and soft springs stay soft [N].
+LEAST_FORCE = 6000.0
+
 
 class Law(NamedTuple):
     """What the compiled loop reads."""
@@ -28,14 +31,16 @@ class Law(NamedTuple):
     stiffness: float  # [kg/s2]
     smallest: float  # smallest radius [m]
     hardening: float  # share of the radius
-    onset: float  # no contact hardens at a smaller overlap [m]
+    least: float  # no contact hardens at a smaller overlap, whatever its radius [m]
+    onset: float  # nor does any here [m]
 
 
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius (of the smaller body of two) contacts harden, see `press`: a
-    linear spring cannot carry the load of thousands of people, since its equilibrium overlap exceeds the radius.
+    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN contacts
+    harden, see `press`: a linear spring cannot carry the load of thousands of people, since its equilibrium overlap
+    exceeds the radius.
     """
 
     name = "dem"
@@ -74,7 +79,8 @@ class Dem(ContactModel):
         """Make the steps of `clock` in compiled code."""
         inside = engine.bodies.count[0]
         smallest = float(engine.bodies.radius[:inside].min())
-        law = Law(self.stiffness, smallest, self.hardening, self.hardening * smallest)
+        least = LEAST_FORCE / self.stiffness
+        law = Law(self.stiffness, smallest, self.hardening, least, max(self.hardening * smallest, least))
         return run(
             engine.world,
             engine.bodies,
@@ -113,16 +119,17 @@ def damping_limit(h, tau, explicit):
 
 
 @inner
-def press(overlap, radius, hardening):
+def press(overlap, radius, law):
     """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
 
-    With the overlap D, the onset D_h = hardening r and the length L = (r - D_h) / ln(HARDEST), the force is
+    With the overlap D, the onset D_h, which is hardening r or LEAST_FORCE / k if that is greater, and the length
+    L = (r - D_h) / ln(HARDEST), the force is
 
     - k D up to D_h;
     - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
     - k D beyond r, where two people started in one another: hardened contacts would throw them.
     """
-    onset = hardening * radius
+    onset = max(law.hardening * radius, law.least)
     if overlap <= onset or overlap > radius:
         return overlap, 1.0
     length = (radius - onset) / math.log(HARDEST)
@@ -159,7 +166,7 @@ def is_too_stiff(bodies, contacts, law, h, explicit):
         deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
         if deepest > law.onset:
             radius = _radius(bodies, contacts, c)
-            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, law.hardening)[1]
+            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, law)[1]
         _stiffen(own, cross, tangent * bodies.inverse_mass[i], i, nx, ny)
         if j >= 0:
             _stiffen(own, cross, tangent * bodies.inverse_mass[j], j, nx, ny)
@@ -217,7 +224,7 @@ def _push_apart(bodies, contacts, law, h, tally):
     for c in range(contacts.count[0]):
         overlap = -min(0.0, contacts.gap[c])
         if overlap > law.onset:
-            overlap, tangent = press(overlap, _radius(bodies, contacts, c), law.hardening)
+            overlap, tangent = press(overlap, _radius(bodies, contacts, c), law)
             if tangent > 1.0:
                 tally[0, at.HARDENED_CONTACTS] += 1.0
         contacts.percussion[c] = h * law.stiffness * overlap

@@ -1,14 +1,20 @@
 """Places too narrow for a body: portals, exits, and necks inside a level."""
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.model import Building, Exit, Level, Portal
+
+FloatArray = NDArray[np.float64]
 
 #: Ground that a body's centre can reach and that is smaller than this is a niche, not a room behind a neck [m2].
 LEAST_PART = 0.05
 #: A level that falls apart even for a body as wide as this is closed there, not narrow [m].
 CLOSED = 0.02
+#: Points of an outline no farther apart than this along it make no gap, nor do those that rounding parts [m].
+FAR_ALONG, ROUNDING = 10.0 * CLOSED, 1e-7
 #: To what a neck's width is found [m].
 PRECISION = 1e-3
 
@@ -39,6 +45,35 @@ def narrow_places(building: Building, width: float) -> tuple[str, ...]:
                 f"less than the widest person ({width:.2f} m): widen it"
             )
     return tuple(notes)
+
+
+def closed_gaps(polygon: BaseGeometry) -> FloatArray:
+    """Return segments (g, 4) across the gaps of a level narrower than `CLOSED`, as where two walls miss each other.
+
+    Each goes from a corner of the outline to the nearest point of a side within that distance, through the level. Sides
+    that follow one another along the outline make no gap.
+    """
+    rings = shapely.get_rings(shapely.get_parts(polygon))
+    sides, ring_of = [], []
+    for index, ring in enumerate(rings):
+        ends = shapely.get_coordinates(ring)
+        sides.append(np.stack([ends[:-1], ends[1:]], axis=1))
+        ring_of.append(np.full(len(ends) - 1, index))
+    side, of = np.concatenate(sides), np.concatenate(ring_of)
+    lines, corners = shapely.linestrings(side), shapely.points(side[:, 0])
+    one, other = shapely.STRtree(lines).query(corners, predicate="dwithin", distance=CLOSED)
+    gap = shapely.shortest_line(corners[one], lines[other])
+    ends = shapely.get_coordinates(gap).reshape(-1, 2, 2)
+    along = np.full(len(one), np.inf)
+    same = of[one] == of[other]
+    ring = rings[of[one[same]]]
+    along[same] = np.abs(np.subtract(*(shapely.line_locate_point(ring, shapely.points(ends[same, k])) for k in (0, 1))))
+    along[same] = np.minimum(along[same], shapely.length(ring) - along[same])
+    across = (shapely.length(gap) > ROUNDING) & (along > FAR_ALONG)
+    shapely.prepare(polygon)
+    across[across] = shapely.contains(polygon, gap[across])
+    found: FloatArray = np.unique(ends[across].reshape(-1, 4), axis=0)
+    return found
 
 
 def necks(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:

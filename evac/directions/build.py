@@ -109,6 +109,7 @@ def build_fields(
         ),
         lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
         comfort=float(comfort),
+        clearance=float(clearance),
     )
 
 

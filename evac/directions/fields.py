@@ -91,12 +91,15 @@ class Fields:
         Flat, up and down lengths of the way to the destination, along the slope [m].
     comfort : float
         Weight of the time on stairs that the strategy "comfortable" was marched with.
+    clearance : float
+        Width that directions keep clear of walls, where there is room [m].
     """
 
     routes: tuple[Route, ...]
     packed: PackedFields
     lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     comfort: float = 1.0
+    clearance: float = 0.0
 
     def travel_time_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
         """Return the travel time (n,) [s] of a route from positions; inf where it cannot be reached.

@@ -11,6 +11,7 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
+from evac.building.narrow import closed_gaps
 from evac.directions.lattice import (
     SLACK,
     BoolArray,
@@ -80,7 +81,7 @@ class BuildingGrids:
     ----------
     building, lattice, levels
     walls : tuple of (w, 4) float64
-        Walls of each level, closed portals and exits among them [m].
+        Walls of each level, closed portals and exits and gaps too narrow to count among them [m].
     clearance : float
         Distance from walls up to which ways bend [m].
     size : int
@@ -165,11 +166,11 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:
-    """Return the walls of a level, closed portals and exits among them."""
+    """Return the walls of a level, closed portals and exits and gaps too narrow to count among them."""
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
     parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
     parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
-    return np.concatenate(parts)
+    return np.concatenate([*parts, closed_gaps(building.levels[level].polygon)])
 
 
 def _open_portals(building: Building, level: int) -> list[Portal]:

@@ -112,6 +112,10 @@ class Links:
     along_x: FloatArray
     along_y: FloatArray
 
+    def along(self, axis: int) -> FloatArray:
+        """Return the table of the links along an axis."""
+        return self.along_y if axis else self.along_x
+
 
 def _mark_links(table: FloatArray, start: FloatArray, end: FloatArray, axis: int, touching: bool) -> None:
     """Mark in `table` the links along `axis` that one segment (in cells) crosses."""
@@ -144,7 +148,8 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
 
     Marching couples neighbouring nodes, so it passes a wall thinner than a cell unless every link through that wall
     loses one end: the one nearer to the wall, hence never a node more than half a cell from it, and no door closes.
-    A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face.
+    A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face; where two walls touch in a
+    point, no link passes between them.
 
     Parameters
     ----------
@@ -165,27 +170,30 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
     grown = shapely.buffer(polygon, slack, join_style="mitre")
     shapely.prepare(grown)
     inside: BoolArray = np.asarray(shapely.intersects_xy(grown, x, y), dtype=np.bool_)
-    slits = _slits(polygon, walls, slack)
+    slits, pinches = _slits(polygon, walls, slack), _pinches(polygon, slack)
     outline = window.crossed_links(_outline(polygon), touching=True)
     within = window.crossed_links(slits, touching=False)
+    pinched = window.crossed_links(_crosses_at(pinches, slack), touching=True)
     left_out = np.zeros_like(inside)
-    for axis, at_outline, at_slit in ((0, outline.along_x, within.along_x), (1, outline.along_y, within.along_y)):
+    for axis in (0, 1):
         near, far = _ends(inside, axis)
         out_near, out_far = _ends(left_out, axis)
-        at_outline, at_slit = _ends(at_outline, axis)[0], _ends(at_slit, axis)[0]
+        at_outline, at_slit, at_pinch = (_ends(links.along(axis), axis)[0] for links in (outline, within, pinched))
         leaves = near & far & ~np.isnan(at_outline)
         ends = [np.stack((a[leaves], b[leaves]), axis=-1) for a, b in (_ends(x, axis), _ends(y, axis))]
         leaves[leaves] = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=-1)))
-        for crossed, part in ((leaves, at_outline), (near & far & ~np.isnan(at_slit), at_slit)):
-            out_near |= crossed & (part <= 0.5)
-            out_far |= crossed & (part > 0.5)
+        cut = (leaves, at_outline), (~np.isnan(at_slit), at_slit), (~np.isnan(at_pinch), at_pinch)
+        for crossed, part in cut:
+            out_near |= near & far & crossed & (part <= 0.5)
+            out_far |= near & far & crossed & (part > 0.5)
     # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
     reach = 10.0 * slack
     for slit in slits.reshape(-1, 2, 2):
         box = window.box(slit.min(axis=0) - reach, slit.max(axis=0) + reach)
         left_out[box] |= shapely.dwithin(shapely.LineString(slit), shapely.points(x[box], y[box]), reach)
     nodes = inside & ~left_out
-    return nodes, _stand_ins(window, inside & left_out, nodes, grown, slits)
+    ground = shapely.difference(grown, shapely.buffer(shapely.multipoints(pinches), reach))
+    return nodes, _stand_ins(window, inside & left_out, nodes, ground, slits)
 
 
 def _outline(polygon: BaseGeometry) -> FloatArray:
@@ -194,11 +202,29 @@ def _outline(polygon: BaseGeometry) -> FloatArray:
     return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
 
 
+def _pinches(polygon: BaseGeometry, slack: float) -> FloatArray:
+    """Return the points (p, 2) in which the outline touches itself: ground on two sides, and no way through."""
+    sides = _outline(polygon)
+    corners = np.unique(sides[:, :2], axis=0)
+    lines = shapely.STRtree(shapely.linestrings(sides.reshape(-1, 2, 2)))
+    corner, _ = lines.query(shapely.points(corners), predicate="dwithin", distance=slack)
+    # A corner of one outline has two sides.
+    return corners[np.bincount(corner, minlength=len(corners)) > 2]
+
+
+def _crosses_at(points: FloatArray, size: float) -> FloatArray:
+    """Return two small segments (2 p, 4) at each of some points, across the grid's lines both ways."""
+    across, along = np.array([size, 0.0]), np.array([0.0, size])
+    arms = [np.concatenate([points - arm, points + arm], axis=1) for arm in (across, along)]
+    return np.concatenate(arms)
+
+
 def _stand_ins(
-    window: Window, left_out: BoolArray, nodes: BoolArray, grown: BaseGeometry, slits: FloatArray
+    window: Window, left_out: BoolArray, nodes: BoolArray, ground: BaseGeometry, slits: FloatArray
 ) -> IndexArray:
     """Return flat indices (3, m): nodes left out, the nearest visited node in sight of each, and the one behind it."""
     places = np.stack(window.coordinates(), axis=-1)
+    shapely.prepare(ground)
     barrier = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
     shapely.prepare(barrier)
     found = []
@@ -208,7 +234,7 @@ def _stand_ins(
         has_node = nodes[tuple(beside.T)]
         one, two = waiting[has_node], beside[has_node]
         sight = shapely.linestrings(np.stack([places[tuple(one.T)], places[tuple(two.T)]], axis=1))
-        clear = shapely.covers(grown, sight) & ~shapely.crosses(barrier, sight)
+        clear = shapely.covers(ground, sight) & ~shapely.crosses(barrier, sight)
         one, two = one[clear], two[clear]
         three = two + step
         # Diagonally a wall may stand between two visited nodes.

@@ -91,9 +91,6 @@ def check_people(case: "Case", building: Building) -> None:
 
 def _mean_on_stairs(people: "GroupSettings", quantity: str) -> float:
     """Return a group's mean speed on stairs; a factor is independent of the flat speed it multiplies."""
-    given = getattr(people, quantity)
-    if not isinstance(given, Distribution):
-        return float(given.factor.mean() * people.speed.mean())
-    if quantity in people.model_fields_set:
-        return given.mean()
-    return min(given.mean(), people.speed.mean())  # nobody is faster there than on the flat
+    given, flat = getattr(people, quantity), people.speed.mean()
+    mean = given.mean() if isinstance(given, Distribution) else float(given.factor.mean() * flat)
+    return min(mean, flat) if people.limit_stair_speeds else mean

@@ -177,8 +177,7 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
         given = getattr(people, quantity)
         own = isinstance(given, Distribution)
         speed = drawn(quantity, given) if own else flat * drawn(quantity, given.factor)
-        # By default nobody is faster on stairs: who walks slowly on the flat has been given a speed for it.
-        crowd.speed[rows, use] = speed if quantity in people.model_fields_set else np.minimum(speed, flat)
+        crowd.speed[rows, use] = np.minimum(speed, flat) if people.limit_stair_speeds else speed
 
 
 def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray) -> None:

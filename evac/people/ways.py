@@ -8,12 +8,13 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.building.model import Building
+from evac.building.narrow import CLOSED
 from evac.directions.fields import Fields
 from evac.directions.sampling import cell_of, sample_direction
 from evac.errors import ScenarioError
 from evac.jit import inner, kernel
 from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray, World
-from evac.physics.seams import crossing
+from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 STEP = 0.5
 #: A walk may be so many times as long as the way, and so many cells longer, before it counts as lost.
 LONGEST, EXTRA = 3.0, 200.0
-#: A portal or exit belongs to a part of a level that it shares this length with [m].
-SHARED = 1e-3
+#: A portal or exit is on a part of a level whose outline runs along it for longer than this [m].
+SHARED = 0.1
 
 # How a walk ends.
 ARRIVED, LOST = 0, 1
@@ -39,7 +40,8 @@ def check_ways(
 
     The travel time is finite, the ground is connected to an exit of the route, and a point that starts where the person
     stands, follows the directions and slides along walls arrives at an exit. The last is checked for every route that
-    leads anywhere from there, for behaviours may choose another one.
+    leads anywhere from there, for behaviours may choose another one, where directions keep clear of walls by a cell:
+    with less they lead along corners, where a point does not pass as a body does.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def check_ways(
                 f"{_told(source, building, crowd, group, leaking, what)}: the grid joins what a wall divides; choose "
                 "another directions.spacing, and report this case as an error of evac"
             )
-    for route in range(len(fields.routes)):
+    for route in range(len(fields.routes)) if fields.clearance >= fields.packed.spacing else ():
         _check_walks(source, building, fields, world, crowd, groups, route)
 
 
@@ -138,7 +140,7 @@ def _unreachable(
 
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
     """Say whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
-    parts = [shapely.get_parts(level.polygon) for level in building.levels]
+    parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
     graph = networkx.Graph()
     graph.add_nodes_from((level, k) for level, own in enumerate(parts) for k in range(len(own)))
     for portal in building.portals:
@@ -166,9 +168,9 @@ def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.b
 
 def _parts_at(parts: NDArray[Any], segments: FloatArray) -> list[int]:
     """Return which parts of a level a portal or exit is on."""
-    line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), SHARED)
+    line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), CLOSED, cap_style="flat")
     shared = shapely.length(shapely.intersection(shapely.boundary(parts), line))
-    return [int(k) for k in np.flatnonzero(shared > 4.0 * SHARED)]
+    return [int(k) for k in np.flatnonzero(shared > SHARED)]
 
 
 @kernel
@@ -227,16 +229,17 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
     """Make one step along the direction, or along the wall that it meets; return place and level, -1 beyond an exit."""
     ex, ey = sample_direction(world.fields, ax, ay, level, route)
     length = STEP * world.fields.spacing
+    step_x, step_y = length * ex, length * ey
     for _ in range(3):
-        bx, by = ax + length * ex, ay + length * ey
-        wall = wall_across(world, ax, ay, bx, by, level)
+        bx, by = ax + step_x, ay + step_y
+        wall = first_wall(world, ax, ay, bx, by, level)
         if wall < 0:
             break
         tx = world.wall[wall, 2] - world.wall[wall, 0]
         ty = world.wall[wall, 3] - world.wall[wall, 1]
         # A whole step: within a cell of a corner directions may point almost straight at the wall.
-        along = np.sign(ex * tx + ey * ty) / np.sqrt(tx * tx + ty * ty)
-        ex, ey = along * tx, along * ty
+        along = length * np.sign(ex * tx + ey * ty) / np.sqrt(tx * tx + ty * ty)
+        step_x, step_y = along * tx, along * ty
     else:
         return ax, ay, level
     passed = 0.0
@@ -257,11 +260,18 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
 
 
 @inner
-def wall_across(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
-    """Return a wall of a level that the line from a to b passes through, -1 for none."""
+def first_wall(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
+    """Return the first wall of a level that the line from a to b passes through, -1 for none."""
+    found, least = -1, 2.0
     first, last = bucket_at(world, ax, ay)
     for slot in range(first, last):
         w = world.bucket_wall[slot]
-        if world.wall_level[w] == level and not world.wall_open[w] and passes_through(world.wall[w], ax, ay, bx, by):
-            return w
-    return -1
+        if world.wall_level[w] != level or world.wall_open[w]:
+            continue
+        if passes_through(world.wall[w], ax, ay, bx, by):
+            x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
+            before = side_of(x1, y1, x2, y2, ax, ay)
+            share = before / (before - side_of(x1, y1, x2, y2, bx, by))
+            if share < least:
+                found, least = w, share
+    return found

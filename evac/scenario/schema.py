@@ -145,17 +145,16 @@ class GroupSettings(Section):
     )
     speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
-        "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed; if not given, "
-        "at most the own flat speed",
+        "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     speed_down: StairSpeed = key(
-        "desired speed down stairs, along the slope; { factor = ... } multiplies the own flat speed; if not given, "
-        "at most the own flat speed",
+        "desired speed down stairs, along the slope; { factor = ... } multiplies the own flat speed",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
+    limit_stair_speeds: Switch = key("whether nobody is faster on stairs than the own speed on the flat", "", True)
     exits: tuple[str, ...] = key(
         "names of the exits they head for; empty: any. Somebody pushed out by another exit is out as well",
         "",

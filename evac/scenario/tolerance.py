@@ -83,8 +83,7 @@ def greatest_speed(case: "Case") -> float:
     for group in case.people:
         flat = _greatest(group.speed)
         speeds.append(flat)
-        for quantity in {"speed_up", "speed_down"} & group.model_fields_set:  # by default at most that on the flat
-            given = getattr(group, quantity)
+        for given in () if group.limit_stair_speeds else (group.speed_up, group.speed_down):
             speeds.append(flat * _greatest(given.factor) if isinstance(given, Factor) else _greatest(given))
         speeds += [math.hypot(x, y) for x, y in group.velocity or ()]
     return max(speeds)

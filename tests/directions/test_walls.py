@@ -122,6 +122,23 @@ def test_beside_a_thin_wall_directions_are_those_of_the_own_side(drawing, x, thi
         assert fields.travel_time_at(0, east, 0) == pytest.approx(exact, abs=0.2)
 
 
+@pytest.mark.parametrize("overlap", [0.0, 1e-3, 0.015])
+@pytest.mark.parametrize("shift", [0.0, 0.03, 0.05])
+def test_no_way_leads_through_a_point_or_a_gap_narrower_than_two_centimetres(drawing, overlap, shift):
+    """Two rooms that meet at a corner; the way leads round through a corridor."""
+    low = shapely.box(0.0, 0.0, 4.0, 4.0)
+    high = shapely.box(4.0 - overlap, 4.0, 8.0, 8.0)
+    corridor = shapely.box(4.0, 1.0, 7.0, 2.0).union(shapely.box(6.0, 1.0, 7.0, 4.0))
+    ground = shapely.affinity.translate(shapely.union_all([low, high, corridor]), shift, shift)
+    # A corner of the building away from it decides where the nodes are.
+    drawing.level(ground.union(shapely.box(0.0, 0.0, 1.0, 1.0)))
+    drawing.exit("A", 0, (8.0 + shift, 6.0), (8.0 + shift, 7.0))
+    building = drawing.build()
+    fields = build_fields(building, ANY)
+    exact = math.hypot(0.5, 1.5) + 2.0 + math.hypot(2.0, 4.0 - shift)
+    assert fields.travel_time_at(0, [[3.5 + shift, 3.5 + shift]], 0)[0] == pytest.approx(exact, abs=0.25)
+
+
 def test_cells_list_the_walls_through_them_and_none_along_their_edges(drawing):
     drawing.level((0.0, 0.0, 2.0, 1.0))
     drawing.wall(0, (0.55, 0.0), (0.55, 0.5))

@@ -55,11 +55,21 @@ def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_
 
 
 def test_by_default_nobody_is_faster_on_stairs(make_case, house, fields):
-    case = make_case(group("slow", speed=0.6), group("told", number=5, area="room 3", speed=0.6, speed_down=0.9))
+    told = group("told", number=5, area="room 3", speed=0.6, speed_down=0.9, limit_stair_speeds=False)
+    case = make_case(group("slow", speed=0.6), told)
     crowd = build_population(case, house, fields(), seed=1).crowd
     assert (crowd.speed[:20, 1:] <= 0.6).all()
     assert (crowd.speed[:20, 1:] >= 0.5).all()
     assert (crowd.speed[20:, 2] == 0.9).all()
+
+
+def test_a_default_that_is_written_down_draws_the_same_speeds(make_case, house, fields):
+    written = {"speed_up": {"uniform": [0.5, 1.0]}, "speed_down": {"uniform": [0.5, 1.0]}}
+    speeds = [
+        build_population(make_case(group(speed=0.7, **keys)), house, fields(), seed=1).crowd.speed
+        for keys in ({}, written)
+    ]
+    assert np.array_equal(*speeds)
 
 
 def test_a_position_that_rounding_put_over_a_portal_is_moved_inside(make_case, house, fields):

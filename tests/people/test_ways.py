@@ -57,6 +57,17 @@ def test_people_without_connected_ground_are_refused_by_place():
     assert "open a way in the mesh" in message
 
 
+@pytest.mark.parametrize("overlap", [0.0, 1e-3])
+def test_rooms_that_meet_in_a_corner_are_not_connected(overlap):
+    drawing = Drawing()
+    drawing.level(shapely.box(0.0, 0.0, 4.0, 4.0).union(shapely.box(4.0 - overlap, 4.0, 8.0, 8.0)))
+    drawing.exit("east", 0, (8.0, 6.0), (8.0, 7.0))
+    building = drawing.build()
+    fields = build_fields(building, ROUTES)
+    check(building, fields, [[5.0, 5.0]])
+    assert "open a way in the mesh" in refusal(building, fields, [[3.5, 3.5]])
+
+
 def test_a_gap_that_the_grid_does_not_pass_is_named_as_the_cause():
     building = two_rooms(door=(2.03, 2.07))
     message = refusal(building, build_fields(building, ROUTES), [[1.0, 2.0]])
@@ -94,6 +105,5 @@ def test_walks_pass_portals_and_slide_along_walls():
     fields = build_fields(building, ROUTES)
     starts = [[0.01, 0.01], [3.99, 0.5], [3.99, 4.99], [2.0, 2.5]]
     check(building, fields, starts)
-    check(building, build_fields(building, ROUTES, clearance=0.0), starts)
     closed = replace(building, closed=frozenset({0}))
     assert "cannot reach any exit" in refusal(closed, build_fields(closed, ROUTES), starts)

@@ -105,6 +105,16 @@ def test_contacts_below_the_onset_are_those_of_the_linear_law_to_the_bit():
     assert 0.25 < engines[0].report()["greatest_overlap"] / crowds[0].radius.min() < 0.5
 
 
+@pytest.mark.parametrize(("stiffness", "overlap"), [(1e4, 0.16), (2.9e4, 0.19)])
+def test_a_soft_contact_stays_linear_under_a_load_that_people_survive(stiffness, overlap):
+    """Pressed against a wall by m v / tau below 6 kN: the overlap m v / (tau k) is beyond half of the radius."""
+    crowd = make_crowd([(overlap - 0.2, 0)], radius=0.2, mass=80.0, tau=0.5, speed=overlap * stiffness * 0.5 / 80.0)
+    walls = make_building(walls=[(0, -3, 0, 3)])
+    engine = walk(Dem(stiffness=stiffness), crowd, 200, building=walls, fields=uniform_fields(1, (1.0, 0.0)))
+    assert -crowd.position[0, 0] == pytest.approx(0.2 - overlap, abs=1e-9)
+    assert engine.report()["hardened_contacts"] == 0
+
+
 def test_two_people_at_one_place_are_parted_without_hardening():
     """Beyond an overlap of the radius contacts are linear; what hardens below it throws nobody out of a room."""
     crowd = make_crowd([(0, 0), (0, 0)], radius=0.2, mass=80.0, tau=0.5)

@@ -67,8 +67,8 @@ def test_initial_velocities_count(room):
 @pytest.mark.parametrize(
     ("changes", "greatest"),
     [
-        ({"speed_down": 4.0}, 4.0),
-        ({"speed_up": {"factor": {"uniform": [1.0, 2.5]}}}, 2.5),
+        ({"speed_down": 4.0, "limit_stair_speeds": False}, 4.0),
+        ({"speed_up": {"factor": {"uniform": [1.0, 2.5]}}, "limit_stair_speeds": False}, 2.5),
         ({"speed": 0.4}, 0.4),  # the default on stairs is at most that on the flat
     ],
 )

@@ -37,14 +37,16 @@ def wall_gaps(scene: Scene, position: FloatArray) -> tuple[FloatArray, FloatArra
 def hardened_overlap(load: float, stiffness: float, radius: float, hardening: float) -> float:
     """Return the overlap [m] at which a contact of DEM bears `load` [N], by the integral of its stiffness.
 
-    That is k up to the share `hardening` of the radius, and rises exponentially from there, to 1000 k at the radius.
+    That is k up to the share `hardening` of the radius, or to a force of 6 kN if that is farther, and rises
+    exponentially from there, to 1000 k at the radius.
     """
+    onset = max(hardening * radius, 6000.0 / stiffness)
 
     def slope(overlap: float) -> float:
-        return stiffness * float(1000.0 ** max(0.0, (overlap / radius - hardening) / (1.0 - hardening)))
+        return stiffness * float(1000.0 ** max(0.0, (overlap - onset) / (radius - onset)))
 
     def missing(overlap: float) -> float:
-        return float(quad(slope, 0.0, overlap, points=[hardening * radius], epsabs=0.0, epsrel=1e-12)[0]) - load
+        return float(quad(slope, 0.0, overlap, points=[onset], epsabs=0.0, epsrel=1e-12)[0]) - load
 
     return float(brentq(missing, 1e-9 * radius, radius, xtol=1e-15))
 
