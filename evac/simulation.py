@@ -20,7 +20,7 @@ from evac.errors import EvacError, PluginError, naming, noting, plugin_code
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
-from evac.people.groups import check_people, default_clearance, reference_speeds
+from evac.people.groups import check_people, default_clearance, narrowest_body, reference_speeds
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
@@ -115,8 +115,8 @@ class Simulation:
         with noting(self.building.warnings), self._phase("people"):
             self.population = build_population(case, self.building, self.fields, self.seed)
             world = make_world(self.building, self.fields)
-            crowd, groups = self.population.crowd, self.population.groups
-            check_ways(case.source, self.building, self.fields, world, crowd, groups)
+            people = self.population
+            check_ways(case.source, self.building, self.fields, world, people.crowd, people.groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = needed_behaviours(scenes, self.full)
@@ -125,8 +125,8 @@ class Simulation:
             self.contact.check_scene(border)
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
-        people, levels = len(self.population.crowd.level), [level.name for level in self.building.levels]
-        self.engine = Engine(world, people, self.forces, self.full, levels)
+        names = [level.name for level in self.building.levels]
+        self.engine = Engine(world, len(people.crowd.level), self.forces, self.full, names)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -345,10 +345,9 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [("contact_model", self.contact), *(("force", force) for force in self.forces)]
-        used += [("behaviour", behaviour) for behaviour, _ in self.behaviours]
-        used += [("recorder", recorder) for recorder in self.recorders]
-        return self.registry.providers([(kind, item.name) for kind, item in used])
+        used = [("contact_model", self.contact.name), *(("force", force.name) for force in self.forces)]
+        used += [("behaviour", behaviour.name) for behaviour, _ in self.behaviours]
+        return self.registry.providers([*used, *(("recorder", recorder.name) for recorder in self.recorders)])
 
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral."""
@@ -365,12 +364,13 @@ class Simulation:
                 check_written(behaviour, self.population.crowd, len(self.fields.routes), self.time)
 
     def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
-        settings = self.case.directions
+        case, settings = self.case, self.case.directions
         return build_fields(
             self.building,
-            needed_routes(self.case, behaviours, self.full),
+            needed_routes(case, behaviours, self.full),
             spacing=settings.spacing,
-            clearance=default_clearance(self.case) if settings.clearance is None else settings.clearance,
+            clearance=default_clearance(case) if settings.clearance is None else settings.clearance,
+            narrowest=narrowest_body(case),
             speeds=reference_speeds(self.case),
             comfort=settings.comfort,
             order=settings.order,

@@ -13,8 +13,8 @@ FloatArray = NDArray[np.float64]
 LEAST_PART = 0.05
 #: A level that falls apart even for a body as wide as this is closed there, not narrow [m].
 CLOSED = 0.02
-#: Points of an outline no farther apart than this along it make no gap, nor do those that rounding parts [m].
-FAR_ALONG, ROUNDING = 10.0 * CLOSED, 1e-7
+#: Points no farther apart along an outline than so many widths make no gap, nor do those that rounding parts [m].
+FAR_ALONG, ROUNDING = 5.0, 1e-7
 #: To what a neck's width is found [m].
 PRECISION = 1e-3
 
@@ -47,11 +47,11 @@ def narrow_places(building: Building, width: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def closed_gaps(polygon: BaseGeometry) -> FloatArray:
-    """Return segments (g, 4) across the gaps of a level narrower than `CLOSED`, as where two walls miss each other.
+def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
+    """Return segments (g, 4) across the gaps of a level narrower than a width [m].
 
-    Each goes from a corner of the outline to the nearest point of a side within that distance, through the level. Sides
-    that follow one another along the outline make no gap.
+    By default those where walls miss each other. Each goes from a corner of the outline to the nearest point of a side
+    within that distance, through the level. Sides that follow one another along the outline make no gap.
     """
     rings = shapely.get_rings(shapely.get_parts(polygon))
     sides, ring_of = [], []
@@ -61,7 +61,7 @@ def closed_gaps(polygon: BaseGeometry) -> FloatArray:
         ring_of.append(np.full(len(ends) - 1, index))
     side, of = np.concatenate(sides), np.concatenate(ring_of)
     lines, corners = shapely.linestrings(side), shapely.points(side[:, 0])
-    one, other = shapely.STRtree(lines).query(corners, predicate="dwithin", distance=CLOSED)
+    one, other = shapely.STRtree(lines).query(corners, predicate="dwithin", distance=width)
     gap = shapely.shortest_line(corners[one], lines[other])
     ends = shapely.get_coordinates(gap).reshape(-1, 2, 2)
     along = np.full(len(one), np.inf)
@@ -69,10 +69,11 @@ def closed_gaps(polygon: BaseGeometry) -> FloatArray:
     ring = rings[of[one[same]]]
     along[same] = np.abs(np.subtract(*(shapely.line_locate_point(ring, shapely.points(ends[same, k])) for k in (0, 1))))
     along[same] = np.minimum(along[same], shapely.length(ring) - along[same])
-    across = (shapely.length(gap) > ROUNDING) & (along > FAR_ALONG)
+    across = (shapely.length(gap) > ROUNDING) & (along > FAR_ALONG * width)
     shapely.prepare(polygon)
     across[across] = shapely.contains(polygon, gap[across])
-    found: FloatArray = np.unique(ends[across].reshape(-1, 4), axis=0)
+    # The least end first, so that a gap between two corners is found once.
+    found: FloatArray = np.unique([sorted(pair) for pair in ends[across].tolist()], axis=0).reshape(-1, 4)
     return found
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from evac.building.checks import measures
-from evac.building.model import Building, Exit
+from evac.building.model import FLAT, Building, Exit
+from evac.building.narrow import gaps_below
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.defaults import COMFORT, ORDER, SPACING
-from evac.directions.descent import Ways, add_lengths, descend
+from evac.directions.descent import Ways, add_lengths, descend, is_lowest
 from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
@@ -24,6 +25,10 @@ from evac.parameters import did_you_mean
 
 #: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
 BEND = 8.0
+
+#: Factor of the slowness within a cell of the line across a gap that nobody fits through: a detour of some 200 cells
+#: is shorter.
+AVOID = 100.0
 
 #: Nodes of all levels: some gigabytes.
 MOST_NODES = 2e7
@@ -38,6 +43,7 @@ def build_fields(
     speeds: tuple[float, float, float] = (1.0, 0.5, 0.7),
     comfort: float = COMFORT,
     order: int = ORDER,
+    narrowest: float = 0.0,
 ) -> Fields:
     """March the travel times and directions of a building for some routes.
 
@@ -61,6 +67,8 @@ def build_fields(
         Weight of the time on stairs for the strategy "comfortable".
     order : {1, 2}
         Order of the marching stencil.
+    narrowest : float
+        Diameter of the narrowest body [m]. A gap that it does not fit through is taken only if there is no other way.
 
     Returns
     -------
@@ -78,7 +86,8 @@ def build_fields(
     _check_spacing(building, spacing)
     graph = build_graph(building)
     grids = build_grids(building, spacing, clearance)
-    bent = _bent(grids, clearance) if clearance > 0.0 else None
+    avoided = _avoided(grids, narrowest)
+    bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
     greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
     steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
@@ -88,7 +97,8 @@ def build_fields(
     for index, route in enumerate(routes):
         allowed = [e for e in building.exits if not route.exits or e.name in route.exits]
         exits = [e for e in allowed if building.is_open(e)]
-        direction, travel_time, lengths = _solve(grids, exits, _rates(route.strategy, speeds, comfort), bent, order)
+        rates = _rates(route.strategy, speeds, comfort)
+        direction, travel_time, lengths = _solve(grids, exits, rates, avoided, bent, order)
         for level in sorted(levels_reaching(graph, [e.index for e in exits])):
             nodes = grids.levels[level].packed
             field_of[level, index] = len(parts)
@@ -149,6 +159,19 @@ def _check_spacing(building: Building, spacing: float) -> None:
             )
 
 
+def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
+    """Return the factor (nodes,) of the slowness in gaps narrower than a width [m], else 1."""
+    factor = np.ones(grids.size)
+    for grid in grids.levels:
+        gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
+        if len(gaps):
+            lines = shapely.multilinestrings(gaps.reshape(-1, 2, 2))
+            shapely.prepare(lines)
+            nodes = shapely.dwithin(lines, shapely.points(*grid.window.coordinates()), grids.lattice.spacing)
+            factor[grid.packed][nodes.ravel()] = AVOID
+    return factor
+
+
 def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
     """Return the factor (nodes,) of the slowness near walls; see `build_fields`."""
     near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
@@ -156,13 +179,18 @@ def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
 
 
 def _solve(
-    grids: BuildingGrids, exits: list[Exit], rates: FloatArray, bent: FloatArray | None, order: int
+    grids: BuildingGrids,
+    exits: list[Exit],
+    rates: FloatArray,
+    avoided: FloatArray,
+    bent: FloatArray | None,
+    order: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return directions (nodes, 2), travel times (nodes,) and lengths (nodes, 3) to some exits on all grids."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     slowness = rates / cosine[:, None]
-    plain = march(grids, Metric(slowness, np.ones(grids.size)), exits, order)
-    guide = plain if bent is None else march(grids, Metric(slowness, bent), exits, order)
+    plain = march(grids, Metric(slowness, avoided), exits, order)
+    guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
     direction = _directions(grids, guide, exits, bent is None)
     lengths = _lengths(grids, plain, exits, rates, cosine)
     return direction, _continued(grids, _with_halos(grids, plain)), _continued(grids, lengths)
@@ -239,7 +267,18 @@ def _lengths(
     own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
     node = np.flatnonzero(own & np.isfinite(cost))
     node = node[np.argsort(cost[node], kind="stable")]
-    add_lengths(node, _ways(grids, cost, cosine), lengths)
+    ways = _ways(grids, cost, cosine)
+    add_lengths(node, ways, lengths)
+    # Ways also begin at nodes without a lower neighbour: before an exit without a strip, and here and there beside its
+    # ends. The cheapest node without lengths is one of them.
+    uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
+    while (without := node[np.isinf(lengths[node, 0])]).size:
+        begins = without[is_lowest(without, ways)]
+        begins = begins if begins.size else without[:1]
+        use = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
+        lengths[begins] = 0.0
+        lengths[begins, use] = cost[begins] / rates[use]
+        add_lengths(node, ways, lengths)
     # The lengths are of first order; their sum must give the cost, which is of second.
     along = lengths[node] @ rates
     usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)

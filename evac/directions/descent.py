@@ -182,6 +182,18 @@ def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
 
 
 @kernel
+def is_lowest(nodes: OffsetArray, ways: Ways) -> NDArray[np.bool_]:
+    """Say of nodes (n,) whether no neighbour is lower; one on a portal has neighbours on the other level too."""
+    found = np.empty(nodes.shape[0], np.bool_)
+    for k in range(nodes.shape[0]):
+        node = nodes[k]
+        along_x, _, _ = _lower_neighbour(node, ways.stride[ways.level_of[node]], ways)
+        along_y, _, _ = _lower_neighbour(node, 1, ways)
+        found[k] = along_x < 0 and along_y < 0 and ways.twin[node] < 0
+    return found
+
+
+@kernel
 def _add_lengths_at(node: int, ways: Ways, lengths: FloatArray) -> None:
     """Write the lengths of one node: the mean of its lower neighbours', weighted by the drop, and a step."""
     total, greatest, squares = 0.0, 0.0, 0.0

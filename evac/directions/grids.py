@@ -11,7 +11,7 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
-from evac.building.narrow import closed_gaps
+from evac.building.narrow import gaps_below
 from evac.directions.lattice import (
     SLACK,
     BoolArray,
@@ -170,7 +170,7 @@ def _walls_of(building: Building, level: int) -> FloatArray:
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
     parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
     parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
-    return np.concatenate([*parts, closed_gaps(building.levels[level].polygon)])
+    return np.concatenate([*parts, gaps_below(building.levels[level].polygon)])
 
 
 def _open_portals(building: Building, level: int) -> list[Portal]:

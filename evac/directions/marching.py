@@ -31,10 +31,13 @@ class Metric:
         Cost of a metre in plan, by level and use (flat, up, down) [s/m].
     factor : (nodes,) float64
         What it is multiplied with at each node; at least 1.
+    is_plain : bool
+        Whether it is the same on all of a level, but for gaps that nobody fits through.
     """
 
     slowness: FloatArray
     factor: FloatArray
+    is_plain: bool = True
 
 
 def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -> FloatArray:
@@ -71,7 +74,7 @@ class _March:
         self.metric = metric
         self.order = order
         self.spacing = grids.lattice.spacing
-        self.is_plain = bool(metric.factor.max() == 1.0)
+        self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
         self.pending: list[tuple[float, int, int]] = []
         #: How often each level fell.

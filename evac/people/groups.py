@@ -30,6 +30,11 @@ def default_clearance(case: "Case") -> float:
     return min(greatest, 2.0 * max(people.radius.mean() for people in case.people))
 
 
+def narrowest_body(case: "Case") -> float:
+    """Return the least diameter that somebody may have [m]."""
+    return 2.0 * min(people.radius.support()[0] for people in case.people)
+
+
 def reference_speeds(case: "Case") -> tuple[float, float, float]:
     """Return the speeds on the flat, up and down stairs that travel times are computed with, over that on the flat.
 

@@ -90,8 +90,9 @@ def _check_walks(
 ) -> None:
     """Walk along the directions of one route from everybody's start."""
     people = len(crowd.level)
-    lengths = fields.lengths_at(crowd.level, crowd.position, route).sum(axis=1)
-    most = np.where(np.isfinite(lengths), LONGEST * lengths / (STEP * world.fields.spacing) + EXTRA, 0.0)
+    # Reference speeds are at most 1 m/s: nobody has farther to go than the travel time says.
+    time = fields.travel_time_at(crowd.level, crowd.position, route)
+    most = np.where(np.isfinite(time), LONGEST * np.maximum(time, 0.0) / (STEP * world.fields.spacing) + EXTRA, 0.0)
     nodes = int((world.fields.shape[:, 0].astype(np.int64) * world.fields.shape[:, 1]).sum())
     seen = np.zeros(nodes, dtype=np.uint8)
     first = np.concatenate([[0], np.cumsum(world.fields.shape.astype(np.int64).prod(axis=1))])
@@ -135,7 +136,8 @@ def _unreachable(
             f"{told}; the ground leads there, but through a gap that the grid of directions.spacing = "
             f"{fields.packed.spacing:g} m does not pass: make the spacing smaller, or widen the gap"
         )
-    return f"{told}; put them elsewhere, allow other exits, or open a way in the mesh"
+    opened = "open one of building.closed" if building.closed else "open a way in the mesh"
+    return f"{told}; put them elsewhere, allow other exits, or {opened}"
 
 
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:

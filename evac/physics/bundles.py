@@ -123,6 +123,7 @@ class World(NamedTuple):
     link_open: ByteArray  # (portals + exits,) 0: closed, acts as a wall
     uphill: FloatArray  # (levels, 2) unit plan vector, zero on the flat
     cosine: FloatArray  # (levels,) cosine of the slope
+    backed: ByteArray  # (levels,) 1: walls of the level stand right behind one of its exits
     linked: ByteArray  # (levels, levels) 1: same level or at most two portals apart
     rounding: float  # what rounding leaves of a length of zero at these coordinates [m]
     fields: PackedFields

@@ -178,7 +178,7 @@ def find_contacts(world, bodies, lists, contacts):
             square = nx * nx + ny * ny
             if square > limit * limit or bodies.level[j] < 0:
                 continue
-            if level != bodies.level[j] and not reaches(
+            if (level != bodies.level[j] or world.backed[level]) and not reaches(
                 world, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]
             ):
                 continue

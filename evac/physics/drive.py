@@ -64,7 +64,8 @@ def add_forces(world, bodies, lists, forces, clock):
             square = nx * nx + ny * ny
             if square >= limit * limit:
                 continue
-            if bodies.level[i] != bodies.level[j] and not reaches(
+            is_apart = bodies.level[i] != bodies.level[j] or world.backed[bodies.level[i]]
+            if is_apart and not reaches(
                 world,
                 bodies.level[i],
                 bodies.position[i, 0],

@@ -36,13 +36,27 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 
 
 @inner
+def leads_out(world, level, ax, ay, bx, by):
+    """Say whether the straight segment from a to b passes an open exit of a level."""
+    for s in range(world.link_start[level], world.link_start[level + 1]):
+        if world.link_to[s] >= 0 or not world.link_open[world.link_id[s]]:
+            continue
+        if crossing(world.link_segment, s, ax, ay, bx, by, 0.0) >= 0.0:
+            return True
+    return False
+
+
+@inner
 def reaches(world, level_a, ax, ay, level_b, bx, by):
     """Say whether the straight segment from a, followed through portals, ends on b's level.
 
-    At most two portals are passed: levels are at least a metre deep, and contacts and forces reach no farther.
+    At most two portals are passed: levels are at least a metre deep, and contacts and forces reach no farther. On one
+    level it ends there unless it leads out through an exit, as to a balcony behind a door.
     """
     if level_a == level_b:
-        return True
+        if world.backed[level_a] == 0:
+            return True
+        return not (leads_out(world, level_a, ax, ay, bx, by) or leads_out(world, level_a, bx, by, ax, ay))
     if world.linked[level_a, level_b] == 0:
         return False
     slack = max(SEAM, world.rounding)

@@ -2,6 +2,7 @@
 
 import networkx as nx
 import numpy as np
+import shapely
 
 from evac.building.model import Building
 from evac.directions.fields import Fields
@@ -10,6 +11,9 @@ from evac.physics.bundles import FloatArray, IntArray, World
 #: How far around each bucket walls are listed: the farthest that neighbour lists usually look [m].
 BUCKET_REACH = 1.0
 BUCKET_SIZE = 0.5
+
+#: Walls that stand behind an exit by no more than this stand beside it [m].
+ROUNDING = 1e-6
 
 
 def make_world(building: Building, fields: Fields) -> World:
@@ -48,6 +52,7 @@ def make_world(building: Building, fields: Fields) -> World:
         link_open=link_open,
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
+        backed=_backed(building),
         linked=_linked(building),
         rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.packed.origin).max())),
         fields=fields.packed,
@@ -89,6 +94,21 @@ def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray
         np.array([row[1] for row in rows], dtype=np.int32),
         np.array([row[2] for row in rows], dtype=np.int32),
     )
+
+
+def _backed(building: Building) -> np.ndarray:
+    """Mark the levels that have walls of their own within `BUCKET_REACH` behind an exit, as a balcony has."""
+    backed = np.zeros(len(building.levels), np.uint8)
+    for way in building.exits:
+        x1, y1, x2, y2 = way.segments.T
+        out = BUCKET_REACH * np.stack([y2 - y1, x1 - x2], axis=1) / np.hypot(x2 - x1, y2 - y1)[:, None]
+        start, end = way.segments[:, :2], way.segments[:, 2:]
+        behind = shapely.polygons(np.stack([start, end, end + out, start + out], axis=1)).tolist()
+        own = shapely.linestrings(building.walls[building.wall_level == way.level].reshape(-1, 2, 2))
+        # The posts of the exit stand beside it, not behind.
+        if shapely.intersects(shapely.union_all(behind).buffer(-ROUNDING), own).any():
+            backed[way.level] = 1
+    return backed
 
 
 def _linked(building: Building) -> np.ndarray:

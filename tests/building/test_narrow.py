@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.narrow import PRECISION, closed_gaps, narrow_places, necks
+from evac.building.narrow import PRECISION, gaps_below, narrow_places, necks
 
 DOOR = {"name": "door", "segment": [[0, 1], [0, 2]], "z": 0.0}
 
@@ -70,9 +70,9 @@ def test_portals_and_exits(stair_mesh, read):
 
 def test_gaps_that_walls_leave_are_closed_and_steps_of_an_outline_are_not():
     gap = shapely.box(0, 0, 4, 4).union(shapely.box(3.99, 4, 8, 8))
-    (found,) = closed_gaps(gap).tolist()
+    (found,) = gaps_below(gap).tolist()
     assert sorted([found[:2], found[2:]]) == [[3.99, 4.0], [4.0, 4.0]]
     wide = shapely.box(0, 0, 4, 4).union(shapely.box(3.97, 4, 8, 8))
     round_room = shapely.Point(0, 0).buffer(2.0, quad_segs=200)  # sides of 16 mm
     thin_wall = shapely.box(0, 0, 4, 4).difference(shapely.box(2, 0, 2.01, 3))  # a wall is no gap
-    assert [len(closed_gaps(polygon)) for polygon in (wide, round_room, thin_wall)] == [0, 0, 0]
+    assert [len(gaps_below(polygon)) for polygon in (wide, round_room, thin_wall)] == [0, 0, 0]

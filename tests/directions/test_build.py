@@ -92,6 +92,23 @@ def test_lengths_over_the_speeds_are_the_travel_time_at_every_node(drawing):
     np.testing.assert_allclose(time[has_way], fields.packed.travel_time[has_way], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("ends", [((0, 1), (0, 1.8)), ((0, 1.2), (0, 2)), ((8, 1), (8, 1.8)), ((1, 0), (1.7, 0))])
+@pytest.mark.parametrize("turn", [0.0, 33.0])
+def test_wherever_there_is_a_travel_time_there_are_lengths(drawing, ends, turn):
+    def turned(geometry):
+        return shapely.affinity.rotate(geometry, turn, origin=(0, 0))
+
+    line = turned(shapely.LineString(ends))
+    drawing.level(turned(shapely.box(0, 0, 8, 6)).union(line.buffer(1e-9)) if turn else (0, 0, 8, 6))
+    drawing.exit("A", 0, *shapely.get_coordinates(line))
+    building = drawing.build()
+    fields = build_fields(building, ANY)
+    points = positions_on(building, 0, 4000)
+    lengths = fields.lengths_at(0, points, 0)
+    assert np.isfinite(lengths).all()
+    np.testing.assert_allclose(lengths.sum(axis=1), fields.travel_time_at(0, points, 0), rtol=0.0, atol=1e-6)
+
+
 def test_an_exit_on_a_stair_ends_a_way_on_the_stair(drawing):
     drawing.level((0, 0, 6, 5), z=3.0)
     drawing.level((6, 2, 10, 3.5), uphill=(-1, 0), slope=SLOPE)

@@ -139,6 +139,29 @@ def test_no_way_leads_through_a_point_or_a_gap_narrower_than_two_centimetres(dra
     assert fields.travel_time_at(0, [[3.5 + shift, 3.5 + shift]], 0)[0] == pytest.approx(exact, abs=0.25)
 
 
+@pytest.mark.parametrize("slit", [0.15, 0.3, 0.38])
+@pytest.mark.parametrize("clearance", [0.0, CLEARANCE])
+def test_a_slit_that_nobody_fits_through_is_taken_only_where_there_is_no_other_way(drawing, slit, clearance):
+    """A partition with a slit below, and a door 3 m above or none."""
+    start = (2.0, 0.5)
+    slow = math.hypot(1.0, 0.5 - slit) + 0.1 + math.hypot(2.9, 0.2)
+    for top in (3.0, 4.0):
+        own = type(drawing)()
+        own.level(shapely.box(0, 0, 6, 4).difference(shapely.box(3.0, slit, 3.1, top)))
+        own.exit("A", 0, (6, 0.5), (6, 1.5))
+        building = own.build()
+        narrow, wide = (build_fields(building, ANY, clearance=clearance, narrowest=d) for d in (0.4, 0.1))
+        assert wide.travel_time_at(0, [start], 0)[0] == pytest.approx(slow, abs=0.4)
+        if clearance:
+            exit_, way = walk(narrow, building, start, 0)
+            assert exit_ == "A"
+            highest = max(y for _, x, y in way if 2.9 < x < 3.2)
+            assert (highest > 3.0) == (top < 4.0)
+        if top < 4.0:
+            exact = math.hypot(1.0, 2.5) + 0.1 + math.hypot(2.9, 1.5)
+            assert narrow.travel_time_at(0, [start], 0)[0] == pytest.approx(exact, abs=0.2)
+
+
 def test_cells_list_the_walls_through_them_and_none_along_their_edges(drawing):
     drawing.level((0.0, 0.0, 2.0, 1.0))
     drawing.wall(0, (0.55, 0.0), (0.55, 0.5))

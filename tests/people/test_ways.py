@@ -106,4 +106,6 @@ def test_walks_pass_portals_and_slide_along_walls():
     starts = [[0.01, 0.01], [3.99, 0.5], [3.99, 4.99], [2.0, 2.5]]
     check(building, fields, starts)
     closed = replace(building, closed=frozenset({0}))
-    assert "cannot reach any exit" in refusal(closed, build_fields(closed, ROUTES), starts)
+    message = refusal(closed, build_fields(closed, ROUTES), starts)
+    assert "cannot reach any exit" in message
+    assert "building.closed" in message
