@@ -275,9 +275,9 @@ def _lengths(
     while (without := node[np.isinf(lengths[node, 0])]).size:
         begins = without[is_lowest(without, ways)]
         begins = begins if begins.size else without[:1]
-        use = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
+        towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
         lengths[begins] = 0.0
-        lengths[begins, use] = cost[begins] / rates[use]
+        lengths[begins, towards] = cost[begins] / rates[towards]
         add_lengths(node, ways, lengths)
     # The lengths are of first order; their sum must give the cost, which is of second.
     along = lengths[node] @ rates
