@@ -14,6 +14,9 @@ FloatArray = NDArray[np.float64]
 DIGITS = (6, 7)
 #: A number is on a grid if it is no farther off than this share of the grid's step.
 ON_GRID = 1e-3
+#: Where no more than this share of an axis' different coordinates have decimals that the other axis lacks, the plan was
+#: drawn so: in whole metres with an odd wall, say.
+DRAWN_SO = 0.25
 #: An axis along which all coordinates are smaller than this says nothing about digits [units of the file].
 LEAST_EXTENT = 1e-6
 #: Coordinates coarser than this cannot describe doors and walls, whatever the weld [m].
@@ -95,10 +98,16 @@ def _decimal_step(plan: FloatArray) -> float:
         if (
             all(_on_grid(plan[:, axis], steps[axis]) for axis in (0, 1))
             and not _on_grid(plan[:, coarse], 10.0 * steps[coarse])
-            and not _on_grid(plan[:, 1 - coarse], steps[coarse])
+            and _share_off_grid(plan[:, 1 - coarse], steps[coarse]) > DRAWN_SO
         ):
             return float(steps[coarse])
     return 0.0
+
+
+def _share_off_grid(values: FloatArray, step: float) -> float:
+    """Return the share of the different values that are no multiples of a step."""
+    cells = np.unique(values) / step
+    return float((np.abs(cells - np.round(cells)) > ON_GRID).mean())
 
 
 def _on_grid(values: FloatArray, step: float | FloatArray) -> bool:

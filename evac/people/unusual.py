@@ -11,7 +11,7 @@ from evac.physics.bundles import Crowd
 
 #: Quantities with their units, and the range in which they are usual for people.
 USUAL = (
-    ("speed", "m/s", 0.0, 3.0),
+    ("speed", "m/s", 0.1, 3.0),
     ("radius", "m", 0.1, 0.5),
     ("mass", "kg", 10.0, 200.0),
     ("tau", "s", 0.01, 2.0),

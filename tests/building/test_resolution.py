@@ -32,6 +32,11 @@ def test_step_of_what_was_rounded(plan, step):
     assert rounding_step(np.asarray(plan, dtype=float)) == step
 
 
+def test_a_drawing_in_whole_metres_with_one_odd_wall_is_not_taken_for_rounded():
+    drawn = np.array([(0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (5.1, 6.0), (5.0, 6.0), (0.0, 6.0)])
+    assert rounding_step(drawn + UTM) == 0.0
+
+
 @pytest.mark.parametrize(
     "drawn", [PLAN, np.round(PLAN, 1), np.round(PLAN), np.round(2.0 * PLAN), 0.25 * np.round(PLAN)]
 )
