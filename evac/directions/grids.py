@@ -23,7 +23,7 @@ from evac.directions.lattice import (
     walkable_nodes,
     wall_distance,
 )
-from evac.directions.strips import behind, free_rows
+from evac.directions.strips import behind, chain, free_rows
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
 NOTHING, OWN = -1, 0
@@ -177,10 +177,6 @@ def _open_portals(building: Building, level: int) -> list[Portal]:
     return [portal for portal in building.portals_of(level) if building.is_open(portal)]
 
 
-def _chain(segments: FloatArray) -> BaseGeometry:
-    return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
-
-
 def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
     """Return flat indices of the nodes of a window as those of a larger one."""
     i, j = np.unravel_index(nodes, window.shape)
@@ -209,7 +205,7 @@ class _Layers:
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
         bounds = np.array(
-            [level.polygon.bounds] + [shapely.buffer(_chain(p.segments), self._depth(p)).bounds for p in portals]
+            [level.polygon.bounds] + [shapely.buffer(chain(p.segments), self._depth(p)).bounds for p in portals]
         )
         window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), self.margin)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
@@ -223,14 +219,14 @@ class _Layers:
             self.strip_rows[exit_.index] = rows
             strip = (sheet == NOTHING) & behind(window, exit_.segments, rows)
             sheet[strip] = 1 + self.building.link_of(exit_)
-            taken.append(shapely.buffer(_chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
+            taken.append(shapely.buffer(chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
 
     def _zone(self, portal: Portal, level: int) -> BaseGeometry:
         """Return the ground behind a portal that its halo may cover."""
         neighbour = self.building.levels[portal.other(level)].polygon
-        return neighbour.intersection(shapely.buffer(_chain(portal.segments), self._depth(portal)))
+        return neighbour.intersection(shapely.buffer(chain(portal.segments), self._depth(portal)))
 
     def _depth(self, portal: Portal) -> float:
         """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
@@ -241,10 +237,10 @@ class _Layers:
         nodes = np.zeros(window.shape, dtype=np.bool_)
         here, there = window.overlap(self.windows[neighbour])
         nodes[here] = self.nodes[neighbour][there]
-        chain = _chain(portal.segments)
-        shapely.prepare(chain)
+        line = chain(portal.segments)
+        shapely.prepare(line)
         x, y = window.coordinates()
-        nodes[nodes] = shapely.dwithin(chain, shapely.points(x[nodes], y[nodes]), self._depth(portal))
+        nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), self._depth(portal))
         parts, _ = ndimage.label(nodes)
         beside = _ends_of(window.crossed_links(portal.segments, touching=True))
         reached = np.unique(parts[beside & nodes])
@@ -324,10 +320,10 @@ def _seam(
     shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
     ours = shared + np.array([here[0].start, here[1].start])
     theirs = shared + np.array([there[0].start, there[1].start])
-    chain = _chain(portal.segments)
-    shapely.prepare(chain)
+    line = chain(portal.segments)
+    shapely.prepare(line)
     spacing = window.lattice.spacing
-    on_portal = shapely.dwithin(chain, shapely.points(window.origin + spacing * ours), 2.0 * SLACK * spacing)
+    on_portal = shapely.dwithin(line, shapely.points(window.origin + spacing * ours), 2.0 * SLACK * spacing)
     return np.stack(
         [
             offset + np.ravel_multi_index(tuple(nodes[on_portal].T), shape)
@@ -351,7 +347,7 @@ def _distances(
     near_walls = [walls[level]]
     for portal in _open_portals(building, level) if clearance > 0.0 else ():
         beyond = walls[portal.other(level)]
-        close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), _chain(portal.segments), clearance)
+        close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), chain(portal.segments), clearance)
         near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
     edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)
@@ -361,7 +357,7 @@ def _distances(
 
 def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:
     """Return the parts of walls within `clearance` of a portal."""
-    zone = shapely.buffer(_chain(segments), clearance)
+    zone = shapely.buffer(chain(segments), clearance)
     parts = shapely.get_parts(shapely.intersection(shapely.linestrings(walls.reshape(-1, 2, 2)), zone))
     lines = [shapely.get_coordinates(part)[[0, -1]].ravel() for part in parts if part.length > 0.0]
     return np.array(lines, dtype=np.float64).reshape(-1, 4)

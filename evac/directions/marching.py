@@ -14,6 +14,7 @@ from shapely.ops import substring
 from evac.building.model import DOWN, FLAT, UP, Exit, Portal
 from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
 from evac.directions.lattice import SLACK, FloatArray
+from evac.directions.strips import points_along
 
 #: Greatest difference left at a portal, in the time of one cell.
 TOLERANCE = 0.25
@@ -114,7 +115,7 @@ class _March:
         the least cost need not pass everywhere before greater ones, as where two exits lie behind a wide portal.
         """
         beyond = portal.other(entered)
-        points = _points_along(portal.segments, 0.5 * self.spacing)
+        points, _ = points_along(portal.segments, 0.5 * self.spacing)
         behind = self._at(beyond, points)
         slack = self._step(portal) * self._at(beyond, points, self.metric.factor)
         falls, before = self.tried.get((portal.index, entered), (-1, -math.inf))
@@ -282,13 +283,3 @@ def _middles(segments: FloatArray, off_ends: float) -> list[BaseGeometry]:
         off = 0.0 if line.is_closed else min(off_ends, 0.25 * line.length)
         found.append(substring(line, off, line.length - off))
     return found
-
-
-def _points_along(segments: FloatArray, spacing: float) -> FloatArray:
-    """Return points inside segments, at most `spacing` apart."""
-    points = []
-    for x1, y1, x2, y2 in segments:
-        number = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / spacing))
-        part = (np.arange(number) + 0.5)[:, None] / number
-        points.append(np.array([x1, y1]) + part * np.array([x2 - x1, y2 - y1]))
-    return np.concatenate(points)

@@ -33,10 +33,10 @@ def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: 
     most : int
         Rows that are wanted.
     """
-    place, outward = _points_along(segments, 0.5 * spacing)
+    place, outward = points_along(segments, 0.5 * spacing)
     depth = spacing * np.arange(1, most + 1)
     points = place[:, None, :] + depth[:, None] * outward[:, None, :]
-    is_free = shapely.distance(_chain(segments), shapely.points(points)) > (1.0 - STRAIGHT) * depth
+    is_free = shapely.distance(chain(segments), shapely.points(points)) > (1.0 - STRAIGHT) * depth
     # One row more: nodes beside other ground are left out.
     beyond = shapely.linestrings(
         np.stack([place + SLACK * spacing * outward, place + (most + 1) * spacing * outward], axis=1)
@@ -76,7 +76,7 @@ def _outward(segments: FloatArray) -> FloatArray:
     return unit
 
 
-def _points_along(segments: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+def points_along(segments: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 2) inside segments, at most `spacing` apart, and the outward normals (n, 2) there."""
     places: list[FloatArray] = []
     numbers: list[int] = []
@@ -88,5 +88,6 @@ def _points_along(segments: FloatArray, spacing: float) -> tuple[FloatArray, Flo
     return np.concatenate(places), np.repeat(_outward(segments), numbers, axis=0)
 
 
-def _chain(segments: FloatArray) -> BaseGeometry:
+def chain(segments: FloatArray) -> BaseGeometry:
+    """Return the segments of a portal or exit as one geometry."""
     return shapely.multilinestrings(shapely.linestrings(segments.reshape(-1, 2, 2)))
