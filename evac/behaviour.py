@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.directions.fields import Fields
     from evac.directions.routes import Route
-    from evac.physics.bundles import Crowd
+    from evac.physics.state import Crowd
 
 
 _LEGAL = {
@@ -155,7 +155,7 @@ def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
         As `check_writes`.
     """
     check_writes(behaviour)
-    views = {name: array.view() for name, array in crowd._asdict().items()}
+    views = {name: array.view() for name, array in crowd.values().items()}
     for name, view in views.items():
         view.flags.writeable = name in behaviour.writes
     return type(crowd)(**views)

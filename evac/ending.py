@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.directions.fields import Fields
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.scenario.schema import SimulationSettings

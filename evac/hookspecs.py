@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from evac.output.results import Results
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
+    from evac.physics.solver import Solver
     from evac.registry import Registry
     from evac.scenario.case import Case
     from evac.simulation import Simulation
@@ -24,6 +25,11 @@ hookimpl = pluggy.HookimplMarker("evac")
 @hookspec
 def evac_contact_models() -> "Sequence[type[ContactModel]]":  # type: ignore[empty-body]
     """Return contact model classes."""
+
+
+@hookspec
+def evac_solvers() -> "Sequence[type[Solver]]":  # type: ignore[empty-body]
+    """Return classes of solvers of the contact problem."""
 
 
 @hookspec

@@ -27,6 +27,9 @@ BUILTIN_PLUGINS = (
     "evac_plugins.contact_dem",
     "evac_plugins.contact_nsm1",
     "evac_plugins.contact_nsm2",
+    "evac_plugins.solver_sweeps",
+    "evac_plugins.solver_gradient",
+    "evac_plugins.solver_conjugate",
     "evac_plugins.force_social",
     "evac_plugins.behaviour_response_time",
     "evac_plugins.behaviour_teacher_following",
@@ -39,6 +42,7 @@ BUILTIN_PLUGINS = (
 #: What can be registered, and the hook that returns it.
 KINDS = {
     "contact_model": "evac_contact_models",
+    "solver": "evac_solvers",
     "force": "evac_forces",
     "behaviour": "evac_behaviours",
     "recorder": "evac_recorders",
@@ -49,6 +53,7 @@ KINDS = {
 #: Module and name of the class that each kind derives from; loaded when something of the kind is registered.
 BASES = {
     "contact_model": ("evac.physics.contact_model", "ContactModel"),
+    "solver": ("evac.physics.solver", "Solver"),
     "force": ("evac.physics.force", "Force"),
     "behaviour": ("evac.behaviour", "Behaviour"),
     "recorder": ("evac.output.recorder", "Recorder"),
@@ -94,7 +99,7 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
-    contact_models, forces, behaviours, recorders : dict of str to class
+    contact_models, solvers, forces, behaviours, recorders : dict of str to class
         By name; to be read only.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -114,6 +119,7 @@ class Registry:
         self.provenance: list[Provenance] = []
         self._tables: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
         self.contact_models: dict[str, type[Any]] = self._tables["contact_model"]
+        self.solvers: dict[str, type[Any]] = self._tables["solver"]
         self.forces: dict[str, type[Any]] = self._tables["force"]
         self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
         self.recorders: dict[str, type[Any]] = self._tables["recorder"]

@@ -24,7 +24,7 @@ from evac.people.groups import check_people, default_clearance, narrowest_body, 
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
-from evac.physics.bundles import copy_of
+from evac.physics.state import copy_of
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
@@ -126,7 +126,7 @@ class Simulation:
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         names = [level.name for level in self.building.levels]
-        self.engine = Engine(world, len(people.crowd.level), self.forces, self.full, names)
+        self.engine = Engine(world, len(people.crowd.level), self.forces, self.full, names, self.registry.solvers)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -146,7 +146,7 @@ class Simulation:
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
-        cutoffs = dict(zip((force.name for force in self.forces), self.engine.forces.cutoff.tolist(), strict=True))
+        cutoffs = dict(zip((force.name for force in self.forces), self.engine.state.forces.cutoff.tolist(), strict=True))
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         return explain(self.case, self.building, self.fields.routes, self.contact, felt, acts)
@@ -166,7 +166,7 @@ class Simulation:
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
-        start = crowd._replace(position=self._start[0], level=self._start[1])
+        start = crowd.replace(position=self._start[0], level=self._start[1])
         return (*self.building.warnings, *narrow, *unusual(start, self.population.groups))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
@@ -275,7 +275,7 @@ class Simulation:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of everything that a run needs to go on from this tick to the same bits."""
         state = {f"population.{key}": value for key, value in self.population.state().items()}
-        state |= {f"engine.{key}": value for key, value in self.engine.state().items()}
+        state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
             for key, value in behaviour.state().items():
                 state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
@@ -303,7 +303,7 @@ class Simulation:
         """Load the kernels, start the recorders and record the start."""
         settings = self.case.simulation
         with self._phase("kernels"):
-            self.engine.load(self.contact, self.population.crowd, settings.step, settings.is_explicit)
+            self.engine.load(self.contact)
         self._is_recording = True
         for recorder in self.recorders:
             with plugin_code(f"recorder {recorder.name!r}: start"):

@@ -2,20 +2,19 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.sampling import sample_travel_time
 from evac.hookspecs import hookimpl
-from evac.jit import inner, kernel
+from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.parameters import Parameter
-from evac.physics.bundles import Crowd, FloatArray, IntArray
 from evac.physics.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import reaches
 from evac.physics.sight import bucket_at, passes_through
+from evac.physics.state import Crowd, World
 from evac.physics.world import make_world
 
 #: A repulsion below this share of the desired direction is left out.
@@ -25,7 +24,7 @@ FAINT = 0.01
 CELL = 1.0
 
 
-class Rule(NamedTuple):
+class Rule(Struct):
     """The parameters of `Headway`, and the distance from which on a repulsion is faint [m]."""
 
     time_gap: float
@@ -35,17 +34,18 @@ class Rule(NamedTuple):
     cutoff: float
 
 
-class Sights(NamedTuple):
+class Sights(Struct):
     """What everybody is about to do at a tick, and who stands in which cell of the plan."""
 
-    direction: FloatArray  # (n, 2) unit desired direction
-    wanted: FloatArray  # (n,) desired plan speed, 0 before the response time and once out [m/s]
-    remaining: FloatArray  # (n,) travel time left [s]
-    start: IntArray  # cells, as `fill_cells` leaves them
-    cell_of: IntArray
-    slots: IntArray
-    cells: IntArray  # (2,) numbers of cells along x and y
-    open_to: FloatArray  # (n,) distance to which no wall hides anybody on the own level [m]
+    direction: Pairs  # (n, 2) unit desired direction
+    wanted: Floats  # (n,) desired plan speed, 0 before the response time and once out [m/s]
+    remaining: Floats  # (n,) travel time left [s]
+    start: Ints  # cells, as `fill_cells` leaves them
+    cell_of: Ints
+    slots: Ints
+    cells_x: int  # numbers of cells along x and y
+    cells_y: int
+    open_to: Floats  # (n,) distance to which no wall hides anybody on the own level [m]
 
 
 class Headway(Behaviour):
@@ -101,12 +101,15 @@ class Headway(Behaviour):
             start=np.zeros(4 * n + 1025, np.int32),
             cell_of=np.zeros(n, np.int32),
             slots=np.zeros(n, np.int32),
-            cells=np.zeros(2, np.int32),
+            cells_x=0,
+            cells_y=0,
             open_to=np.zeros(n),
         )
         share = self.repulsion / FAINT
         cutoff = max(self.length + self.range * math.log(share), 0.0) if share > 0.0 else 0.0
-        self._rule = Rule(self.time_gap, self.length, self.repulsion, self.range, cutoff)
+        self._rule = Rule(
+            time_gap=self.time_gap, length=self.length, repulsion=self.repulsion, range=self.range, cutoff=cutoff
+        )
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Turn everybody from who is near, and slow down who is too near to somebody ahead."""
@@ -118,17 +121,18 @@ class Headway(Behaviour):
 
 
 @kernel
-def keep_clear(world, crowd, sights, rule, time):  # type: ignore[no-untyped-def]
+def keep_clear(world: World, crowd: Crowd, sights: Sights, rule: Rule, time: float) -> None:
     """Apply the rules of `Headway` to everybody inside who has set off."""
     n = crowd.level.shape[0]
     inside = 0
     for i in range(n):
-        inside += crowd.level[i] >= 0
+        if crowd.level[i] >= 0:
+            inside += 1
     if inside == 0:
         return
     nx, ny = fill_cells(n, crowd.position, crowd.level, CELL, sights.start, sights.cell_of, sights.slots)
-    sights.cells[0] = nx
-    sights.cells[1] = ny
+    sights.cells_x = nx
+    sights.cells_y = ny
     look_for_walls(world, crowd, sights)
     turn_away(world, crowd, sights, rule)
     look_around(world, crowd, sights, time)
@@ -138,7 +142,7 @@ def keep_clear(world, crowd, sights, rule, time):  # type: ignore[no-untyped-def
 @inner
 def block_of(sights, i, reach):  # type: ignore[no-untyped-def]
     """Return columns and rows of the cells within a reach [m] of person i, as first and last + 1."""
-    nx, ny = sights.cells[0], sights.cells[1]
+    nx, ny = sights.cells_x, sights.cells_y
     column = sights.cell_of[i] // ny
     row = sights.cell_of[i] - column * ny
     ring = int(min(reach / CELL, nx + ny)) + 1
@@ -157,7 +161,7 @@ def turn_away(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         px, py = 0.0, 0.0
         left, right, low, high = block_of(sights, i, rule.cutoff)
         for cx in range(left, right):
-            for slot in range(sights.start[cx * sights.cells[1] + low], sights.start[cx * sights.cells[1] + high]):
+            for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
                 j = sights.slots[slot]
                 dx = crowd.position[j, 0] - crowd.position[i, 0]
                 dy = crowd.position[j, 1] - crowd.position[i, 1]
@@ -199,7 +203,7 @@ def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         nearest = rule.length + full
         left, right, low, high = block_of(sights, i, nearest)
         for cx in range(left, right):
-            for slot in range(sights.start[cx * sights.cells[1] + low], sights.start[cx * sights.cells[1] + high]):
+            for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
                 j = sights.slots[slot]
                 dx = crowd.position[j, 0] - crowd.position[i, 0]
                 dy = crowd.position[j, 1] - crowd.position[i, 1]
@@ -233,7 +237,7 @@ def look_for_walls(world, crowd, sights):  # type: ignore[no-untyped-def]
     """Set how far everybody inside sees without asking for walls: not at all where one is around."""
     for i in range(crowd.level.shape[0]):
         if crowd.level[i] >= 0:
-            sights.open_to[i] = world.bucket_frame[3]
+            sights.open_to[i] = world.bucket_reach
             first, last = bucket_at(world, crowd.position[i, 0], crowd.position[i, 1])
             for slot in range(first, last):
                 w = world.bucket_wall[slot]
@@ -252,7 +256,7 @@ def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
     if not reaches(world, a, ax, ay, b, bx, by):
         return False
     # A bucket lists the walls within a reach of it: so many buckets along the line list all that can cross it.
-    pieces = int(math.hypot(bx - ax, by - ay) / (2.0 * world.bucket_frame[3])) + 1
+    pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / (2.0 * world.bucket_reach)) + 1
     for k in range(pieces):
         share = (k + 0.5) / pieces
         first, last = bucket_at(world, ax + share * (bx - ax), ay + share * (by - ay))
@@ -260,7 +264,7 @@ def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
             w = world.bucket_wall[slot]
             if world.wall_open[w] or (world.wall_level[w] != a and world.wall_level[w] != b):
                 continue
-            if passes_through(world.wall[w], ax, ay, bx, by):
+            if passes_through(world.wall, w, ax, ay, bx, by):
                 return False
     return True
 

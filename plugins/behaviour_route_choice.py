@@ -14,7 +14,7 @@ from evac.directions.routes import STRATEGIES, Route
 from evac.errors import PluginError, ScenarioError
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 IntArray = NDArray[np.int32]
 

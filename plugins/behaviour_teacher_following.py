@@ -1,19 +1,22 @@
 """Teacher following: a class keeps behind its teacher, and the teacher waits for its class."""
 
+import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.building.model import FLAT
+from evac.directions.fields import PackedFields
 from evac.directions.sampling import sample_travel_time
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
-from evac.jit import kernel
+from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
+from evac.jit.layout import FloatGrid
 from evac.parameters import Parameter, did_you_mean
-from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray
+from evac.physics.state import Crowd
 
 #: Somebody has made progress once its remaining travel time is less by this much than the least so far [s].
 PROGRESS = 0.5
@@ -25,17 +28,19 @@ SLOWEST = 1e-9
 LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE, ROUTE = range(6)
 
 
-class Classes(NamedTuple):
+class Classes(Struct):
     """Teachers, members and what is remembered of them; members of class g stand at first[g] to first[g + 1]."""
 
-    teacher: IntArray  # (classes,) row in Crowd
-    first: IntArray  # (classes + 1,)
-    member: IntArray  # (members,) row in Crowd
-    memory: FloatArray  # (classes, 6)
-    goes_alone: ByteArray  # (members,) 1: released
+    teacher: Ints  # (classes,) row in Crowd
+    first: Ints  # (classes + 1,)
+    member: Ints  # (members,) row in Crowd
+    memory: FloatGrid  # (classes, 6)
+    goes_alone: Bytes  # (members,) 1: released
+    behind: Floats  # (members,) travel times of those behind a teacher, from the first in line [s]
+    speed: Floats  # (members,) and their speeds [m/s]
 
 
-class Rules(NamedTuple):
+class Rules(Struct):
     """The parameters of `TeacherFollowing` and the tick [s]."""
 
     tick: float
@@ -96,8 +101,12 @@ class TeacherFollowing(Behaviour):
             member=np.concatenate([np.zeros(0, np.int32), *(group.rows for group in followers)]).astype(np.int32),
             memory=np.tile([np.inf, 0.0, np.inf, 0.0, 0.0, -1.0], (len(followers), 1)),
             goes_alone=np.zeros(sum(sizes), dtype=np.uint8),
+            behind=np.zeros(sum(sizes)),
+            speed=np.zeros(sum(sizes)),
         )
-        self._rules = Rules(scene.tick, self.trail, self.lag, self.patience, self.stuck)
+        self._rules = Rules(
+            tick=scene.tick, trail=self.trail, lag=self.lag, patience=self.patience, stuck=self.stuck
+        )
         self._fields = scene.fields.packed
 
     def act(self, crowd: Crowd, time: float) -> None:
@@ -132,38 +141,37 @@ def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
 
 
 @kernel
-def follow(crowd, fields, classes, rules, time):  # type: ignore[no-untyped-def]
+def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, time: float) -> None:
     """Apply the rules of `TeacherFollowing` to every class whose teacher is inside."""
-    for g in range(classes.teacher.shape[0]):
+    memory = classes.memory
+    for g in range(len(classes.teacher)):
         t = classes.teacher[g]
         if crowd.level[t] < 0:
             continue
-        memory = classes.memory[g]
-        if memory[ROUTE] != crowd.route[t]:  # travel times of two routes cannot be compared
-            memory[ROUTE] = crowd.route[t]
-            memory[LAST_TRAVEL_TIME] = np.inf
-            memory[TEACHER_TRAVEL_TIME] = np.inf
+        if memory[g, ROUTE] != crowd.route[t]:  # travel times of two routes cannot be compared
+            memory[g, ROUTE] = crowd.route[t]
+            memory[g, LAST_TRAVEL_TIME] = math.inf
+            memory[g, TEACHER_TRAVEL_TIME] = math.inf
         x, y = crowd.position[t, 0], crowd.position[t, 1]
         own = sample_travel_time(fields, x, y, crowd.level[t], crowd.route[t])
-        behind, speed = pace_members(crowd, fields, classes, rules, time, g, own)
-        if time >= crowd.start_time[t] and np.isfinite(own):
-            last = behind[-1] if len(behind) else own
-            delay = min(widest_gap(own, behind, speed), time_to_walk(own, crowd.speed[t, FLAT]))
-            pace = lead_on(memory, last, delay / rules.lag, rules.patience, rules.tick)
+        behind = pace_members(crowd, fields, classes, rules, time, g, own)
+        if time >= crowd.start_time[t] and math.isfinite(own):
+            last = classes.behind[behind - 1] if behind > 0 else own
+            delay = min(widest_gap(own, classes, behind), time_to_walk(own, crowd.speed[t, FLAT]))
+            pace = lead_on(memory, g, last, delay / rules.lag, rules.patience, rules.tick)
             crowd.speed_factor[t] *= pace
-            count_vain(memory, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
+            count_vain(memory, g, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
 
 
-@kernel
+@inner
 def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[no-untyped-def]
     """Apply the members' rules to class g, whose teacher has the travel time `own` left.
 
-    Return the travel times [s] and speeds [m/s] of those behind the teacher, from the first in line to the last.
+    List those behind the teacher in ``classes.behind`` and ``classes.speed``; return how many they are.
     """
     t = classes.teacher[g]
     hindered = classes.memory[g, HINDERED]
-    size = classes.first[g + 1] - classes.first[g]
-    behind, speed, count = np.empty(size), np.empty(size), 0
+    count = 0
     for k in range(classes.first[g], classes.first[g + 1]):
         m = classes.member[k]
         if crowd.level[m] < 0:
@@ -175,11 +183,10 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
         x, y = crowd.position[m, 0], crowd.position[m, 1]
         remaining = sample_travel_time(fields, x, y, crowd.level[m], crowd.route[m])
         lead = own - remaining
-        if not np.isfinite(lead):
+        if not math.isfinite(lead):
             continue
         if lead <= 0.0:
-            behind[count] = remaining
-            speed[count] = crowd.speed[m, FLAT]
+            enter_line(classes, count, remaining, crowd.speed[m, FLAT])
             count += 1
         if hindered > rules.stuck + rules.patience:
             classes.goes_alone[k] = 1
@@ -189,48 +196,59 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
             classes.goes_alone[k] = 1
         if not classes.goes_alone[k]:
             crowd.speed_factor[m] *= min(max(-lead / rules.trail, 0.0), 1.0)
-    order = np.argsort(behind[:count])
-    return behind[order], speed[order]
+    return count
 
 
-@kernel
-def widest_gap(own, behind, speed):  # type: ignore[no-untyped-def]
+@inner
+def enter_line(classes, count, remaining, speed):  # type: ignore[no-untyped-def]
+    """Enter somebody in the line of `count` people behind a teacher, which is sorted by travel time."""
+    place = count
+    while place > 0 and classes.behind[place - 1] > remaining:
+        classes.behind[place] = classes.behind[place - 1]
+        classes.speed[place] = classes.speed[place - 1]
+        place -= 1
+    classes.behind[place] = remaining
+    classes.speed[place] = speed
+
+
+@inner
+def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
     """Return the longest time [s] that somebody in a teacher's line takes to where its neighbour ahead is now."""
     widest, ahead = 0.0, own
-    for k in range(len(behind)):
-        widest = max(widest, time_to_walk(behind[k] - ahead, speed[k]))
-        ahead = behind[k]
+    for k in range(count):
+        widest = max(widest, time_to_walk(classes.behind[k] - ahead, classes.speed[k]))
+        ahead = classes.behind[k]
     return widest
 
 
-@kernel
+@inner
 def time_to_walk(difference, speed):  # type: ignore[no-untyped-def]
     """Return how long a person takes at its own speed for a difference of travel times, which are those at 1 m/s."""
     return difference / max(speed, SLOWEST)
 
 
-@kernel
-def lead_on(memory, last, share, patience, tick):  # type: ignore[no-untyped-def]
+@inner
+def lead_on(memory, g, last, share, patience, tick):  # type: ignore[no-untyped-def]
     """Return a teacher's speed factor at a `share` of the gap at which it stands, and remember how long it waits."""
     pace = min(max(2.0 * (1.0 - share), 0.0), 1.0)
     if pace == 1.0:
-        memory[WAITS_NO_MORE] = 0.0
-    count_vain(memory, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)
-    if memory[WAITED] > patience:
-        memory[WAITS_NO_MORE] = 1.0
-    if memory[WAITS_NO_MORE] == 1.0:
+        memory[g, WAITS_NO_MORE] = 0.0
+    count_vain(memory, g, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)
+    if memory[g, WAITED] > patience:
+        memory[g, WAITS_NO_MORE] = 1.0
+    if memory[g, WAITS_NO_MORE] == 1.0:
         return 1.0
     return pace
 
 
-@kernel
-def count_vain(memory, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
+@inner
+def count_vain(memory, g, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
     """Add the time `spent` [s] to column `vain`, or start anew once less travel time is left than column `seen` has."""
-    if remaining < memory[seen] - PROGRESS:
-        memory[seen] = remaining
-        memory[vain] = 0.0
+    if remaining < memory[g, seen] - PROGRESS:
+        memory[g, seen] = remaining
+        memory[g, vain] = 0.0
     else:
-        memory[vain] += spent
+        memory[g, vain] += spent
 
 
 @hookimpl

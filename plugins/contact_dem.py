@@ -1,22 +1,19 @@
 """DEM, the smooth contact model: a spring between overlapping bodies (eqs 3, 16, 17) that hardens when deep."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
-from evac.jit import inner, kernel
+from evac.jit import Floats, Struct, Triples, inner, kernel
 from evac.parameters import Parameter
-from evac.physics import stepping
 from evac.physics import tallies as at
-from evac.physics.bundles import Clock
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac.physics.contacts import push
-from evac.physics.engine import Engine
-from evac.physics.neighbours import OK
+from evac.physics.state import State, World
+from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
 #: The tangent stiffness of a hardening contact rises to this many times k at an overlap of the radius.
 HARDEST = 1000.0
@@ -25,14 +22,140 @@ HARDEST = 1000.0
 LEAST_FORCE = 6000.0
 
 
-class Law(NamedTuple):
-    """What the compiled loop reads."""
+class Spring(Struct):
+    """What the law reads, and room for the check of its stability."""
 
     stiffness: float  # [kg/s2]
-    smallest: float  # smallest radius [m]
     hardening: float  # share of the radius
     least: float  # no contact hardens at a smaller overlap, whatever its radius [m]
-    onset: float  # nor does any here [m]
+    stiffnesses: Triples  # (n, 3) xx, yy and xy of the sum of k n n^T / m of a body's contacts over k [1/kg]
+    coupling: Floats  # (n,) of the same to other bodies; -1 once checked [1/kg]
+
+
+@inner
+def take_free(bodies):
+    """Let the free velocity be the velocity after the sub-step, as it is without contacts."""
+    for i in range(bodies.inside):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
+
+
+@kernel
+def spring(state: State, own: Spring, h: float) -> int:
+    """Set the percussions and the velocities after the sub-step; count the hardened contacts."""
+    bodies, contacts = state.bodies, state.contacts
+    if _is_too_stiff(state, own, h):
+        return TOO_STIFF
+    take_free(bodies)
+    onset = max(own.hardening * bodies.smallest, own.least)
+    for c in range(contacts.number):
+        overlap = -min(0.0, contacts.gap[c])
+        if overlap > onset:
+            overlap, tangent = press(overlap, _radius(bodies, contacts, c), own)
+            if tangent > 1.0:
+                state.tally[at.HARDENED_CONTACTS] += 1.0
+        contacts.percussion[c] = h * own.stiffness * overlap
+        push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+    return OK
+
+
+@inner
+def damping_limit(h, tau, explicit):
+    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
+    if explicit:
+        return 4.0 - 2.0 * h / tau
+    return 2.0 * (1.0 + math.exp(-h / tau))
+
+
+@inner
+def press(overlap, radius, own):
+    """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
+
+    With the overlap D, the onset D_h, which is hardening r or LEAST_FORCE / k if that is greater, and the length
+    L = (r - D_h) / ln(HARDEST), the force is
+
+    - k D up to D_h;
+    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
+    - k D beyond r, where two people started in one another: hardened contacts would throw them.
+    """
+    onset = max(own.hardening * radius, own.least)
+    if overlap <= onset or overlap > radius:
+        return overlap, 1.0
+    length = (radius - onset) / math.log(HARDEST)
+    tangent = math.exp((overlap - onset) / length)
+    return onset + length * (tangent - 1.0), tangent
+
+
+@inner
+def _radius(bodies, contacts, c):
+    """Return the radius of the smaller body of contact c [m]."""
+    j = contacts.other[c]
+    own = bodies.radius[contacts.body[c]]
+    return min(own, bodies.radius[j]) if j >= 0 else own
+
+
+@inner
+def _is_too_stiff(state, own, h):
+    """Say whether the contacts as they are make a sub-step of `h` unstable, and note the body.
+
+    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
+    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
+    speed takes it within the step.
+    """
+    bodies, contacts = state.bodies, state.contacts
+    onset = max(own.hardening * bodies.smallest, own.least)
+    for c in range(contacts.number):
+        _forget_stiffness(own, contacts.body[c])
+        if contacts.other[c] >= 0:
+            _forget_stiffness(own, contacts.other[c])
+    for c in range(contacts.number):
+        i, j = contacts.body[c], contacts.other[c]
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        tangent = 1.0
+        deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
+        if deepest > onset:
+            radius = _radius(bodies, contacts, c)
+            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, own)[1]
+        _stiffen(own, tangent * bodies.inverse_mass[i], i, nx, ny)
+        if j >= 0:
+            _stiffen(own, tangent * bodies.inverse_mass[j], j, nx, ny)
+            coupling = tangent * math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
+            own.coupling[i] += coupling
+            own.coupling[j] += coupling
+    for c in range(contacts.number):
+        if _exceeds_limit(state, own, h, contacts.body[c]):
+            return True
+        if contacts.other[c] >= 0 and _exceeds_limit(state, own, h, contacts.other[c]):
+            return True
+    return False
+
+
+@inner
+def _forget_stiffness(own, i):
+    own.stiffnesses[i, 0] = own.stiffnesses[i, 1] = own.stiffnesses[i, 2] = 0.0
+    own.coupling[i] = 0.0
+
+
+@inner
+def _exceeds_limit(state, own, h, i):
+    """Say whether the stiffness at body i makes a sub-step unstable, and note the body; asked once for each."""
+    if own.coupling[i] < 0.0:
+        return False
+    xx, yy, xy = own.stiffnesses[i, 0], own.stiffnesses[i, 1], own.stiffnesses[i, 2]
+    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    square = own.stiffness * (mean + math.sqrt(half * half + xy**2) + own.coupling[i])
+    own.coupling[i] = -1.0
+    if h * h * square <= damping_limit(h, state.bodies.tau[i], state.clock.explicit):
+        return False
+    state.bodies.failed = i
+    return True
+
+
+@inner
+def _stiffen(own, inverse_mass, i, nx, ny):
+    own.stiffnesses[i, 0] += inverse_mass * nx * nx
+    own.stiffnesses[i, 1] += inverse_mass * ny * ny
+    own.stiffnesses[i, 2] += inverse_mass * nx * ny
 
 
 class Dem(ContactModel):
@@ -44,6 +167,9 @@ class Dem(ContactModel):
     """
 
     name = "dem"
+    law = spring
+    longest_path = 0.5
+    remembers = False
     stiffness = Parameter(1.2e5, "contact stiffness k of eq. 3", unit="kg/s2", above=0.0)
     hardening = Parameter(
         0.5, "overlap beyond which contacts harden, as a share of the smaller radius; 1: never", above=0.0, maximum=1.0
@@ -75,160 +201,22 @@ class Dem(ContactModel):
             why += ": contacts harden beyond this share of the smaller radius"
         return [("hardening contacts", self.hardening < 1.0, why)]
 
-    def run(self, engine: Engine, clock: Clock) -> tuple[int, int]:
-        """Make the steps of `clock` in compiled code."""
-        inside = engine.bodies.count[0]
-        smallest = float(engine.bodies.radius[:inside].min())
-        least = LEAST_FORCE / self.stiffness
-        law = Law(self.stiffness, smallest, self.hardening, least, max(self.hardening * smallest, least))
-        return run(
-            engine.world,
-            engine.bodies,
-            engine.lists,
-            engine.contacts,
-            engine.events,
-            engine.forces,
-            clock,
-            engine.tally,
-            law,
+    def own(self, people: int, world: World) -> Spring:
+        """Return the stiffness and the hardening, with room for so many people."""
+        return Spring(
+            stiffness=self.stiffness,
+            hardening=self.hardening,
+            least=LEAST_FORCE / self.stiffness,
+            stiffnesses=np.zeros((people, 3)),
+            coupling=np.zeros(people),
         )
 
-
-@kernel
-def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
-    """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
-    for step in range(clock.first, clock.last):
-        fired = stepping.open_step(bodies, events, tally)
-        parts = np.int64(1)
-        while True:
-            status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
-            if status == OK:
-                break
-            parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
-            if parts == 0:
-                return step, status
-    return clock.last, OK
-
-
-@kernel
-def damping_limit(h, tau, explicit):
-    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
-    if explicit:
-        return 4.0 - 2.0 * h / tau
-    return 2.0 * (1.0 + math.exp(-h / tau))
-
-
-@inner
-def press(overlap, radius, law):
-    """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
-
-    With the overlap D, the onset D_h, which is hardening r or LEAST_FORCE / k if that is greater, and the length
-    L = (r - D_h) / ln(HARDEST), the force is
-
-    - k D up to D_h;
-    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
-    - k D beyond r, where two people started in one another: hardened contacts would throw them.
-    """
-    onset = max(law.hardening * radius, law.least)
-    if overlap <= onset or overlap > radius:
-        return overlap, 1.0
-    length = (radius - onset) / math.log(HARDEST)
-    tangent = math.exp((overlap - onset) / length)
-    return onset + length * (tangent - 1.0), tangent
-
-
-@inner
-def _radius(bodies, contacts, c):
-    """Return the radius of the smaller body of contact c [m]."""
-    j = contacts.other[c]
-    own = bodies.radius[contacts.body[c]]
-    return min(own, bodies.radius[j]) if j >= 0 else own
-
-
-@inner
-def is_too_stiff(bodies, contacts, law, h, explicit):
-    """Say whether the contacts as they are make a step of `h` unstable, and note the body.
-
-    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
-    speed takes it within the step.
-    """
-    own, cross = contacts.rows.image[0], contacts.rows.image[1]  # xx and yy; xy and couplings [1/kg]
-    for c in range(contacts.count[0]):
-        for i in (contacts.body[c], contacts.other[c]):
-            if i >= 0:
-                for k in range(2):
-                    own[i, k] = cross[i, k] = 0.0
-    for c in range(contacts.count[0]):
-        i, j = contacts.body[c], contacts.other[c]
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        tangent = 1.0
-        deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
-        if deepest > law.onset:
-            radius = _radius(bodies, contacts, c)
-            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, law)[1]
-        _stiffen(own, cross, tangent * bodies.inverse_mass[i], i, nx, ny)
-        if j >= 0:
-            _stiffen(own, cross, tangent * bodies.inverse_mass[j], j, nx, ny)
-            coupling = tangent * math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
-            cross[i, 1] += coupling
-            cross[j, 1] += coupling
-    for c in range(contacts.count[0]):
-        for i in (contacts.body[c], contacts.other[c]):
-            if i < 0 or cross[i, 1] < 0.0:  # a wall, or looked at before
-                continue
-            mean, half = 0.5 * (own[i, 0] + own[i, 1]), 0.5 * (own[i, 0] - own[i, 1])
-            square = law.stiffness * (mean + math.sqrt(half * half + cross[i, 0] ** 2) + cross[i, 1])
-            if h * h * square > damping_limit(h, bodies.tau[i], explicit):
-                bodies.count[1] = i
-                return True
-            cross[i, 1] = -1.0
-    return False
-
-
-@inner
-def _stiffen(own, cross, inverse_mass, i, nx, ny):
-    own[i, 0] += inverse_mass * nx * nx
-    own[i, 1] += inverse_mass * ny * ny
-    cross[i, 0] += inverse_mass * nx * ny
-
-
-@inner
-def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):
-    """Make one step in `parts` sub-steps; return a status."""
-    h = clock.step / parts
-    for part in range(parts):
-        time = step * clock.step + part * h
-        status, fastest = stepping.free_motion(world, bodies, lists, forces, clock, tally, time, h, False)
-        if status == OK and stepping.is_too_fast(bodies, h, fastest, 0.5 * law.smallest):
-            return stepping.TOO_FAST
-        if status == OK:
-            status = stepping.meet(world, bodies, lists, contacts, tally, h, 0.0, 0.0, fastest)
-        if status != OK:
-            return status
-        if is_too_stiff(bodies, contacts, law, h, clock.explicit):
-            return stepping.TOO_STIFF
-        _push_apart(bodies, contacts, law, h, tally)
-        stepping.report_force(bodies, contacts, clock, step, part, parts, 1.0 / h)
-        stepping.tally_contacts(contacts, tally)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.0)
-        if status != OK:
-            return status
-    return OK
-
-
-@inner
-def _push_apart(bodies, contacts, law, h, tally):
-    """Set the percussions and the velocities after the sub-step; count the hardened contacts."""
-    stepping.take_free(bodies)
-    for c in range(contacts.count[0]):
-        overlap = -min(0.0, contacts.gap[c])
-        if overlap > law.onset:
-            overlap, tangent = press(overlap, _radius(bodies, contacts, c), law)
-            if tangent > 1.0:
-                tally[0, at.HARDENED_CONTACTS] += 1.0
-        contacts.percussion[c] = h * law.stiffness * overlap
-        push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+    def advice(self) -> Mapping[int, str]:
+        """Return what to change where a step cannot be made."""
+        return {
+            WALL_CROSSED: "make contacts stiffer with contact.dem.stiffness, or use contact.model = 'nsm1'",
+            TOO_STIFF: "lower contact.dem.stiffness or use a smaller simulation.step",
+        }
 
 
 @hookimpl

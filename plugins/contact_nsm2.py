@@ -1,17 +1,12 @@
 """NSM2, the non-smooth contact model with a constraint on velocities (eqs 23-32; Frémond)."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from evac.hookspecs import hookimpl
-from evac.jit import inner, kernel
+from evac.jit import Struct, inner, kernel
 from evac.parameters import Parameter
-from evac.physics import stepping
 from evac.physics import tallies as at
-from evac.physics.bundles import Clock
 from evac.physics.contact_model import BorderScene, ContactModel, SolvedContactModel
 from evac.physics.contacts import (
     keep_only_meeting,
@@ -20,10 +15,11 @@ from evac.physics.contacts import (
     set_velocity_before,
     tangential_velocity,
 )
-from evac.physics.engine import Engine
-from evac.physics.neighbours import OK
-from evac.physics.overlaps import part_overlaps
-from evac.physics.solvers import INELASTIC, solve_or_retry
+from evac.physics.overlaps import is_to_separate
+from evac.physics.percussions import find_percussions
+from evac.physics.rows import INELASTIC
+from evac.physics.state import State, Traits, World
+from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 
 #: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
 REACH = 1.0 + 1e-9
@@ -40,16 +36,98 @@ OVERLAP = 2e-4
 MARGIN = 2e-3
 
 
-class Law(NamedTuple):
-    """What the compiled loop reads."""
+class Dissipation(Struct):
+    """What the law reads."""
 
     normal: float  # K_N [kg]
     tangential: float  # K_T [kg]
-    correction: bool
-    smallest: float  # smallest radius [m]
-    method: int
+    correction: int  # 1: overlaps are separated
+    margin: float  # gap up to which bodies touch [m]
     velocity_tolerance: float  # [m/s]
     iterations: int
+
+
+@kernel
+def strike(state: State, own: Dissipation, h: float) -> int:
+    """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
+    bodies, contacts, problem, tally = state.bodies, state.contacts, state.problem, state.tally
+    if own.correction and is_to_separate(state, OVERLAP, own.iterations):
+        return SEPARATE
+    keep_only_meeting(state.world, bodies, contacts, h, own.margin)
+    for c in range(contacts.number if own.correction else 0):
+        if 0.0 < contacts.gap[c] <= own.margin:  # touching too; the others have been counted
+            tally[at.CONTACTS] += 1.0
+    set_velocity_before(bodies, contacts)
+    if own.tangential > 0.0 or state.clock.full:
+        _stick(bodies, contacts)
+    is_elastic = math.isinf(own.normal)
+    found = _percussions(state, own, bodies.solved, own.normal, math.inf if is_elastic else own.velocity_tolerance)
+    if contacts.number > 0:
+        tally[at.SOLVES] += 1.0
+        tally[at.ITERATIONS] += problem.iterations
+        tally[at.RETRIED_SOLVES] += problem.retried
+        if is_elastic and found > own.velocity_tolerance:
+            for c in range(contacts.number):
+                contacts.percussion[c] = 0.0
+                contacts.friction[c] = 0.0
+            found = _percussions(state, own, bodies.solved, FALLBACK, own.velocity_tolerance)
+            tally[at.ITERATIONS] += problem.iterations
+            tally[at.RETRIED_SOLVES] += problem.retried
+            tally[at.ELASTIC_FALLBACKS] += 1.0
+        if problem.missing:
+            return NEEDS_STRONGER_SOLVER
+        tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], found)
+        if found > own.velocity_tolerance:
+            tally[at.UNCONVERGED_STEPS] += 1.0
+    if state.clock.reports:
+        return _report_reaction(state, own, h)
+    return OK
+
+
+@inner
+def _stick(bodies, contacts):
+    """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
+    for c in range(contacts.number):
+        if normal_velocity(bodies.free, contacts, c) < 0.0:
+            contacts.sticky[c] = 1
+            contacts.slide_before[c] = tangential_velocity(bodies.velocity, contacts, c)
+            contacts.friction[c] = 0.0
+
+
+@inner
+def _percussions(state, own, velocity, normal, enough):
+    """Solve with K_N = `normal`, again above a residual `enough`; return the residual."""
+    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
+    return find_percussions(
+        state,
+        state.bodies.free,
+        velocity,
+        compliance,
+        own.tangential,
+        own.velocity_tolerance,
+        own.iterations,
+        enough,
+    )
+
+
+@inner
+def _report_reaction(state, own, h):
+    """Report contact forces from a solve with K_N = 0 on the same contacts; return a status.
+
+    Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
+    """
+    bodies, contacts = state.bodies, state.contacts
+    for c in range(contacts.number):
+        contacts.kept_percussion[c] = contacts.percussion[c]
+        contacts.kept_friction[c] = contacts.friction[c]
+    _percussions(state, own, bodies.spare, 0.0, own.velocity_tolerance)
+    if state.problem.missing:
+        return NEEDS_STRONGER_SOLVER
+    report_contact_force(bodies, contacts, 1.0 / h)
+    for c in range(contacts.number):
+        contacts.percussion[c] = contacts.kept_percussion[c]
+        contacts.friction[c] = contacts.kept_friction[c]
+    return OK
 
 
 class Nsm2(SolvedContactModel):
@@ -60,6 +138,10 @@ class Nsm2(SolvedContactModel):
     """
 
     name = "nsm2"
+    law = strike
+    reach_share = REACH
+    longest_path = 1.0
+    reports_percussions = False
     midpoint = True
     normal_dissipation = Parameter(1e5, "K_N of eq. 26", unit="kg", minimum=0.0, infinite=True)
     tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
@@ -83,149 +165,32 @@ class Nsm2(SolvedContactModel):
             ),
         ]
 
-    def run(self, engine: Engine, clock: Clock) -> tuple[int, int]:
-        """Make the steps of `clock` in compiled code."""
-        inside = engine.bodies.count[0]
-        law = Law(
-            self.normal_dissipation,
-            self.tangential_dissipation,
-            self.position_correction,
-            float(engine.bodies.radius[:inside].min()),
-            *self.settings(),
-        )
-        return run(
-            engine.world,
-            engine.bodies,
-            engine.lists,
-            engine.contacts,
-            engine.events,
-            engine.forces,
-            clock,
-            engine.tally,
-            law,
+    def traits(self, world: World) -> Traits:
+        """Return what the step loop needs to know: contacts are looked for at least as far as bodies touch."""
+        return super().traits(world).replace(reach_floor=max(TOUCH + world.rounding, self._margin))
+
+    def own(self, people: int, world: World) -> Dissipation:
+        """Return the dissipations and the tolerances."""
+        return Dissipation(
+            normal=self.normal_dissipation,
+            tangential=self.tangential_dissipation,
+            correction=int(self.position_correction),
+            margin=self._margin,
+            velocity_tolerance=self.velocity_tolerance,
+            iterations=self.iterations,
         )
 
+    @property
+    def _margin(self) -> float:
+        """Gap up to which bodies touch [m]."""
+        return MARGIN if self.position_correction else 0.0
 
-@kernel
-def run(world, bodies, lists, contacts, events, forces, clock, tally, law):
-    """Make all steps; cut a step that moves too far or meets a wall; return (next step, status)."""
-    for step in range(clock.first, clock.last):
-        fired = stepping.open_step(bodies, events, tally)
-        parts = np.int64(1)
-        while True:
-            status = _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts)
-            if status == OK:
-                break
-            parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
-            if parts == 0:
-                return step, status
-    return clock.last, OK
-
-
-@inner
-def _parts(world, bodies, lists, contacts, events, forces, clock, tally, law, step, parts):
-    """Make one step in `parts` sub-steps; return a status."""
-    h = clock.step / parts
-    margin = MARGIN if law.correction else 0.0
-    floor = max(TOUCH + world.rounding, margin)
-    for part in range(parts):
-        time = step * clock.step + part * h
-        status, fastest = stepping.free_motion(world, bodies, lists, forces, clock, tally, time, h, False)
-        if status == OK and stepping.is_too_fast(bodies, h, fastest, law.smallest):
-            return stepping.TOO_FAST
-        if status == OK:
-            status = stepping.meet(world, bodies, lists, contacts, tally, h, REACH, floor, fastest)
-        if status == OK:
-            stepping.tally_contacts(contacts, tally)
-        if status == OK and law.correction:
-            status = part_overlaps(
-                world, bodies, lists, contacts, events, clock, tally, time, law.method, law.iterations, OVERLAP
-            )
-        if status != OK:
-            return status
-        keep_only_meeting(world, bodies, contacts, h, margin)
-        for c in range(contacts.count[0] if law.correction else 0):
-            if 0.0 < contacts.gap[c] <= margin:  # touching too; the others have been counted
-                tally[0, at.CONTACTS] += 1.0
-        set_velocity_before(bodies, contacts)
-        _stick(bodies, contacts, law, clock.full)
-        _strike(bodies, contacts, tally, law)
-        if clock.report_force and step == clock.last - 1 and part == parts - 1:
-            _report_reaction(bodies, contacts, law, h)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, h, 0.5)
-        if status != OK:
-            return status
-    return OK
-
-
-@inner
-def _stick(bodies, contacts, law, full):
-    """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
-    if law.tangential <= 0.0 and not full:
-        return
-    for c in range(contacts.count[0]):
-        if normal_velocity(bodies.free, contacts, c) < 0.0:
-            contacts.sticky[c] = 1
-            contacts.work[c, 2] = tangential_velocity(bodies.velocity, contacts, c)
-            contacts.friction[c] = 0.0
-
-
-@inner
-def _percussions(bodies, velocity, contacts, law, normal, enough):
-    """Solve with K_N = `normal`; retry above a residual `enough`; return (iterations, residual, retried)."""
-    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
-    return solve_or_retry(
-        law.method,
-        bodies.count[0],
-        bodies.inverse_mass,
-        bodies.free,
-        velocity,
-        contacts,
-        compliance,
-        law.tangential,
-        law.velocity_tolerance,
-        law.iterations,
-        enough,
-    )
-
-
-@inner
-def _strike(bodies, contacts, tally, law):
-    """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
-    enough = math.inf if math.isinf(law.normal) else law.velocity_tolerance
-    iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, law.normal, enough)
-    if contacts.count[0] == 0:
-        return
-    tally[0, at.SOLVES] += 1.0
-    tally[0, at.ITERATIONS] += iterations
-    tally[0, at.RETRIED_SOLVES] += again
-    if found > law.velocity_tolerance and math.isinf(law.normal):
-        for c in range(contacts.count[0]):
-            contacts.percussion[c] = 0.0
-            contacts.friction[c] = 0.0
-        iterations, found, again = _percussions(bodies, bodies.solved, contacts, law, FALLBACK, law.velocity_tolerance)
-        tally[0, at.ITERATIONS] += iterations
-        tally[0, at.RETRIED_SOLVES] += again
-        tally[0, at.ELASTIC_FALLBACKS] += 1.0
-    tally[0, at.GREATEST_RESIDUAL] = max(tally[0, at.GREATEST_RESIDUAL], found)
-    if found > law.velocity_tolerance:
-        tally[0, at.UNCONVERGED_STEPS] += 1.0
-
-
-@inner
-def _report_reaction(bodies, contacts, law, h):
-    """Report contact forces from a solve with K_N = 0 on the same contacts.
-
-    Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
-    """
-    for c in range(contacts.count[0]):
-        contacts.work[c, 0] = contacts.percussion[c]
-        contacts.work[c, 1] = contacts.friction[c]
-    _percussions(bodies, bodies.spare, contacts, law, 0.0, law.velocity_tolerance)
-    report_contact_force(bodies, contacts, 1.0 / h)
-    for c in range(contacts.count[0]):
-        contacts.percussion[c] = contacts.work[c, 0]
-        contacts.friction[c] = contacts.work[c, 1]
+    def advice(self) -> Mapping[int, str]:
+        """Return what to change where a step cannot be made."""
+        return {
+            TOO_FAST: "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
+            " contact.model = 'nsm1'"
+        }
 
 
 @hookimpl

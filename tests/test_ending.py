@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evac.ending import DURATION_OVER, EVERYBODY_OUT, NO_PROGRESS, PROGRESS, Ending
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.scenario.schema import SimulationSettings
 
 SETTINGS = SimulationSettings(step=0.01, tick=0.1, duration=100.0, no_progress=5.0)

@@ -21,7 +21,7 @@ from evac.conformance.forces import check_pair_force
 from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
 from evac.registry import Registry, check_class
@@ -95,8 +95,8 @@ def _is_bounded(parameter: Parameter) -> bool:
 
 def _check_declarations(behaviour: Behaviour) -> None:
     for array in (*behaviour.reads, *behaviour.writes):
-        if array not in Crowd._fields:
-            raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.bundles.Crowd")
+        if array not in Crowd.kinds:
+            raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.state.Crowd")
     check_writes(behaviour)
     if type(behaviour).act is Behaviour.act and type(behaviour).prepare is Behaviour.prepare:
         raise PluginError(f"{behaviour.name}: has neither act() nor prepare() of its own, so it does nothing")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evac.errors import PluginError
 from evac.output.recorder import Recorder
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
@@ -45,7 +45,7 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     try:
         behaviour.prepare(scene)
         for _ in range(ticks):
-            before = {key: array.copy() for key, array in crowd._asdict().items() if key not in behaviour.writes}
+            before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
             behaviour.act(scene.crowd, simulation.time)
             for key, array in before.items():
                 if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
@@ -82,7 +82,7 @@ class _WatchedCrowd(Crowd):
     """A crowd that notes which arrays are asked for."""
 
     def __getattribute__(self, name: str) -> Any:
-        if name in Crowd._fields:
+        if name in Crowd.kinds:
             self.seen.add(name)
         return super().__getattribute__(name)
 

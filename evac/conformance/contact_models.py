@@ -7,7 +7,7 @@ import numpy as np
 
 from evac.conformance.scenes import ROOM, STEP, greatest_overlap, pressed, room, walked
 from evac.errors import PluginError
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.physics.contact_model import ContactModel
 
 #: How far positions may differ after a turn or a shift of the whole scene [m]; iterative solvers stop earlier or later.

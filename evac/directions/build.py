@@ -13,7 +13,7 @@ from evac.building.model import FLAT, Building, Exit
 from evac.building.narrow import gaps_below
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.defaults import COMFORT, ORDER, SPACING
-from evac.directions.descent import Ways, add_lengths, descend, is_lowest
+from evac.directions.descent import Ways, add_lengths, descend, find_lowest
 from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
@@ -229,7 +229,9 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
-        descend(cost[grid.packed].reshape(grid.window.shape), grid.sheet == OWN, grids.lattice.spacing, is_plain, own)
+        chosen = (grid.sheet == OWN).view(np.uint8)
+        packed = direction[grid.packed]
+        descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
         for exit_ in exits:
             if exit_.level == grid.level:
                 strip = grid.sheet == 1 + grids.building.link_of(exit_)
@@ -273,7 +275,9 @@ def _lengths(
     # ends. The cheapest node without lengths is one of them.
     uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
     while (without := node[np.isinf(lengths[node, 0])]).size:
-        begins = without[is_lowest(without, ways)]
+        is_lowest = np.zeros(without.size, np.uint8)
+        find_lowest(without, ways, is_lowest)
+        begins = without[is_lowest == 1]
         begins = begins if begins.size else without[:1]
         towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
         lengths[begins] = 0.0

@@ -1,17 +1,12 @@
 """Kernels on marched fields: directions of steepest descent, and the lengths of the way down."""
 
 import math
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.fields import FloatArray, IntArray, OffsetArray
-from evac.jit import kernel
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Longs, Pairs, Struct, Triples, inner, kernel
 
 
-@kernel
+@inner
 def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
     """Return the descent [1/m] from `one` towards a neighbour `near` and the next, `far`; at least 0.
 
@@ -34,8 +29,8 @@ WINDOW = 3
 STEEPEST = 1.5
 
 
-@kernel
-def is_beside_slant(cost: FloatArray, i: int, j: int) -> bool:
+@inner
+def is_beside_slant(cost: FloatGrid, i: int, j: int) -> bool:
     """Say whether a node stands beside a wall that steps back within the window: one that is not along the grid."""
     nx, ny = cost.shape
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -51,8 +46,8 @@ def is_beside_slant(cost: FloatArray, i: int, j: int) -> bool:
     return False
 
 
-@kernel
-def is_near_slant(cost: FloatArray, i: int, j: int) -> bool:
+@inner
+def is_near_slant(cost: FloatGrid, i: int, j: int) -> bool:
     """Say whether a node stands beside a slanted wall, or next to a node that does: both got the wave late."""
     for di, dj in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
         if cost[i + di, j + dj] < math.inf and is_beside_slant(cost, i + di, j + dj):
@@ -60,37 +55,37 @@ def is_near_slant(cost: FloatArray, i: int, j: int) -> bool:
     return False
 
 
-@kernel
-def fit_descent(cost: FloatArray, i: int, j: int, limit: float) -> tuple[float, float]:
+@inner
+def fit_descent(cost: FloatGrid, i: int, j: int, limit: float) -> tuple[float, float]:
     """Return the descent of the plane through a node that fits the lower ones around it best; (0, 0) if too few do.
 
     Beside a slanted wall the grid's steps leave a node with neighbours along one axis only. Least squares over the
     nodes linked to it within the window, whose cost is lower by at most `limit` for each cell of distance.
     """
     side = 2 * WINDOW + 1
-    linked = np.zeros((side, side), np.bool_)
-    linked[WINDOW, WINDOW] = True
+    linked = 1 << (side * WINDOW + WINDOW)  # a bit for each node of the window
     grown = True
     while grown:
         grown = False
         for a in range(side):
             for b in range(side):
-                if linked[a, b] or cost[i + a - WINDOW, j + b - WINDOW] == math.inf:
+                bit = side * a + b
+                if (linked >> bit) & 1 or cost[i + a - WINDOW, j + b - WINDOW] == math.inf:
                     continue
                 if (
-                    (a > 0 and linked[a - 1, b])
-                    or (a + 1 < side and linked[a + 1, b])
-                    or (b > 0 and linked[a, b - 1])
-                    or (b + 1 < side and linked[a, b + 1])
+                    (a > 0 and (linked >> (bit - side)) & 1)
+                    or (a + 1 < side and (linked >> (bit + side)) & 1)
+                    or (b > 0 and (linked >> (bit - 1)) & 1)
+                    or (b + 1 < side and (linked >> (bit + 1)) & 1)
                 ):
-                    linked[a, b] = True
+                    linked |= 1 << bit
                     grown = True
     xx, xy, yy, xd, yd = 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(side):
         for b in range(side):
             x, y = a - WINDOW, b - WINDOW
             drop = cost[i, j] - cost[i + x, j + y]
-            if not linked[a, b] or drop <= 0.0 or drop > limit * math.sqrt(x * x + y * y):
+            if (linked >> (side * a + b)) & 1 == 0 or drop <= 0.0 or drop > limit * math.sqrt(x * x + y * y):
                 continue
             xx += x * x
             xy += x * y
@@ -105,19 +100,19 @@ def fit_descent(cost: FloatArray, i: int, j: int, limit: float) -> tuple[float, 
 
 
 @kernel
-def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, is_plain: bool, direction: FloatArray) -> None:
+def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, direction: Pairs) -> None:
     """Write the unit vectors of steepest descent of a grid.
 
     Parameters
     ----------
     cost : (nx, ny) float64
         inf where nobody walks.
-    chosen : (nx, ny) bool
+    chosen : (nx, ny) uint8
         Nodes to write; the others stay.
     spacing : float [m]
     is_plain : bool
         Whether the cost of a metre is the same on all of a level: then nodes beside slanted walls are fitted.
-    direction : (nx, ny, 2) float64
+    direction : (nx * ny, 2) float64
         Written: zero where no neighbour is lower.
     """
     nx, ny = cost.shape
@@ -137,25 +132,25 @@ def descend(cost: FloatArray, chosen: NDArray[np.bool_], spacing: float, is_plai
                     along_x, along_y = fitted_x, fitted_y
                     length = math.sqrt(along_x * along_x + along_y * along_y)
             if length > 0.0:
-                direction[i, j, 0] = along_x / length
-                direction[i, j, 1] = along_y / length
+                direction[i * ny + j, 0] = along_x / length
+                direction[i * ny + j, 1] = along_y / length
 
 
-class Ways(NamedTuple):
+class Ways(Struct):
     """What the ways of steepest descent lead over: the nodes of all grids, packed, and their levels."""
 
-    level_of: IntArray  # (nodes,)
-    source: OffsetArray  # (nodes,) the node that each node stands for; -1 for none
-    twin: OffsetArray  # (nodes,) for a node on a portal the one at its place on the other level, else -1
-    cost: FloatArray  # (nodes,)
-    stride: IntArray  # (levels,) distance in packed arrays of two neighbours along x
-    uphill: FloatArray  # (levels, 2)
-    cosine: FloatArray  # (levels,)
+    level_of: Ints  # (nodes,)
+    source: Longs  # (nodes,) the node that each node stands for; -1 for none
+    twin: Longs  # (nodes,) for a node on a portal the one at its place on the other level, else -1
+    cost: Floats  # (nodes,)
+    stride: Ints  # (levels,) distance in packed arrays of two neighbours along x
+    uphill: Pairs  # (levels, 2)
+    cosine: Floats  # (levels,)
     spacing: float  # [m]
 
 
 @kernel
-def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
+def add_lengths(order: Longs, ways: Ways, lengths: Triples) -> None:
     """Add up the flat, up and down lengths along the ways of steepest descent.
 
     Solves grad T . grad F = |grad T| c by first order upwind differences, node by node from the exit
@@ -176,25 +171,24 @@ def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
     while found > before:
         before = found
         found = 0
-        for node in order:
-            _add_lengths_at(node, ways, lengths)
-            found += lengths[node, 0] < math.inf
+        for k in range(len(order)):
+            _add_lengths_at(order[k], ways, lengths)
+            if lengths[order[k], 0] < math.inf:
+                found += 1
 
 
 @kernel
-def is_lowest(nodes: OffsetArray, ways: Ways) -> NDArray[np.bool_]:
+def find_lowest(nodes: Longs, ways: Ways, found: Bytes) -> None:
     """Say of nodes (n,) whether no neighbour is lower; one on a portal has neighbours on the other level too."""
-    found = np.empty(nodes.shape[0], np.bool_)
     for k in range(nodes.shape[0]):
         node = nodes[k]
         along_x, _, _ = _lower_neighbour(node, ways.stride[ways.level_of[node]], ways)
         along_y, _, _ = _lower_neighbour(node, 1, ways)
-        found[k] = along_x < 0 and along_y < 0 and ways.twin[node] < 0
-    return found
+        found[k] = 1 if along_x < 0 and along_y < 0 and ways.twin[node] < 0 else 0
 
 
-@kernel
-def _add_lengths_at(node: int, ways: Ways, lengths: FloatArray) -> None:
+@inner
+def _add_lengths_at(node: int, ways: Ways, lengths: Triples) -> None:
     """Write the lengths of one node: the mean of its lower neighbours', weighted by the drop, and a step."""
     total, greatest, squares = 0.0, 0.0, 0.0
     flat, up, down = 0.0, 0.0, 0.0
@@ -220,7 +214,8 @@ def _add_lengths_at(node: int, ways: Ways, lengths: FloatArray) -> None:
     if total == 0.0:
         # The way may go on beside the portal, where only the other level's grid has nodes.
         if ways.twin[node] >= 0:
-            lengths[node] = lengths[ways.twin[node]]
+            for k in range(3):
+                lengths[node, k] = lengths[ways.twin[node], k]
         return
     lengths[node, FLAT], lengths[node, UP], lengths[node, DOWN] = flat, up, down
     climb = step_x * ways.uphill[level, 0] + step_y * ways.uphill[level, 1]
@@ -231,7 +226,7 @@ def _add_lengths_at(node: int, ways: Ways, lengths: FloatArray) -> None:
         lengths[node, k] /= total
 
 
-@kernel
+@inner
 def _lower_neighbour(node: int, step: int, ways: Ways) -> tuple[int, float, float]:
     """Return the lower neighbour along an axis (-1 for none), how much lower it is, and the direction to it (1, -1)."""
     sign = 1.0

@@ -1,19 +1,20 @@
 """Travel times and directions of a building, per (level, route)."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evac.directions.routes import Route
+from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 OffsetArray = NDArray[np.int64]
 
 
-class CellWalls(NamedTuple):
+class CellWalls(Struct):
     """The walls through cells of the grids, so that nodes on the other side of a wall can be left out of a sample.
 
     Cell (ix, iy) of a level, from node (ix, iy) to (ix + 1, iy + 1), is number ``offset + ix * ny + iy``.
@@ -30,20 +31,20 @@ class CellWalls(NamedTuple):
         Greatest increase of a travel time [s] or length [m] over a metre in plan.
     """
 
-    offset: OffsetArray
-    cell: OffsetArray
-    start: OffsetArray
-    wall: FloatArray
+    offset: Longs
+    cell: Longs
+    start: Longs
+    wall: Quads
     steepest: float
 
 
 #: Of fields without walls.
 NO_CELL_WALLS = CellWalls(
-    np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64), np.zeros((0, 4)), 0.0
+    offset=np.zeros(0, np.int64), cell=np.zeros(0, np.int64), start=np.zeros(1, np.int64), wall=np.zeros((0, 4)), steepest=0.0
 )
 
 
-class PackedFields(NamedTuple):
+class PackedFields(Struct):
     """Travel times and directions as kernels read them: one field for each level and route, one after another.
 
     Attributes
@@ -67,14 +68,14 @@ class PackedFields(NamedTuple):
     walls : CellWalls
     """
 
-    origin: FloatArray
-    shape: IntArray
+    origin: Pairs
+    shape: IntPairs
     spacing: float
-    field_of: IntArray
-    offset: OffsetArray
-    direction: FloatArray
-    travel_time: FloatArray
-    walls: CellWalls = NO_CELL_WALLS
+    field_of: IntGrid
+    offset: Longs
+    direction: Pairs
+    travel_time: Floats
+    walls: CellWalls
 
 
 @dataclass(frozen=True)
@@ -110,17 +111,16 @@ class Fields:
         position : (n, 2) [m]
         route : (n,) or int
         """
-        # The kernels import this module, and numba: both wait until they are needed.
         from evac.directions.sampling import sample_travel_times
 
-        return _sampled(sample_travel_times, self.packed, level, position, route)
+        return _sampled(sample_travel_times, self.packed, level, position, route, ())
 
     def lengths_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
         """Return the flat, up and down lengths (n, 3) [m] of a route's way from positions; inf without a way."""
         from evac.directions.sampling import sample_travel_times
 
         columns = [
-            _sampled(sample_travel_times, self.packed._replace(travel_time=length), level, position, route)
+            _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, route, ())
             for length in np.ascontiguousarray(self.lengths.T)
         ]
         # Within a cell of an exit the bilinear value can fall below zero by rounding.
@@ -130,17 +130,21 @@ class Fields:
         """Return the unit directions (n, 2) of a route at positions; zero where it cannot be reached."""
         from evac.directions.sampling import sample_directions
 
-        return _sampled(sample_directions, self.packed, level, position, route)
+        return _sampled(sample_directions, self.packed, level, position, route, (2,))
 
 
-def _sampled(sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
-    """Call a kernel with as many levels and routes as positions."""
+def _sampled(
+    sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike, shape: tuple[int, ...]
+) -> FloatArray:
+    """Call a kernel with as many levels and routes as positions, for results of a shape each."""
     place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
     number = len(place)
-    found: FloatArray = sample(
+    found = np.empty((number, *shape))
+    sample(
         packed,
         place,
         np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
         np.ascontiguousarray(np.broadcast_to(np.asarray(route, dtype=np.int32), number)),
+        found,
     )
     return found

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
-from evac.directions.fields import CellWalls, FloatArray, IntArray, PackedFields
-from evac.jit import inner, kernel
+from evac.directions.fields import CellWalls, PackedFields
+from evac.jit import Floats, Ints, Pairs, inner, kernel
 
 #: Unit vectors whose weighted mean is shorter than this differ much; shorter than the second, they cancel.
 AGREEING, CANCELLING = 0.9, 0.1
@@ -191,18 +189,14 @@ def _is_corner_hidden(
 
 
 @kernel
-def sample_travel_times(fields: PackedFields, position: FloatArray, level: IntArray, route: IntArray) -> FloatArray:
-    """Return `sample_travel_time` of many positions (n, 2)."""
-    found = np.empty(len(position))
+def sample_travel_times(fields: PackedFields, position: Pairs, level: Ints, route: Ints, found: Floats) -> None:
+    """Write `sample_travel_time` of many positions (n, 2) to `found` (n,)."""
     for p in range(len(position)):
         found[p] = sample_travel_time(fields, position[p, 0], position[p, 1], level[p], route[p])
-    return found
 
 
 @kernel
-def sample_directions(fields: PackedFields, position: FloatArray, level: IntArray, route: IntArray) -> FloatArray:
-    """Return `sample_direction` of many positions (n, 2)."""
-    found = np.empty((len(position), 2))
+def sample_directions(fields: PackedFields, position: Pairs, level: Ints, route: Ints, found: Pairs) -> None:
+    """Write `sample_direction` of many positions (n, 2) to `found` (n, 2)."""
     for p in range(len(position)):
         found[p, 0], found[p, 1] = sample_direction(fields, position[p, 0], position[p, 1], level[p], route[p])
-    return found

@@ -10,7 +10,7 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 from evac.physics.contact_model import BorderScene, border_scene
 from evac.physics.engine import Engine
 from evac.physics.world import make_world, set_open
@@ -42,7 +42,7 @@ class Scene:
 
     def start(self) -> tuple[Engine, Crowd]:
         """Return a fresh engine and a copy of the crowd."""
-        crowd = Crowd(**{name: array.copy() for name, array in self.crowd._asdict().items()})
+        crowd = Crowd(**{name: array.copy() for name, array in self.crowd.values().items()})
         world = make_world(self.building, self.fields)
         for link in range(len(self.building.exits) if self.is_closed else 0):
             set_open(world, link, False)

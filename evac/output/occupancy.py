@@ -84,7 +84,7 @@ def moves_of(
         Level of each person at time zero.
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
         Person, link and time in the order of the log. Links are portals, then exits (as in
-        ``evac.physics.bundles.World``); exits may be absent from the log.
+        ``evac.physics.state.World``); exits may be absent from the log.
     exit_time : (n,) float64 [s]
         NaN for people who are not out.
 

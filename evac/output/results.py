@@ -20,7 +20,7 @@ from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
 from evac.output.watch import Finding
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
     from evac.people.population import Group

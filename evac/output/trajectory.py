@@ -16,7 +16,7 @@ from evac.building.model import Building
 from evac.errors import ResultError
 from evac.output.files import TRAJECTORY_NAME, writing
 from evac.output.header import building_from_json
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]

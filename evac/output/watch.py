@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 FloatArray = NDArray[np.float64]
 

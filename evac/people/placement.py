@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from evac.errors import ScenarioError
-from evac.jit import kernel
+from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -23,14 +22,15 @@ ROUNDS = 40
 MARGIN = 1e-9
 
 
-class _Cells(NamedTuple):
+class _Cells(Struct):
     """Discs hashed to square cells as wide as the greatest diameter, so that only nine cells are searched."""
 
-    origin: FloatArray  # (2,) [m]
+    left: float  # corner of the cells [m]
+    bottom: float
     size: float  # [m]
-    head: IntArray  # (nx, ny) last disc of a cell, -1: none
-    following: IntArray  # (discs,) the disc before it in its cell
-    disc: FloatArray  # (discs, 3) x, y, radius [m]
+    head: IntGrid  # (nx, ny) last disc of a cell, -1: none
+    following: Ints  # (discs,) the disc before it in its cell
+    disc: Triples  # (discs, 3) x, y, radius [m]
 
 
 def place(
@@ -128,7 +128,7 @@ def _on_lattice(
     def standing(points: FloatArray) -> FloatArray:
         points = points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])]
         fits = np.zeros(len(points), dtype=np.bool_)
-        _are_clear(np.ascontiguousarray(points), radius, segments, cells, fits)
+        _are_clear(np.ascontiguousarray(points), radius, segments, cells, fits.view(np.uint8))
         return points[fits]
 
     closest = 2 * (radius + MARGIN)
@@ -152,7 +152,7 @@ def _on_lattice(
     angle = 2 * np.pi * generator.random(n)
     moved = points + length[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))
     fits = np.zeros(n, dtype=np.bool_)
-    _are_clear(moved, radius, segments, cells, fits)
+    _are_clear(moved, radius, segments, cells, fits.view(np.uint8))
     fits &= shapely.intersects_xy(polygon, moved[:, 0], moved[:, 1])
     return np.where(fits[:, None], moved, points), n_fitting
 
@@ -173,18 +173,17 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     """Return cells over a polygon that hold the people already there and have room for `n` more."""
     size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
     left, bottom, right, top = polygon.bounds
-    origin = np.array([left - size, bottom - size])
     shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
     cells = _Cells(
-        origin,
-        size,
-        np.full(shape, -1, dtype=np.int32),
-        np.full(len(occupied) + n, -1, dtype=np.int32),
-        np.zeros((len(occupied) + n, 3)),
+        left=left - size,
+        bottom=bottom - size,
+        size=size,
+        head=np.full(shape, -1, dtype=np.int32),
+        following=np.full(len(occupied) + n, -1, dtype=np.int32),
+        disc=np.zeros((len(occupied) + n, 3)),
     )
     cells.disc[: len(occupied)] = occupied
-    for row in range(len(occupied)):
-        _enter(row, cells)
+    _enter_first(len(occupied), cells)
     return cells
 
 
@@ -209,8 +208,8 @@ def _within(discs: FloatArray, left: float, bottom: float, right: float, top: fl
     return inside
 
 
-@kernel
-def _distance(x: float, y: float, segments: FloatArray, w: int) -> float:
+@inner
+def _distance(x: float, y: float, segments: Quads, w: int) -> float:
     """Return the distance of a point to segment `w`."""
     x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
     dx, dy = x2 - x1, y2 - y1
@@ -218,11 +217,11 @@ def _distance(x: float, y: float, segments: FloatArray, w: int) -> float:
     share = 0.0
     if square > 0.0:
         share = min(1.0, max(0.0, ((x - x1) * dx + (y - y1) * dy) / square))
-    return math.hypot(x - x1 - share * dx, y - y1 - share * dy)
+    return math.sqrt((x - x1 - share * dx) ** 2 + (y - y1 - share * dy) ** 2)
 
 
 @kernel
-def _nearest(points: FloatArray, segments: FloatArray, distances: FloatArray) -> None:
+def _nearest(points: Pairs, segments: Quads, distances: Floats) -> None:
     """Write the distance of each point to the nearest segment."""
     for p in range(len(points)):
         for w in range(len(segments)):
@@ -230,45 +229,50 @@ def _nearest(points: FloatArray, segments: FloatArray, distances: FloatArray) ->
 
 
 @kernel
+def _enter_first(number: int, cells: _Cells) -> None:
+    """Enter the first discs in their cells."""
+    for row in range(number):
+        _enter(row, cells)
+
+
+@inner
 def _enter(row: int, cells: _Cells) -> None:
     """Enter a disc in its cell; those beyond the cells are of no interest."""
-    ix = math.floor((cells.disc[row, 0] - cells.origin[0]) / cells.size)
-    iy = math.floor((cells.disc[row, 1] - cells.origin[1]) / cells.size)
+    ix = math.floor((cells.disc[row, 0] - cells.left) / cells.size)
+    iy = math.floor((cells.disc[row, 1] - cells.bottom) / cells.size)
     if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
         cells.following[row] = cells.head[ix, iy]
         cells.head[ix, iy] = row
 
 
-@kernel
-def _is_clear(x: float, y: float, radius: float, segments: FloatArray, cells: _Cells) -> bool:
+@inner
+def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells) -> bool:
     """Return whether a disc overlaps no disc entered so far and no segment."""
-    ix = math.floor((x - cells.origin[0]) / cells.size)
-    iy = math.floor((y - cells.origin[1]) / cells.size)
+    ix = math.floor((x - cells.left) / cells.size)
+    iy = math.floor((y - cells.bottom) / cells.size)
     for cx in range(max(ix - 1, 0), min(ix + 2, cells.head.shape[0])):
         for cy in range(max(iy - 1, 0), min(iy + 2, cells.head.shape[1])):
             other = cells.head[cx, cy]
             while other >= 0:
-                x_other, y_other, radius_other = cells.disc[other, 0], cells.disc[other, 1], cells.disc[other, 2]
-                if math.hypot(x - x_other, y - y_other) < radius + radius_other + MARGIN:
+                square = (x - cells.disc[other, 0]) ** 2 + (y - cells.disc[other, 1]) ** 2
+                if math.sqrt(square) < radius + cells.disc[other, 2] + MARGIN:
                     return False
                 other = cells.following[other]
-    nearest = np.inf
+    nearest = math.inf
     for w in range(len(segments)):
         nearest = min(nearest, _distance(x, y, segments, w))
     return nearest >= radius + MARGIN
 
 
 @kernel
-def _are_clear(points: FloatArray, radius: float, segments: FloatArray, cells: _Cells, fits: BoolArray) -> None:
+def _are_clear(points: Pairs, radius: float, segments: Quads, cells: _Cells, fits: Bytes) -> None:
     """Write for each point whether a disc there is clear."""
     for p in range(len(points)):
-        fits[p] = _is_clear(points[p, 0], points[p, 1], radius, segments, cells)
+        fits[p] = 1 if _is_clear(points[p, 0], points[p, 1], radius, segments, cells) else 0
 
 
 @kernel
-def _add(
-    points: FloatArray, radii: FloatArray, n_placed: int, n_before: int, segments: FloatArray, cells: _Cells
-) -> int:
+def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
     """Offer points in turn to the next disc to be placed; return how many are placed now."""
     for p in range(len(points)):
         if n_placed == len(radii):

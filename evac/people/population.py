@@ -15,7 +15,7 @@ from evac.errors import ScenarioError
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
-from evac.physics.bundles import Crowd, Events, make_crowd
+from evac.physics.state import Crowd, Events, make_crowd
 from evac.physics.motion import EXIT
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class Population:
         events : Events
             The first ``count[0]`` are new; ``link`` counts portals first, then exits.
         """
-        count = int(events.count[0])
+        count = int(events.number)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]
         is_exit = events.kind[:count] == EXIT
         self.crowd.exit_time[row[is_exit]] = time[is_exit]
@@ -102,11 +102,11 @@ class Population:
         """Return copies of all arrays, and the log, to go on from here."""
         row, link, time = self.crossings
         log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
-        return {name: array.copy() for name, array in self.crowd._asdict().items()} | log
+        return {name: array.copy() for name, array in self.crowd.values().items()} | log
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Take up what `state` returned, in the arrays that exist."""
-        for name, array in self.crowd._asdict().items():
+        for name, array in self.crowd.values().items():
             array[...] = state[name]
         self._log = [(state["crossing_row"].copy(), state["crossing_link"].copy(), state["crossing_time"].copy())]
 

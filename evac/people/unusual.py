@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from evac.people.population import Group
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 #: Quantities with their units, and the range in which they are usual for people.
 USUAL = (

@@ -1,5 +1,6 @@
 """Whether everybody gets out by the directions they will follow: a walk along them, and the connected ground."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import networkx
@@ -12,10 +13,10 @@ from evac.building.narrow import CLOSED
 from evac.directions.fields import Fields
 from evac.directions.sampling import cell_of, sample_direction
 from evac.errors import ScenarioError
-from evac.jit import inner, kernel
-from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray, World
+from evac.jit import Bytes, Ints, Longs, Pairs, Triples, inner, kernel
 from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
+from evac.physics.state import Crowd, FloatArray, IntArray, World
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,7 +98,9 @@ def _check_walks(
     seen = np.zeros(nodes, dtype=np.uint8)
     first = np.concatenate([[0], np.cumsum(world.fields.shape.astype(np.int64).prod(axis=1))])
     ends = np.zeros((people, 3))
-    walk_all(world, crowd.position, crowd.level, route, most.astype(np.int64), first, seen, ends)
+    steps = most.astype(np.int64)
+    trail = np.empty(steps.max() + 1, np.int64)
+    walk_all(world, crowd.position, crowd.level, route, steps, first, seen, trail, ends)
     for group in groups:
         lost = group.rows[ends[group.rows, 2] >= 0.0]
         if lost.size:
@@ -178,13 +181,14 @@ def _parts_at(parts: NDArray[Any], segments: FloatArray) -> list[int]:
 @kernel
 def walk_all(
     world: World,
-    position: FloatArray,
-    level: IntArray,
+    position: Pairs,
+    level: Ints,
     route: int,
-    most: NDArray[np.int64],
-    first: NDArray[np.int64],
-    seen: ByteArray,
-    ends: FloatArray,
+    most: Longs,
+    first: Longs,
+    seen: Bytes,
+    trail: Longs,
+    ends: Triples,
 ) -> None:
     """Walk from everybody's place; a walk that comes to a cell from which another one arrived has arrived.
 
@@ -200,10 +204,11 @@ def walk_all(
         Number of the first cell of each level.
     seen : (cells,) uint8
         Written: 1 in cells from which an exit is reached.
+    trail : (steps,) int64
+        Room for the cells of one walk.
     ends : (n, 3) float64
         Written: where a walk was lost, x, y [m] and level; level -1 where it arrived.
     """
-    trail = np.empty(most.max() + 1, np.int64)
     for p in range(position.shape[0]):
         ends[p, 2] = -1.0
         if most[p] == 0:
@@ -240,7 +245,8 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
         tx = world.wall[wall, 2] - world.wall[wall, 0]
         ty = world.wall[wall, 3] - world.wall[wall, 1]
         # A whole step: within a cell of a corner directions may point almost straight at the wall.
-        along = length * np.sign(ex * tx + ey * ty) / np.sqrt(tx * tx + ty * ty)
+        across = ex * tx + ey * ty
+        along = (1.0 if across > 0.0 else -1.0 if across < 0.0 else 0.0) * length / math.sqrt(tx * tx + ty * ty)
         step_x, step_y = along * tx, along * ty
     else:
         return ax, ay, level
@@ -270,7 +276,7 @@ def first_wall(world: World, ax: float, ay: float, bx: float, by: float, level: 
         w = world.bucket_wall[slot]
         if world.wall_level[w] != level or world.wall_open[w]:
             continue
-        if passes_through(world.wall[w], ax, ay, bx, by):
+        if passes_through(world.wall, w, ax, ay, bx, by):
             x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
             before = side_of(x1, y1, x2, y2, ax, ay)
             share = before / (before - side_of(x1, y1, x2, y2, bx, by))

@@ -1,7 +1,7 @@
 """Square cells of the plan: who is near, found by counting."""
 
 from evac.jit import inner
-from evac.physics.bundles import FloatArray, IntArray
+from evac.physics.state import FloatArray, IntArray
 
 
 @inner

@@ -1,16 +1,19 @@
-"""Contact models own the sub-step: the base class of contact plugins."""
+"""Contact models: the law that a sub-step obeys; the base class of contact plugins."""
 
+import math
 from abc import ABC
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.errors import PluginError, ScenarioError
+from evac.jit import Entry, Struct
 from evac.parameters import Configurable, Parameter
-from evac.physics import stepping
-from evac.physics.bundles import Clock, Crowd
-from evac.physics.solvers import SOLVERS
+from evac.physics import driver
+from evac.physics.state import Crowd, Traits, World
+from evac.physics.status import OK
 
 if TYPE_CHECKING:
     from evac.physics.engine import Engine
@@ -79,21 +82,38 @@ def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
 
 
 class ContactModel(Configurable, ABC):
-    """A law of contact. Either define `step` in numpy, or override `run` with a compiled loop.
+    """A law of contact: name a compiled `law`, or define `step` in numpy.
 
     Attributes
     ----------
+    law : Entry or None
+        A kernel ``law(state: State, own: ..., h: float) -> int`` that sets the velocities after a sub-step of `h` [s],
+        ``state.bodies.solved``, and the percussions, ``state.contacts.percussion``, from the contacts and
+        ``state.bodies.free``, and returns a status of `evac.physics.status`. Its second argument is the struct that
+        `own` returns.
     midpoint : bool
         Whether bodies move by the mean of old and new velocity (as NSM2) or by the new one.
     overdamped : bool
         Whether the free velocity is the desired one, without inertia.
+    reach_share, reach_fastest : float
+        How far beyond touching contacts are looked for: a share of both bodies' free paths in a step, and at least a
+        share of the fastest one's.
+    longest_path : float
+        A step is cut into parts where somebody's free path is longer than so many of the smallest radii.
+    remembers : bool
+        Whether the law starts from the percussions of the sub-step before.
+    reports_percussions : bool
+        Whether contact forces are percussions over the length of a step; if not, the law reports them.
     """
 
+    law: ClassVar[Entry | None] = None
     midpoint: bool = False
     overdamped: bool = False
-
-    #: How far beyond touching contacts are looked for: this share of both bodies' free paths in a step.
-    reach_share: ClassVar[float] = 0.0
+    reach_share: float = 0.0
+    reach_fastest: float = 0.0
+    longest_path: float = math.inf
+    remembers: bool = True
+    reports_percussions: bool = True
 
     def check_scene(self, scene: BorderScene) -> None:
         """Refuse a scene that the model cannot step through.
@@ -121,6 +141,27 @@ class ContactModel(Configurable, ABC):
         """Return the parts of the model that a scene may not need: name, whether in, why."""
         return []
 
+    def traits(self, world: World) -> Traits:
+        """Return what the step loop needs to know."""
+        return Traits(
+            overdamped=int(self.overdamped),
+            old_share=0.5 if self.midpoint else 0.0,
+            reach_share=self.reach_share,
+            reach_fastest=self.reach_fastest,
+            reach_floor=0.0,
+            longest_path=self.longest_path if self.law else min(self.longest_path, 0.5),
+            remembers=int(self.remembers),
+            reports_percussions=int(self.reports_percussions),
+        )
+
+    def own(self, people: int, world: World) -> Struct:
+        """Return the parameters of the law, with scratch arrays for so many people; here none."""
+        return NoParameters()
+
+    def advice(self) -> Mapping[int, str]:
+        """Return what to change in the case where a step ends in a status, for the message."""
+        return {}
+
     def step(self, contacts: StepContacts, h: float) -> FloatArray:
         """Return the velocities after a sub-step and fill ``contacts.percussion``.
 
@@ -137,74 +178,41 @@ class ContactModel(Configurable, ABC):
         Raises
         ------
         PluginError
-            If the model defines neither this nor `run`.
+            If the model has neither this nor a law.
         """
-        raise PluginError(f"contact model {self.name!r} defines neither step(contacts, h) nor run(engine, clock)")
+        raise PluginError(f"contact model {self.name!r} has neither a law nor step(contacts, h); define one of them")
 
-    def run(self, engine: "Engine", clock: Clock) -> tuple[int, int]:
-        """Make the steps of `clock`; return (next step, status), status 0 when all were made.
-
-        This one calls `step` from Python, with the same kernels around it as compiled models.
-        """
-        bodies, lists, contacts, events, tally = (
-            engine.bodies,
-            engine.lists,
-            engine.contacts,
-            engine.events,
-            engine.tally,
-        )
-        for step in range(clock.first, clock.last):
-            fired = stepping.open_step(bodies, events, tally)
+    def advance(self, engine: "Engine") -> int:
+        """Make the steps of the clock and return a status, OK when all were made."""
+        state = engine.state
+        if self.law is not None:
+            return int(driver.advance(state))
+        clock = state.clock
+        while clock.now < clock.last:
+            driver.open_step(state)
             parts = 1
-            while (status := self._parts(engine, clock, step, parts)) != 0:
-                parts = stepping.cut(bodies, lists, contacts, events, tally, fired, status, parts)
+            while (status := self._make_step(engine, parts)) != OK:
+                parts = driver.cut(state, status, parts)
                 if not parts:
-                    return step, status
-        return clock.last, 0
+                    return status
+            clock.now += 1
+        return OK
 
-    def _parts(self, engine: "Engine", clock: Clock, step: int, parts: int) -> int:
-        world, bodies, lists, contacts = engine.world, engine.bodies, engine.lists, engine.contacts
-        h = clock.step / parts
+    def _make_step(self, engine: "Engine", parts: int) -> int:
+        """Make one step in parts, calling `step` from Python with the kernels of the step loop around it."""
         for part in range(parts):
-            time = step * clock.step + part * h
-            status = stepping.approach(
-                world,
-                bodies,
-                lists,
-                contacts,
-                engine.forces,
-                clock,
-                engine.tally,
-                time,
-                h,
-                self.reach_share,
-                0.0,
-                self.overdamped,
-            )
-            if status:
+            driver.set_clock(engine.state, part, parts)
+            status = driver.approach(engine.state)
+            if status == OK:
+                self._call_step(engine)
+                status = driver.conclude(engine.state)
+            if status != OK:
                 return int(status)
-            self._call_step(engine, h)
-            is_last = step == clock.last - 1 and part == parts - 1
-            status = stepping.conclude(
-                world,
-                bodies,
-                lists,
-                contacts,
-                engine.events,
-                clock,
-                engine.tally,
-                time,
-                h,
-                0.5 if self.midpoint else 0.0,
-                is_last,
-            )
-            if status:
-                return int(status)
-        return 0
+        return OK
 
-    def _call_step(self, engine: "Engine", h: float) -> None:
-        bodies, contacts = engine.bodies, engine.contacts
-        n, c = int(bodies.count[0]), int(contacts.count[0])
+    def _call_step(self, engine: "Engine") -> None:
+        bodies, contacts = engine.state.bodies, engine.state.contacts
+        n, c = bodies.inside, contacts.number
         contacts.percussion[:c] = 0.0
         seen = StepContacts(
             contacts.body[:c],
@@ -219,7 +227,7 @@ class ContactModel(Configurable, ABC):
         )
         for name, array in seen._asdict().items():
             array.flags.writeable = name == "percussion"
-        found = self.step(seen, h)
+        found = self.step(seen, engine.state.clock.h)
         if np.shape(found) != (n, 2):
             raise PluginError(
                 f"contact model {self.name!r}: step returned velocities of shape {np.shape(found)}, not {(n, 2)}"
@@ -230,17 +238,13 @@ class ContactModel(Configurable, ABC):
         bodies.solved[:n] = found
 
 
+class NoParameters(Struct):
+    """The parameters of a law that has none."""
+
+
 class SolvedContactModel(ContactModel):
     """A contact model that solves a contact problem in every step: NSM1 and NSM2 share these parameters."""
 
-    solver = Parameter("accelerated_sweeps", "method of the contact problem", choices=SOLVERS)
+    solver = Parameter("accelerated_sweeps", "method of the contact problem, a registered solver")
     velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
     iterations = Parameter(5_000, "iterations after which a solve is counted as unconverged", minimum=1, maximum=10**9)
-
-    def method(self) -> int:
-        """Return the code of the solver."""
-        return SOLVERS.index(self.solver)
-
-    def settings(self) -> tuple[Any, ...]:
-        """Return the solver's settings as the compiled loop reads them: method, tolerance, limit."""
-        return self.method(), self.velocity_tolerance, self.iterations

@@ -6,15 +6,11 @@ it, because keeping it throws people sideways at wall joints.
 
 import math
 
-import numpy as np
-
 from evac.jit import inner
 from evac.physics.drive import unit_normal
 from evac.physics.neighbours import segment_distance
-from evac.physics.seams import reaches
-
-CONTACTS_FULL = 3
-NEAR_WALLS_FULL = 4
+from evac.physics.seams import touches
+from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
 
 #: A wall end may lie this far beyond a nearer wall's tangent line and still be implied by it [m].
 IMPLIED = 1e-9
@@ -26,7 +22,7 @@ def set_reach(bodies, h, share, floor):
 
     `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
     """
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         if bodies.level[i] >= 0:
             free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
             last = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
@@ -34,20 +30,21 @@ def set_reach(bodies, h, share, floor):
 
 
 @inner
-def wall_acts(world, level, x, y, w, px, py):
+def wall_acts(state, level, x, y, w, px, py):
     """Say whether wall `w` with nearest point p acts on a body at (x, y)."""
-    if world.wall_open[w]:
+    if state.world.wall_open[w]:
         return False
-    return reaches(world, level, x, y, world.wall_level[w], px, py)
+    return touches(state, level, x, y, state.world.wall_level[w], px, py)
 
 
 @inner
-def _near_walls(world, bodies, lists, near, i):
+def _near_walls(state, i):
     """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
 
     Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
     """
-    found = np.int64(0)
+    world, bodies, lists, near = state.world, state.bodies, state.lists, state.contacts.near
+    found = 0
     level = bodies.level[i]
     x, y = bodies.position[i, 0], bodies.position[i, 1]
     limit = bodies.radius[i] + bodies.reach[i]
@@ -59,7 +56,7 @@ def _near_walls(world, bodies, lists, near, i):
         )
         if distance >= nearest and distance > limit:
             continue
-        if not wall_acts(world, level, x, y, w, px, py):
+        if not wall_acts(state, level, x, y, w, px, py):
             continue
         nearest = min(nearest, distance)
         if distance > limit:
@@ -111,19 +108,18 @@ def _is_implied(world, near, k, kept):
 
 
 @inner
-def _carry_over(contacts, c, memory):
-    """Start contact c from its percussion in the last step; `memory` walks along both sorted lists."""
+def _carry_over(contacts, memory, c, at):
+    """Start contact c from its percussion in the last step; `at` walks along both sorted lists and is returned."""
     body, key = contacts.body[c], contacts.key[c]
-    held = contacts.count[1]
-    while memory < held and (
-        contacts.old_body[memory] < body or (contacts.old_body[memory] == body and contacts.old_key[memory] < key)
+    first = memory.half * memory.size
+    while at < memory.number and (
+        memory.body[first + at] < body or (memory.body[first + at] == body and memory.key[first + at] < key)
     ):
-        memory += 1
-    if memory < held and contacts.old_body[memory] == body and contacts.old_key[memory] == key:
-        contacts.percussion[c] = contacts.old_percussion[memory]
-    else:
-        contacts.percussion[c] = 0.0
-    return memory
+        at += 1
+    contacts.percussion[c] = 0.0
+    if at < memory.number and memory.body[first + at] == body and memory.key[first + at] == key:
+        contacts.percussion[c] = memory.percussion[first + at]
+    return at
 
 
 @inner
@@ -137,27 +133,27 @@ def _sort_walls_by_key(near, kept, found):
 
 
 @inner
-def find_contacts(world, bodies, lists, contacts):
-    """Fill `contacts` with every pair and wall whose gap is below the reach; return 0 or a full status.
+def find_contacts(state):
+    """Fill the contacts with every pair and wall whose gap is below the reach; return a status.
 
     A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
     """
+    world, bodies, lists, contacts = state.world, state.bodies, state.lists, state.contacts
     capacity = contacts.body.shape[0]
     walls = world.wall.shape[0]
     near = contacts.near
-    used = np.int64(0)
-    memory = np.int64(0)
-    for i in range(bodies.count[0]):
+    used, memory = 0, 0
+    for i in range(bodies.inside):
         level = bodies.level[i]
         if level < 0:
             continue
         x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i]
         bodies.wall_distance[i] = 1e300
         if lists.wall_start[i + 1] > lists.wall_start[i]:
-            found = _near_walls(world, bodies, lists, near, i)
+            found = _near_walls(state, i)
             if found < 0:
                 return NEAR_WALLS_FULL
-            kept = np.int64(0)
+            kept = 0
             for k in range(found):
                 if not _is_implied(world, near, k, kept):
                     kept |= 1 << k
@@ -167,7 +163,8 @@ def find_contacts(world, bodies, lists, contacts):
                 if used == capacity:
                     return CONTACTS_FULL
                 key, omega = int(near[k, 3]) - walls, bodies.inverse_mass[i]
-                memory = _append(contacts, used, memory, i, -1, key, near[k, 1], near[k, 2], near[k, 0] - r, omega)
+                gap = near[k, 0] - r
+                memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
                 used += 1
         r += bodies.reach[i]
         for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
@@ -178,23 +175,22 @@ def find_contacts(world, bodies, lists, contacts):
             square = nx * nx + ny * ny
             if square > limit * limit or bodies.level[j] < 0:
                 continue
-            if (level != bodies.level[j] or world.backed[level]) and not reaches(
-                world, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]
-            ):
+            if not touches(state, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]):
                 continue
             if used == capacity:
                 return CONTACTS_FULL
             nx, ny, distance = unit_normal(nx, ny, square)
             gap, omega = distance - bodies.radius[i] - bodies.radius[j], bodies.inverse_mass[i] + bodies.inverse_mass[j]
-            memory = _append(contacts, used, memory, i, j, j, nx, ny, gap, omega)
+            memory = _append(state, used, memory, i, j, j, nx, ny, gap, omega)
             used += 1
-    contacts.count[0] = used
-    return 0
+    contacts.number = used
+    return OK
 
 
 @inner
-def _append(contacts, c, memory, i, other, key, nx, ny, gap, omega):
+def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
     """Set contact c, with its percussion of the step before; return how far that memory has been read."""
+    contacts = state.contacts
     contacts.body[c] = i
     contacts.other[c] = other
     contacts.key[c] = key
@@ -202,7 +198,10 @@ def _append(contacts, c, memory, i, other, key, nx, ny, gap, omega):
     contacts.normal[c, 1] = ny
     contacts.gap[c] = gap
     contacts.omega[c] = omega
-    return _carry_over(contacts, c, memory)
+    contacts.bias[c] = 0.0
+    contacts.friction[c] = 0.0
+    contacts.sticky[c] = 0
+    return _carry_over(contacts, state.memory, c, memory)
 
 
 @inner
@@ -232,7 +231,7 @@ def tangential_velocity(velocity, contacts, c):
 @inner
 def set_velocity_before(bodies, contacts):
     """Set the normal velocities before the step, w-."""
-    for c in range(contacts.count[0]):
+    for c in range(contacts.number):
         contacts.velocity_before[c] = normal_velocity(bodies.velocity, contacts, c)
 
 
@@ -251,13 +250,15 @@ def push(velocity, inverse_mass, contacts, c, percussion):
 
 
 @inner
-def keep_percussions(contacts):
-    """Remember the percussions of this step for the start of the next."""
-    for c in range(contacts.count[0]):
-        contacts.old_body[c] = contacts.body[c]
-        contacts.old_key[c] = contacts.key[c]
-        contacts.old_percussion[c] = contacts.percussion[c]
-    contacts.count[1] = contacts.count[0]
+def keep_percussions(contacts, memory):
+    """Remember the percussions of this sub-step for the next search, in the half that is not the step's start."""
+    memory.half = 1 - memory.half_before
+    memory.number = contacts.number
+    first = memory.half * memory.size
+    for c in range(contacts.number):
+        memory.body[first + c] = contacts.body[c]
+        memory.key[first + c] = contacts.key[c]
+        memory.percussion[first + c] = contacts.percussion[c]
 
 
 @inner
@@ -266,8 +267,8 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
 
     That is, those with D + h G.V > `margin`; it is 0 in the paper.
     """
-    used = np.int64(0)
-    for c in range(contacts.count[0]):
+    used = 0
+    for c in range(contacts.number):
         if contacts.gap[c] + h * normal_velocity(bodies.free, contacts, c) <= margin + world.rounding:
             if used != c:
                 contacts.body[used] = contacts.body[c]
@@ -279,15 +280,15 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
                 contacts.omega[used] = contacts.omega[c]
                 contacts.percussion[used] = contacts.percussion[c]
             used += 1
-    contacts.count[0] = used
+    contacts.number = used
 
 
 @inner
 def report_contact_force(bodies, contacts, weight):
     """Sum the contact forces, `weight` times the percussions, on each body [N]."""
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         bodies.contact_force[i] = 0.0
-    for c in range(contacts.count[0]):
+    for c in range(contacts.number):
         force = weight * contacts.percussion[c]
         bodies.contact_force[contacts.body[c]] += force
         if contacts.other[c] >= 0:

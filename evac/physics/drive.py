@@ -4,8 +4,10 @@ import math
 
 from evac.building.model import DOWN, FLAT, UP
 from evac.directions.sampling import sample_direction
-from evac.jit import call_pair_force, inner
-from evac.physics.seams import reaches
+from evac.jit import AddressCall, call_pair_force, inner, kernel, row
+from evac.physics.seams import touches
+from evac.physics.state import State
+from evac.physics.status import OK
 
 
 @inner
@@ -39,7 +41,7 @@ def desired_direction(world, bodies, i):
 @inner
 def set_desired(world, bodies):
     """Set the unit desired direction of every body from its place, and clear the forces."""
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
         if bodies.level[i] >= 0:
@@ -48,10 +50,11 @@ def set_desired(world, bodies):
             bodies.desired[i, 1] = ey
 
 
-@inner
-def add_forces(world, bodies, lists, forces, clock):
-    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``."""
-    for i in range(bodies.count[0]):
+@kernel
+def add_forces(state: State) -> int:
+    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return a status, OK."""
+    bodies, lists, forces = state.bodies, state.lists, state.forces
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
@@ -60,13 +63,12 @@ def add_forces(world, bodies, lists, forces, clock):
                 continue
             nx = bodies.position[i, 0] - bodies.position[j, 0]
             ny = bodies.position[i, 1] - bodies.position[j, 1]
-            limit = bodies.radius[i] + bodies.radius[j] + clock.cutoff
+            limit = bodies.radius[i] + bodies.radius[j] + forces.farthest
             square = nx * nx + ny * ny
             if square >= limit * limit:
                 continue
-            is_apart = bodies.level[i] != bodies.level[j] or world.backed[bodies.level[i]]
-            if is_apart and not reaches(
-                world,
+            if not touches(
+                state,
                 bodies.level[i],
                 bodies.position[i, 0],
                 bodies.position[i, 1],
@@ -77,16 +79,21 @@ def add_forces(world, bodies, lists, forces, clock):
                 continue
             nx, ny, distance = unit_normal(nx, ny, square)
             gap = distance - bodies.radius[i] - bodies.radius[j]
-            for f in range(forces.address.shape[0]):
+            for f in range(forces.number):
                 if gap >= forces.cutoff[f]:
                     continue
-                call, given = forces.address[f], forces.parameters[f]
+                call, given = forces.address[f], row(forces.parameters, f)
                 fx, fy = call_pair_force(call, gap, nx, ny, bodies.desired[i, 0], bodies.desired[i, 1], given)
                 bodies.push[i, 0] += fx
                 bodies.push[i, 1] += fy
                 fx, fy = call_pair_force(call, gap, -nx, -ny, bodies.desired[j, 0], bodies.desired[j, 1], given)
                 bodies.push[j, 0] += fx
                 bodies.push[j, 1] += fy
+    return OK
+
+
+#: Call `add_forces` at its address: it is loaded only where there are forces at a distance.
+call_add_forces = AddressCall([State], (int,))
 
 
 @inner
@@ -99,18 +106,20 @@ def unit_normal(nx, ny, square):
 
 
 @inner
-def drive(world, bodies, time, h, explicit):
-    """Set ``bodies.free``, the velocity after a step of `h` if nobody touched; return the greatest speed.
+def drive(state):
+    """Set ``bodies.free``, the velocity after the sub-step if nobody touched; return the greatest speed.
 
     Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
     held over the step. Before its response time a person wants to stand.
     """
-    if not explicit and bodies.taken_up_in[0] != h:
-        for i in range(bodies.count[0]):
+    world, bodies = state.world, state.bodies
+    time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
+    if not explicit and bodies.taken_up_in != h:
+        for i in range(bodies.inside):
             bodies.taken_up[i] = -math.expm1(-h / bodies.tau[i])
-        bodies.taken_up_in[0] = h
+        bodies.taken_up_in = h
     fastest = 0.0
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         vx = 0.0
@@ -137,10 +146,11 @@ def drive(world, bodies, time, h, explicit):
 
 
 @inner
-def drive_overdamped(world, bodies, time):
+def drive_overdamped(state):
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
+    world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]

@@ -1,49 +1,48 @@
-"""The engine: owns the work arrays of the step loop and makes one tick of steps."""
+"""The engine: owns the state of the step loop and makes one tick of steps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.errors import SimulationError, plugin_code
-from evac.physics import neighbours, stepping
+from evac.errors import PluginError, SimulationError, plugin_code
+from evac.jit import Entry
+from evac.jit.loading import addresses_of
+from evac.parameters import did_you_mean
+from evac.physics import driver, status
 from evac.physics import tallies as at
-from evac.physics.bundles import Bodies, Clock, Contacts, Crowd, Events, Forces, Groups, Lists, Rows, World
-from evac.physics.contacts import CONTACTS_FULL, NEAR_WALLS_FULL
+from evac.physics.drive import add_forces
 from evac.physics.force import Force
-from evac.physics.groups import OPEN, ROOM, SPARE
-from evac.physics.motion import EVENTS_FULL, NOT_FINITE, TOO_FAST, TOO_STIFF, WALL_CROSSED
+from evac.physics.overlaps import separate
+from evac.physics.rooms import allocate, grown, make_contacts, make_lists, make_memory, make_problem, make_state
+from evac.physics.rooms import make_room_for_contacts
+from evac.physics.seams import reaches
+from evac.physics.solver import Solver
+from evac.physics.state import Crowd, Events, Forces, World
 
 if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
 
-#: How far neighbour lists look beyond what is needed, so that they last several steps [m].
-SKIN = 0.3
-
-_ADVICE = {
-    WALL_CROSSED: (
+#: What went wrong in a step, for messages; contact models add what to change.
+_FAILURES = {
+    status.WALL_CROSSED: (
         "would pass through a wall even with the step cut into {parts} parts: the contact is too soft for the load, or"
-        " the run started with overlaps; make contacts stiffer (of 'dem': contact.dem.stiffness), or use"
-        " contact.model = 'nsm1'"
+        " the run started with overlaps"
     ),
-    TOO_FAST: (
+    status.TOO_FAST: (
         "moves too fast for the step even cut into {parts} parts, or faster than {fastest:g} m/s; check speeds, forces,"
-        " masses and overlaps; where people are squeezed, percussions of 'nsm2' grow with"
-        " contact.nsm2.normal_dissipation: lower it, or use contact.model = 'nsm1'"
+        " masses and overlaps"
     ),
-    TOO_STIFF: (
-        "has contacts too stiff for the step even cut into {parts} parts; lower contact.dem.stiffness or use a smaller"
-        " simulation.step"
-    ),
-    NOT_FINITE: (
-        "has a velocity that is no number; use a smaller simulation.step or softer contact parameters, and look at the"
+    status.TOO_STIFF: "has contacts too stiff for the step even cut into {parts} parts",
+    status.NOT_FINITE: (
+        "has a NaN or infinite velocity; use a smaller simulation.step or softer contact parameters, and look at the"
         " forces and contact models of plugins"
     ),
 }
 
 
 class Engine:
-    """Everything the compiled loop needs besides the crowd.
+    """Everything the step loop needs besides the crowd.
 
     Parameters
     ----------
@@ -55,22 +54,31 @@ class Engine:
     full : bool
         Do even what the scene does not need (``evac run --full``).
     levels : sequence of str
-        Names of the levels, for messages; without them their numbers are told.
+        Names of the levels, for messages; without them messages show level indices.
+    solvers : mapping of str to type
+        The registered solvers, by name, see `Registry.solvers`.
+
+    Attributes
+    ----------
+    state : State
     """
 
     def __init__(
-        self, world: World, people: int, forces: list[Force], full: bool = False, levels: Sequence[str] = ()
+        self,
+        world: World,
+        people: int,
+        forces: Sequence[Force],
+        full: bool = False,
+        levels: Sequence[str] = (),
+        solvers: Mapping[str, type[Solver]] | None = None,
     ) -> None:
-        self.world = world
         self.levels = levels
-        self.bodies = make_bodies(people)
-        self.lists = make_lists(people, 8 * people + 64, 8 * people + 64)
-        self.contacts = make_contacts(people, 4 * people + 64)
-        self.events = make_events(4 * people + 16)
-        self.tally = np.zeros((2, len(at.NAMES)))
-        self.forces = pack_forces(forces)
-        self.cutoff = float(self.forces.cutoff.max(initial=0.0))
         self.full = full
+        self._forces = list(forces)
+        self._solvers = solvers or {}
+        self.state = make_state(world, people, pack_forces(self._forces))
+        self._own: Any = None
+        self._model: "ContactModel | None" = None
 
     def advance(
         self, model: "ContactModel", crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
@@ -82,53 +90,145 @@ class Engine:
         SimulationError
             If a step cannot be made; names time, person and place.
         """
-        inside = stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts)
-        self.events.count[0] = 0
-        last = first + steps
-        if inside:
-            while first < last:
-                clock = Clock(first, last, step, explicit, report, self.cutoff, self.full)
-                with plugin_code(f"t = {first * step:.3f} s: contact model {model.name!r}"):
-                    first, status = model.run(self, clock)
-                if status != neighbours.OK:
-                    self.handle(int(status), first * step)
-        self.tally[0, at.STEPS] += steps
-        stepping.scatter(crowd, self.bodies)
-        return self.events
+        self.load(model)
+        state, clock = self.state, self.state.clock
+        if self._gather(crowd):
+            clock.now, clock.last, clock.step = first, first + steps, step
+            clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
+            while clock.now < clock.last:
+                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"):
+                    found = model.advance(self)
+                if found != status.OK:
+                    self._handle(model, int(found), clock.now * step)
+        state.tally[at.STEPS] += steps
+        driver.scatter(crowd, state.bodies)
+        return state.events
 
-    def load(self, model: "ContactModel", crowd: Crowd, step: float, explicit: bool) -> None:
-        """Load the kernels of a model, or compile them; no step is made."""
-        if stepping.gather(self.world, crowd, self.bodies, self.lists, self.contacts):
-            with plugin_code(f"contact model {model.name!r}"):
-                model.run(self, Clock(0, 0, step, explicit, False, self.cutoff, self.full))
-        stepping.scatter(crowd, self.bodies)
+    def _gather(self, crowd: Crowd) -> int:
+        """Copy the people inside to the bodies, sorted by travel time, row breaking ties; return how many they are."""
+        bodies = self.state.bodies
+        inside = driver.list_inside(self.state.world, crowd, bodies)
+        bodies.row[:inside] = bodies.row[:inside][np.argsort(bodies.key[:inside], kind="stable")]
+        driver.gather(self.state, crowd, inside)
+        return int(inside)
 
-    def state(self) -> dict[str, np.ndarray]:
+    def load(self, model: "ContactModel", progress: Callable[[int, int], None] | None = None) -> None:
+        """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
+        if self._model is model:
+            return
+        state = self.state
+        with plugin_code(f"contact model {model.name!r}"):
+            state.traits = model.traits(state.world)
+            self._own = model.own(len(state.bodies.row), state.world)
+        addresses_of(self.entries(model), progress)
+        parts = state.parts
+        parts.parameters = self._own.memory_address
+        parts.law = model.law.address if model.law else 0
+        parts.solver = self._solver(model).solve.address if hasattr(model, "solver") else 0
+        parts.stronger = parts.separation = 0
+        parts.seams = reaches.address if self.has_seams else 0
+        parts.forces = add_forces.address if self._forces else 0
+        for k, force in enumerate(self._forces):
+            state.forces.address[k] = force.pair.address
+        if self.full and hasattr(model, "solver"):
+            self._load_part(model, status.NEEDS_STRONGER_SOLVER)
+            self._load_part(model, status.NEEDS_SEPARATION)
+        self._model = model
+
+    @property
+    def has_seams(self) -> bool:
+        """Whether bodies can touch across portals, or walls stand behind an exit."""
+        world = self.state.world
+        return self.full or len(world.cosine) > 1 or bool(world.backed.any())
+
+    def entries(self, model: "ContactModel") -> list[Entry]:
+        """Return the kernels that a run is known to need."""
+        found = [driver.list_inside, driver.gather, driver.scatter]
+        if model.law is None:
+            found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
+        else:
+            found += [driver.advance, model.law]
+        if hasattr(model, "solver"):
+            found.append(self._solver(model).solve)
+        if self.has_seams:
+            found.append(reaches)
+        if self._forces:
+            found += [add_forces, *(force.pair for force in self._forces)]
+        return found
+
+    def _solver(self, model: Any, stronger: bool = False) -> type[Solver]:
+        """Return the solver that a model names, or the one that tries again."""
+        name = model.solver
+        for _ in range(1 + stronger):
+            if name not in self._solvers:
+                raise PluginError(
+                    f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(self._solvers))}"
+                )
+            found = self._solvers[name]
+            name = found.stronger
+        return found
+
+    def _load_part(self, model: Any, needed: int) -> None:
+        """Load what a step has been found to need."""
+        if needed == status.NEEDS_STRONGER_SOLVER:
+            self.state.parts.stronger = self._solver(model, stronger=True).solve.address
+        else:
+            self.state.parts.separation = separate.address
+
+    def _handle(self, model: "ContactModel", found: int, time: float) -> None:
+        """Do what a status asks for, or raise SimulationError."""
+        state = self.state
+        if found in (status.NEEDS_STRONGER_SOLVER, status.NEEDS_SEPARATION):
+            self._load_part(model, found)
+        elif found == status.PAIRS_FULL:
+            state.lists.pair_body = grown(state.lists.pair_body)
+            state.lists.stale = 1
+        elif found == status.WALLS_FULL:
+            state.lists.wall_item = grown(state.lists.wall_item)
+            state.lists.stale = 1
+        elif found == status.CONTACTS_FULL:
+            # The memory for warm starts is empty: the step that ran out of room has been undone.
+            make_room_for_contacts(state, 2 * len(state.contacts.body))
+        elif found == status.NEAR_WALLS_FULL:
+            raise SimulationError(
+                f"t = {time:.3f} s: more than {len(state.contacts.near)} walls within one body's reach;"
+                " use a smaller simulation.step or a mesh with fewer, longer walls"
+            )
+        elif found == status.EVENTS_FULL:
+            for name in ("row", "kind", "link", "time"):
+                setattr(state.events, name, grown(getattr(state.events, name)))
+        elif found in _FAILURES:
+            failure = _FAILURES[found].format(parts=driver.GREATEST_PARTS, fastest=driver.FASTEST)
+            advice = model.advice().get(found, "")
+            raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
+        else:
+            raise PluginError(f"contact model {model.name!r}: its law returned {found}, no status of evac.physics.status")
+
+    def snapshot(self) -> dict[str, np.ndarray]:
         """Return copies of what the next tick depends on beyond the crowd."""
+        state = self.state
+        room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
         return {
-            "tally": self.tally.copy(),
-            "span": self.lists.span.copy(),
-            "room": np.array([len(array) for array in self._rooms()]),
+            "tally": state.tally.copy(),
+            "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
+            "room": np.array([len(array) for array in room]),
         }
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Take up what `state` returned. A step that ran out of room starts cold, so the room counts too."""
-        pairs, walls, contacts, events = map(int, state["room"])
-        n = len(self.bodies.row)
-        self.lists, self.contacts = make_lists(n, pairs, walls), make_contacts(n, contacts)
-        self.events = make_events(events)
-        self.tally[:] = state["tally"]
-        self.lists.span[:] = state["span"]
-
-    def _rooms(self) -> tuple[np.ndarray, ...]:
-        """Return the arrays that grow, one of each bundle."""
-        return self.lists.pair_body, self.lists.wall_item, self.contacts.body, self.events.row
+    def restore(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Restore what `snapshot` returned. A step that ran out of room starts cold, so the room counts too."""
+        pairs, walls, contacts, events = map(int, saved["room"])
+        state, n = self.state, len(self.state.bodies.row)
+        state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
+        state.memory, state.problem = make_memory(contacts), make_problem(n, contacts)
+        state.events = allocate(Events, events)
+        state.tally[:] = saved["tally"]
+        state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
 
     def report(self) -> dict[str, float | int]:
         """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
         return {
             name: float(value) if name in at.MEASURES else int(value)
-            for name, value in zip(at.NAMES, self.tally[0], strict=True)
+            for name, value in zip(at.NAMES, self.state.tally, strict=True)
             if name not in at.DEEPEST
         }
 
@@ -143,170 +243,36 @@ class Engine:
 
     def deepest_overlap(self) -> dict[str, Any] | None:
         """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
-        if not self.tally[0, at.GREATEST_OVERLAP]:
+        if not self.state.tally[at.GREATEST_OVERLAP]:
             return None
-        _, time, person, level, x, y = self.tally[0, at.DEEPEST_BODY :].tolist()
+        _, time, person, level, x, y = self.state.tally[at.DEEPEST_BODY :].tolist()
         return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
-
-    def handle(self, status: int, time: float) -> None:
-        """Grow what a status says was full, or raise SimulationError."""
-        if status == neighbours.PAIRS_FULL:
-            self.lists = self.lists._replace(pair_body=_grown(self.lists.pair_body), stale=np.ones(1, np.uint8))
-        elif status == neighbours.WALLS_FULL:
-            self.lists = self.lists._replace(wall_item=_grown(self.lists.wall_item), stale=np.ones(1, np.uint8))
-        elif status in (CONTACTS_FULL, NEAR_WALLS_FULL):
-            if status == NEAR_WALLS_FULL:
-                raise SimulationError(
-                    f"t = {time:.3f} s: more than {self.contacts.near.shape[0]} walls within one body's reach;"
-                    " use a smaller simulation.step or a mesh with fewer, longer walls"
-                )
-            # The memory for warm starts is empty: the step that ran out of room has been undone.
-            self.contacts = make_contacts(len(self.bodies.row), 2 * len(self.contacts.body))
-        elif status == EVENTS_FULL:
-            self.events = Events(self.events.count, *(_grown(array) for array in self.events[1:]))
-        else:
-            advice = _ADVICE[status].format(parts=stepping.GREATEST_PARTS, fastest=stepping.FASTEST)
-            raise SimulationError(f"t = {time:.3f} s: {self._place()} {advice}")
 
     def _place(self) -> str:
         """Name the body that the failure is about."""
-        i = int(self.bodies.count[1])
-        x, y = self.bodies.position[i]
-        level = self._level_name(int(self.bodies.level[i]))
-        return f"person {self.bodies.row[i]} at ({x:.2f}, {y:.2f}) on level {level!r}"
+        bodies = self.state.bodies
+        x, y = bodies.position[bodies.failed]
+        level = self._level_name(int(bodies.level[bodies.failed]))
+        return f"person {bodies.row[bodies.failed]} at ({x:.2f}, {y:.2f}) on level {level!r}"
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
 
 
-def _grown(array: np.ndarray) -> np.ndarray:
-    """Return a copy of twice the length."""
-    return np.concatenate([array, np.zeros_like(array)])
-
-
-def pack_forces(forces: list[Force]) -> Forces:
-    """Return addresses and parameters of pair forces; shorter parameter rows are filled with zeros."""
+def pack_forces(forces: Sequence[Force]) -> Forces:
+    """Return cut-offs and parameters of pair forces; shorter parameter rows are filled with zeros."""
     packed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}"):
-            packed.append((force.pair.address, force.cutoff(), force.packed()))
-    parameters = np.zeros((len(packed), max((len(row) for _, _, row in packed), default=1)))
-    for k, (_, _, row) in enumerate(packed):
+            packed.append((force.cutoff(), force.packed()))
+    parameters = np.zeros((len(packed), max((len(row) for _, row in packed), default=1)))
+    for k, (_, row) in enumerate(packed):
         parameters[k, : len(row)] = row
+    cutoff = np.array([cutoff for cutoff, _ in packed], dtype=np.float64)
     return Forces(
-        address=np.array([address for address, _, _ in packed], dtype=np.int64),
-        cutoff=np.array([cutoff for _, cutoff, _ in packed], dtype=np.float64),
+        number=len(packed),
+        address=np.zeros(len(packed), dtype=np.int64),
+        cutoff=cutoff,
         parameters=parameters,
-    )
-
-
-def make_bodies(n: int) -> Bodies:
-    """Allocate the work arrays for n people."""
-    integers = {"row", "level", "route", "old_level"}
-    pairs = {
-        "position",
-        "velocity",
-        "free",
-        "solved",
-        "spare",
-        "push",
-        "desired",
-        "extra_direction",
-        "old_position",
-        "old_velocity",
-        "built_position",
-    }
-    arrays: dict[str, Any] = {}
-    for name in Bodies._fields:
-        if name == "count":
-            arrays[name] = np.zeros(2, np.int64)
-        elif name == "taken_up_in":
-            arrays[name] = np.zeros(1)
-        elif name == "near_link":
-            arrays[name] = np.zeros(n, np.uint8)
-        elif name in integers:
-            arrays[name] = np.zeros(n, np.int32)
-        elif name == "speed":
-            arrays[name] = np.zeros((n, 3))
-        else:
-            arrays[name] = np.zeros((n, 2) if name in pairs else n)
-    return Bodies(**arrays)
-
-
-def make_lists(n: int, pairs: int, walls: int) -> Lists:
-    """Allocate neighbour lists for n people."""
-    return Lists(
-        pair_start=np.zeros(n + 1, np.int32),
-        pair_body=np.zeros(pairs, np.int32),
-        wall_start=np.zeros(n + 1, np.int32),
-        wall_item=np.zeros(walls, np.int32),
-        cell_start=np.zeros(4 * n + 1025, np.int32),
-        cell_body=np.zeros(n, np.int32),
-        cell_of=np.zeros(n, np.int32),
-        stale=np.ones(1, np.uint8),
-        span=np.array([0.05, SKIN, 0.05]),
-    )
-
-
-def make_contacts(n: int, capacity: int) -> Contacts:
-    """Allocate room for `capacity` contacts among n people."""
-    whole = {"body", "other", "key", "old_body", "old_key"}
-    special: dict[str, Any] = {
-        "count": np.zeros(3, np.int64),
-        "normal": np.zeros((capacity, 2)),
-        "sticky": np.zeros(capacity, np.uint8),
-        "work": np.zeros((capacity, 3)),
-        "rows": make_rows(n, 2 * capacity),
-        "groups": make_groups(n, 2 * capacity),
-        "near": np.zeros((60, 6)),
-    }
-    arrays: dict[str, Any] = {
-        name: special[name] if name in special else np.zeros(capacity, np.int32 if name in whole else np.float64)
-        for name in Contacts._fields
-    }
-    return Contacts(**arrays)
-
-
-def make_rows(n: int, capacity: int) -> Rows:
-    """Allocate the packed contact problem of n people; each contact may take two rows."""
-    special: dict[str, Any] = {
-        "rigid": np.zeros(1, np.uint8),
-        **{name: np.zeros(capacity, np.uint32) for name in ("body", "other", "face", "face_body", "face_other")},
-        "branch": np.zeros(capacity, np.int32),
-        "data": np.zeros((capacity, 5)),
-        "elastic": np.zeros((capacity, 3)),
-        "face_data": np.zeros((capacity, 7)),
-        "work": np.zeros((4, capacity)),
-        "inverse_root": np.zeros(n + 1),
-        "free": np.zeros((n + 1, 2)),
-        "velocity": np.zeros((n + 1, 2)),
-        "image": np.zeros((4, n + 1, 2)),
-    }
-    arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(capacity) for name in Rows._fields}
-    return Rows(**arrays)
-
-
-def make_groups(n: int, capacity: int) -> Groups:
-    """Allocate groups for so many rows, with as many lanes free as there may be."""
-    lanes = int(ROOM * capacity) + SPARE
-    special: dict[str, Any] = {
-        **{name: np.zeros(lanes, np.uint32) for name in ("row", "body", "other")},
-        "data": np.zeros(5 * lanes),
-        "elastic": np.zeros(3 * lanes),
-        "mask": np.zeros(n + 1, np.int64),
-        "block": np.zeros(n + 1, np.int64),
-        "filled": np.zeros(OPEN, np.int64),
-    }
-    arrays: dict[str, Any] = {name: special[name] if name in special else np.zeros(lanes) for name in Groups._fields}
-    return Groups(**arrays)
-
-
-def make_events(capacity: int) -> Events:
-    """Allocate room for `capacity` crossings."""
-    return Events(
-        np.zeros(1, np.int64),
-        np.zeros(capacity, np.int32),
-        np.zeros(capacity, np.int32),
-        np.zeros(capacity, np.int32),
-        np.zeros(capacity),
+        farthest=float(cutoff.max(initial=0.0)),
     )

@@ -3,15 +3,11 @@
 import math
 
 from evac.jit import inner
+from evac.physics import tallies as at
 from evac.physics.contacts import normal_velocity, tangential_velocity, wall_acts
 from evac.physics.neighbours import segment_distance
 from evac.physics.seams import crossing, side_of
-
-EVENTS_FULL = 5
-WALL_CROSSED = 6
-NOT_FINITE = 7
-TOO_FAST = 8
-TOO_STIFF = 9
+from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
 EXIT = 1
@@ -20,7 +16,7 @@ EXIT = 1
 @inner
 def save(bodies):
     """Remember positions, velocities and levels at the start of a step."""
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         bodies.old_position[i, 0] = bodies.position[i, 0]
         bodies.old_position[i, 1] = bodies.position[i, 1]
         bodies.old_velocity[i, 0] = bodies.velocity[i, 0]
@@ -32,7 +28,7 @@ def save(bodies):
 @inner
 def restore(bodies, lists):
     """Go back to the start of the step."""
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         bodies.position[i, 0] = bodies.old_position[i, 0]
         bodies.position[i, 1] = bodies.old_position[i, 1]
         bodies.velocity[i, 0] = bodies.old_velocity[i, 0]
@@ -40,12 +36,13 @@ def restore(bodies, lists):
         bodies.distance[i] = bodies.old_distance[i]
         if bodies.level[i] != bodies.old_level[i]:
             bodies.level[i] = bodies.old_level[i]
-            lists.stale[0] = 1
+            lists.stale = 1
 
 
 @inner
-def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
+def _crosses_wall(state, i, ax, ay, bx, by):
     """Say whether the path a-b of body i passes through a wall that acts on it."""
+    world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
         x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
@@ -54,14 +51,15 @@ def _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
         if side_of(ax, ay, bx, by, x1, y1) * side_of(ax, ay, bx, by, x2, y2) > 0.0:
             continue
         _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
-        if wall_acts(world, bodies.level[i], ax, ay, w, px, py):
+        if wall_acts(state, bodies.level[i], ax, ay, w, px, py):
             return True
     return False
 
 
 @inner
-def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):
-    """Follow body i over the portals and exits on its path a-b; return 0 or EVENTS_FULL."""
+def _cross_links(state, i, ax, ay, bx, by, time, h):
+    """Follow body i over the portals and exits on its path a-b; return OK or EVENTS_FULL."""
+    world, bodies, lists, events = state.world, state.bodies, state.lists, state.events
     passed = 0.0
     for _ in range(4):
         level = bodies.level[i]
@@ -75,8 +73,8 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):
                 best = share
                 link = s
         if link < 0:
-            return 0
-        n = events.count[0]
+            return OK
+        n = events.number
         if n == events.row.shape[0]:
             return EVENTS_FULL
         leaves = world.link_to[link] < 0
@@ -84,22 +82,23 @@ def _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h):
         events.kind[n] = EXIT if leaves else PORTAL
         events.link[n] = world.link_id[link]
         events.time[n] = time + best * h
-        events.count[0] = n + 1
+        events.number = n + 1
         bodies.level[i] = world.link_to[link]
         if leaves:
-            return 0
-        lists.stale[0] = 1
+            return OK
+        lists.stale = 1
         passed = best
-    return 0
+    return OK
 
 
 @inner
-def move(world, bodies, lists, events, time, h, old_share, walked, full):
-    """Move everybody by h ``bodies.solved``; return 0 or a status.
+def move(state, time, h, old_share, walked):
+    """Move everybody by h ``bodies.solved``; return a status.
 
     The share `old_share` is the old velocity's; the share `walked` of the path, up to an exit, counts as walked.
     """
-    for i in range(bodies.count[0]):
+    bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
@@ -109,49 +108,49 @@ def move(world, bodies, lists, events, time, h, old_share, walked, full):
         bx = ax + h * mx
         by = ay + h * my
         if not (math.isfinite(bx) and math.isfinite(by)):
-            bodies.count[1] = i
+            bodies.failed = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
-        if path > bodies.radius[i] + lists.span[2] + 0.5 * lists.span[1]:
-            bodies.count[1] = i  # beyond the walls that the lists hold
+        if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
+            bodies.failed = i  # beyond the walls that the lists hold
             return TOO_FAST
-        if (full or path >= bodies.wall_distance[i]) and _crosses_wall(world, bodies, lists, i, ax, ay, bx, by):
-            bodies.count[1] = i
+        if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
+            bodies.failed = i
             return WALL_CROSSED
         bodies.position[i, 0] = bx
         bodies.position[i, 1] = by
         bodies.velocity[i, 0] = ux
         bodies.velocity[i, 1] = uy
-        if full or bodies.near_link[i] or path > lists.span[1]:
-            status = _cross_links(world, bodies, lists, events, i, ax, ay, bx, by, time, h)
-            if status != 0:
+        if full or bodies.near_link[i] or path > lists.skin:
+            status = _cross_links(state, i, ax, ay, bx, by, time, h)
+            if status != OK:
                 return status
             if bodies.level[i] < 0:
-                path *= (events.time[events.count[0] - 1] - time) / h
+                path *= (events.time[events.number - 1] - time) / h
         bodies.distance[i] += walked * path
-    return 0
+    return OK
 
 
 @inner
-def add_work(bodies, contacts, sums):
-    """Add driving work, and what contacts took from and gave to the kinetic energy [J], to three sums.
+def add_work(bodies, contacts, tally):
+    """Add driving work, and what contacts took from and gave to the kinetic energy [J], to the tally.
 
     Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2 along the normal
     and likewise along the tangent; they add up to the change of kinetic energy to rounding. To be called before `move`.
     """
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         x = (bodies.free[i, 0] - bodies.velocity[i, 0]) * (bodies.velocity[i, 0] + bodies.solved[i, 0])
         y = (bodies.free[i, 1] - bodies.velocity[i, 1]) * (bodies.velocity[i, 1] + bodies.solved[i, 1])
-        sums[0] += 0.5 * bodies.mass[i] * (x + y)
-    for c in range(contacts.count[0]):
+        tally[at.DRIVING_WORK] += 0.5 * bodies.mass[i] * (x + y)
+    for c in range(contacts.number):
         before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)
         work = 0.5 * contacts.percussion[c] * before_and_after
         if contacts.sticky[c]:
-            slide = contacts.work[c, 2] + tangential_velocity(bodies.solved, contacts, c)
+            slide = contacts.slide_before[c] + tangential_velocity(bodies.solved, contacts, c)
             work += 0.5 * contacts.friction[c] * slide
         if work < 0.0:
-            sums[1] -= work
+            tally[at.CONTACT_DISSIPATION] -= work
         else:
-            sums[2] += work
+            tally[at.CONTACT_CREATION] += work

@@ -6,21 +6,17 @@ distances of the moment, so results do not depend on when they were built.
 """
 
 from evac.jit import inner
-from evac.physics.bundles import Bodies, Lists, World
 from evac.physics.cells import fill_cells
-
-OK = 0
-PAIRS_FULL = 1
-WALLS_FULL = 2
+from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 
 
 @inner
 def lists_are_stale(bodies, lists):
     """Say whether the lists must be built again before they are used."""
-    if lists.stale[0]:
+    if lists.stale:
         return True
-    limit = (0.5 * lists.span[1]) ** 2
-    for i in range(bodies.count[0]):
+    limit = (0.5 * lists.skin) ** 2
+    for i in range(bodies.inside):
         dx = bodies.position[i, 0] - bodies.built_position[i, 0]
         dy = bodies.position[i, 1] - bodies.built_position[i, 1]
         if dx * dx + dy * dy > limit and bodies.level[i] >= 0:
@@ -43,24 +39,24 @@ def segment_distance(x1, y1, x2, y2, px, py):
 
 
 @inner
-def build_lists(world: World, bodies: Bodies, lists: Lists) -> int:
-    """Build both lists for the reaches and the skin in ``lists.span``; return OK, PAIRS_FULL or WALLS_FULL."""
+def build_lists(world, bodies, lists):
+    """Build both lists for their reaches and skin; return OK, PAIRS_FULL or WALLS_FULL."""
     status = _build_pairs(world, bodies, lists)
     if status == OK:
         status = _build_walls(world, bodies, lists)
     if status != OK:
         return status
     _flag_links(world, bodies, lists)
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         bodies.built_position[i, 0] = bodies.position[i, 0]
         bodies.built_position[i, 1] = bodies.position[i, 1]
-    lists.stale[0] = 0
+    lists.stale = 0
     return OK
 
 
 @inner
 def _build_pairs(world, bodies, lists):
-    n = bodies.count[0]
+    n = bodies.inside
     greatest = 0.0
     inside = 0
     for i in range(n):
@@ -72,7 +68,7 @@ def _build_pairs(world, bodies, lists):
         for i in range(n):
             lists.pair_start[i + 1] = 0
         return OK
-    span = lists.span[0] + lists.span[1]
+    span = lists.pair_reach + lists.skin
     size = 2.0 * greatest + span
     nx, ny = fill_cells(n, bodies.position, bodies.level, size, lists.cell_start, lists.cell_of, lists.cell_body)
     capacity = lists.pair_body.shape[0]
@@ -111,18 +107,17 @@ def _build_pairs(world, bodies, lists):
 @inner
 def _build_walls(world, bodies, lists):
     capacity = lists.wall_item.shape[0]
-    span = lists.span[2] + lists.span[1]
-    frame = world.bucket_frame
-    nx, ny = world.bucket_shape[0], world.bucket_shape[1]
+    span = lists.wall_reach + lists.skin
+    nx, ny = world.buckets_x, world.buckets_y
     used = 0
     lists.wall_start[0] = 0
-    for i in range(bodies.count[0]):
+    for i in range(bodies.inside):
         level = bodies.level[i]
         if level >= 0:
             x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
-            cx = int((x - frame[0]) // frame[2])
-            cy = int((y - frame[1]) // frame[2])
-            in_buckets = limit <= frame[3] and 0 <= cx < nx and 0 <= cy < ny
+            cx = int((x - world.bucket_x) // world.bucket_size)
+            cy = int((y - world.bucket_y) // world.bucket_size)
+            in_buckets = limit <= world.bucket_reach and 0 <= cx < nx and 0 <= cy < ny
             low, high = 0, world.wall.shape[0]
             if in_buckets:
                 low, high = world.bucket_start[cx * ny + cy], world.bucket_start[cx * ny + cy + 1]
@@ -147,8 +142,8 @@ def _build_walls(world, bodies, lists):
 @inner
 def _flag_links(world, bodies, lists):
     """Mark the bodies that can reach a portal or exit before the lists are built again."""
-    limit = 1.5 * lists.span[1]
-    for i in range(bodies.count[0]):
+    limit = 1.5 * lists.skin
+    for i in range(bodies.inside):
         level = bodies.level[i]
         near = 0
         if level >= 0:

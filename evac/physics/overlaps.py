@@ -1,13 +1,17 @@
-"""Removing overlaps: a solve on positions that leaves velocities untouched."""
+"""Separating overlaps: a solve on positions that leaves velocities untouched."""
 
 import math
 
-from evac.jit import inner
-from evac.physics import stepping
+from evac.jit import AddressCall, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.motion import move
-from evac.physics.neighbours import OK
-from evac.physics.solvers import INELASTIC, solve_or_retry
+from evac.physics.percussions import find_percussions
+from evac.physics.rows import INELASTIC
+from evac.physics.state import State
+from evac.physics.status import NEEDS_STRONGER_SOLVER, OK
+
+#: A law asks for separation where an overlap exceeds this share of its tolerance; a step may add another half of it.
+SHARE = 0.4
 
 #: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
 ITERATIONS = 2000
@@ -18,91 +22,95 @@ CHAIN = 20.0
 ACROSS = 2.0
 LONGEST_CHAIN = 0.1
 
-
-@inner
-def part_overlaps(world, bodies, lists, contacts, events, clock, tally, time, method, limit, tolerance):
-    """Push bodies apart where an overlap exceeds two fifths of the tolerance; return a status.
-
-    A step may add another half of it. The displacement is the least in the mass norm with D + G.d >= 0 for all
-    contacts in reach, the NSM1 problem without time. It is taken only where it at least halves the deepest overlap;
-    a squeezed body stays where it is. Contacts are searched again afterwards.
-    """
-    deepest = _deepest(contacts)
-    if deepest <= 0.4 * tolerance or contacts.count[2] > 0:
-        return OK
-    n = bodies.count[0]
-    longest = 0.0
-    chain = min(max(CHAIN, ACROSS * math.sqrt(n)) * deepest, LONGEST_CHAIN)
-    for i in range(n):
-        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, chain)
-        longest = max(longest, bodies.reach[i])
-    status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
-    if status == OK:
-        status = stepping.seek(world, bodies, lists, contacts)
-    if status != OK:
-        return status
-    for c in range(contacts.count[0]):
-        contacts.bias[c] = contacts.gap[c]
-        contacts.percussion[c] = 0.0
-    bodies.spare[:n] = 0.0
-    _, found, _ = solve_or_retry(
-        method,
-        n,
-        bodies.inverse_mass,
-        bodies.spare,
-        bodies.solved,
-        contacts,
-        INELASTIC,
-        0.0,
-        0.1 * tolerance,
-        min(limit, ITERATIONS),
-        0.5 * deepest,
-    )
-    if found <= 0.5 * deepest:
-        status = _displace(world, bodies, lists, events, clock, time)
-        tally[0, at.POSITION_CORRECTIONS] += 1.0
-        if status == OK:
-            status = stepping.refresh(world, bodies, lists, tally, 0.0, 2.0 * longest)
-    else:
-        contacts.count[2] = 1  # not again before the next tick
-        tally[0, at.FAILED_POSITION_CORRECTIONS] += 1.0
-    if status == OK:
-        status = stepping.seek(world, bodies, lists, contacts)
-    return status
+#: Call `separate` at its address: it is loaded when overlaps have to be separated for the first time.
+call_separate = AddressCall([State], (int,))
 
 
 @inner
-def _deepest(contacts):
+def deepest_overlap(contacts):
     """Return the greatest overlap among the contacts [m]."""
     deepest = 0.0
-    for c in range(contacts.count[0]):
+    for c in range(contacts.number):
         deepest = max(deepest, -contacts.gap[c])
     return deepest
 
 
 @inner
-def _displace(world, bodies, lists, events, clock, time):
+def is_to_separate(state, tolerance, iterations):
+    """Say whether overlaps are to be separated before the law acts; note to what tolerance [m], and how long to try."""
+    contacts = state.contacts
+    if contacts.separation_failed or state.clock.attempt > 0 or deepest_overlap(contacts) <= SHARE * tolerance:
+        return False
+    contacts.separation_tolerance = tolerance
+    contacts.separation_iterations = min(iterations, ITERATIONS)
+    return True
+
+
+@inner
+def widen_reach(state):
+    """Let bodies look as far as separating the overlaps may push somebody; return the farthest reach [m]."""
+    bodies = state.bodies
+    deepest = deepest_overlap(state.contacts)
+    state.contacts.deepest = deepest
+    longest = 0.0
+    chain = min(max(CHAIN, ACROSS * math.sqrt(bodies.inside)) * deepest, LONGEST_CHAIN)
+    for i in range(bodies.inside):
+        bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, chain)
+        longest = max(longest, bodies.reach[i])
+    return longest
+
+
+@kernel
+def separate(state: State) -> int:
+    """Find the displacements that separate the overlaps, in ``bodies.solved``; return a status.
+
+    They are the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1 problem without time.
+    They are taken only where they at least halve the deepest overlap; a squeezed body stays where it is.
+    """
+    bodies, contacts, tally = state.bodies, state.contacts, state.tally
+    for c in range(contacts.number):
+        contacts.bias[c] = contacts.gap[c]
+        contacts.percussion[c] = 0.0
+    for i in range(bodies.inside):
+        bodies.spare[i, 0] = 0.0
+        bodies.spare[i, 1] = 0.0
+    enough = 0.5 * contacts.deepest
+    tolerance = 0.1 * contacts.separation_tolerance
+    limit = contacts.separation_iterations
+    found = find_percussions(state, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, limit, enough)
+    if state.problem.missing:
+        return NEEDS_STRONGER_SOLVER
+    if found <= enough:
+        tally[at.POSITION_CORRECTIONS] += 1.0
+    else:
+        contacts.separation_failed = 1  # not again before the next tick
+        tally[at.FAILED_POSITION_CORRECTIONS] += 1.0
+    return OK
+
+
+@inner
+def displace(state):
     """Move everybody along the displacement in ``bodies.solved``; velocities stay, and no time goes by.
 
     The same share of it for all, so that no overlap is made: as much as keeps everybody within the reach of contacts
     and within half a radius. What is left is done in the next steps, for it cannot be had by cutting this one.
     """
-    n = bodies.count[0]
+    bodies, events = state.bodies, state.events
     share = 1.0
-    for i in range(n):
+    for i in range(bodies.inside):
         length = math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
         most = min(bodies.reach[i], 0.5 * bodies.radius[i])
         if share * length > most:
             share = most / length
-    for i in range(n):
+    for i in range(bodies.inside):
         for k in range(2):
             bodies.spare[i, k] = bodies.velocity[i, k]
             bodies.solved[i, k] *= share
-    fired = events.count[0]
-    status = move(world, bodies, lists, events, time, 1.0, 0.0, 0.0, clock.full)
-    for k in range(fired, events.count[0]):
-        events.time[k] = time
-    for i in range(n):
+    fired = events.number
+    status = move(state, state.clock.time, 1.0, 0.0, 0.0)
+    for k in range(fired, events.number):
+        events.time[k] = state.clock.time
+    for i in range(bodies.inside):
         for k in range(2):
             bodies.velocity[i, k] = bodies.spare[i, k]
     return status

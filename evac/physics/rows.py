@@ -7,9 +7,9 @@ are a last body that is never moved. Solvers work on scaled unknowns
 
 so that a row is a unit vector, A on its body and B on the other one: its velocity w / sqrt(omega) is
 A.U_i + B.U_j, a change of x moves U_i by A and U_j by B, and a body's mass is never looked at. A sweep then costs
-some 3 ns a row; on the bundles of the step loop it cost ten times as much (memory and branches).
+some 3 ns a row; on contacts and bodies it would cost ten times as much (memory and branches).
 
-Columns of ``Rows.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Rows.elastic``: velocity
+Columns of ``Problem.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Problem.elastic``: velocity
 before the step w- over sqrt(omega), s = omega / (omega + 2/K_N), 0 where the elastic term is absent, and the lower
 bound of x. The local law (docs/physics.md) reads
 
@@ -23,85 +23,21 @@ body leaves. It is kept short: multiplications and additions are fused, and what
 
 import math
 
-from evac.jit import fused, inner
+from evac.jit import AddressCall, fused, inner
+from evac.physics.state import Problem
 
 AX, AY, BX, BY, BIAS = range(5)
 BEFORE, SPRING, BOUND = range(3)
 
-#: A look at the residual costs half a sweep. It is likely to be this share of the greatest change in a sweep, later
-#: `CAUTION` of the share seen at the last look.
+#: Evaluating the residual costs half a sweep. It is likely to be this share of the greatest change in a sweep, later
+#: `CAUTION` of the share seen the last time.
 LIKELY, CAUTION = 0.5, 0.8
 
+#: In place of 2/K_N where K_N = 0: no third term in the local form.
+INELASTIC = -1.0
 
-@inner
-def pack(contacts, bodies, inverse_mass, free, compliance, tangential):
-    """Fill the rows from the contacts, set velocities to the free ones plus percussions; return the number of rows."""
-    rows = contacts.rows
-    for i in range(bodies):
-        rows.inverse_root[i] = math.sqrt(inverse_mass[i])
-        for k in range(2):
-            rows.free[i, k] = free[i, k] / rows.inverse_root[i]
-    rows.inverse_root[bodies] = 0.0
-    rows.free[bodies, 0] = 0.0
-    rows.free[bodies, 1] = 0.0
-    used = contacts.count[0] * 0
-    rows.rigid[0] = 1 if compliance < 0.0 and tangential <= 0.0 else 0
-    for c in range(contacts.count[0]):
-        omega = contacts.omega[c]
-        spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
-        bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
-        _pack_row(contacts, rows, c, used, bodies, nx, ny, bias, before, spring, 0.0, start)
-        used += 1
-        if contacts.sticky[c] and tangential > 0.0:
-            spring = omega / (omega + 2.0 / tangential)
-            before, start = contacts.work[c, 2], contacts.friction[c]
-            _pack_row(contacts, rows, c, used, bodies, -ny, nx, math.inf, before, spring, -math.inf, start)
-            used += 1
-    renew_velocity(rows, bodies, used)
-    return used
-
-
-@inner
-def _pack_row(contacts, rows, c, r, bodies, nx, ny, bias, before, spring, bound, start):
-    i = contacts.body[c]
-    j = contacts.other[c] if contacts.other[c] >= 0 else bodies
-    rows.body[r] = i
-    rows.other[r] = j
-    scale = math.sqrt(contacts.omega[c])
-    rows.scale[r] = scale
-    rows.percussion[r] = scale * start
-    inverse = 1.0 / scale  # multiplications are several times cheaper than divisions
-    own, others = inverse * rows.inverse_root[i], inverse * rows.inverse_root[j]
-    rows.data[r, AX] = nx * own
-    rows.data[r, AY] = ny * own
-    rows.data[r, BX] = -nx * others
-    rows.data[r, BY] = -ny * others
-    rows.data[r, BIAS] = bias * inverse
-    rows.elastic[r, BEFORE] = before * inverse
-    rows.elastic[r, SPRING] = spring
-    rows.elastic[r, BOUND] = bound
-
-
-@inner
-def unpack(contacts, bodies, velocity, tangential):
-    """Copy percussions and velocities back; return whether all velocities are numbers."""
-    rows = contacts.rows
-    total = 0.0
-    r = contacts.count[0] * 0
-    for c in range(contacts.count[0]):
-        contacts.percussion[c] = rows.percussion[r] / rows.scale[r]
-        r += 1
-        if contacts.sticky[c]:
-            contacts.friction[c] = 0.0
-            if tangential > 0.0:
-                contacts.friction[c] = rows.percussion[r] / rows.scale[r]
-                r += 1
-    for i in range(bodies):
-        velocity[i, 0] = rows.velocity[i, 0] * rows.inverse_root[i]
-        velocity[i, 1] = rows.velocity[i, 1] * rows.inverse_root[i]
-        total += velocity[i, 0] + velocity[i, 1]
-    return math.isfinite(total)
+#: Call a solver: the problem, the residual wanted [m/s], the most iterations; it returns those made.
+call_solver = AddressCall([Problem, float, int], (int,))
 
 
 @inner
@@ -165,63 +101,70 @@ def relax(rows, r, rigid):
 
 
 @inner
-def sweep_up(rows, n):
+def sweep_up(rows):
     """Relax the rows in their order, away from the exit along the force chains; return the greatest change [m/s]."""
     change = 0.0
-    rigid = rows.rigid[0] == 1
-    for r in range(n):
+    rigid = rows.rigid == 1
+    for r in range(rows.rows):
         change = max(change, relax(rows, r, rigid))
     return change
 
 
 @inner
-def sweep_down(rows, n):
+def sweep_down(rows):
     """Relax the rows backwards; return the greatest change [m/s]."""
     change = 0.0
-    rigid = rows.rigid[0] == 1
-    for r in range(n - 1, -1, -1):
+    rigid = rows.rigid == 1
+    for r in range(rows.rows - 1, -1, -1):
         change = max(change, relax(rows, r, rigid))
     return change
 
 
 @inner
-def row_residual(rows, n):
+def row_residual(rows):
     """Return max omega |P - P_local| over the rows [m/s]."""
     worst = 0.0
-    rigid = rows.rigid[0] == 1
-    for r in range(n):
+    rigid = rows.rigid == 1
+    for r in range(rows.rows):
         change = law(rows, r, rows.percussion[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst
 
 
 @inner
-def look(rows, n, change, found, likely, tolerance):
-    """Return the residual behind a sweep with this greatest change, and its likely share of such a change.
+def evaluate(rows, change, likely, tolerance):
+    """Set the residual after a sweep with this greatest change; return its likely share of such a change.
 
-    Where it is not likely to be within the tolerance both are returned as they were.
+    Where it is not likely to be within the tolerance both stay as they were.
     """
     if likely * change > tolerance:
-        return found, likely
-    found = row_residual(rows, n)
-    return found, CAUTION * found / change if change > 0.0 else likely
+        return likely
+    rows.residual = row_residual(rows)
+    return CAUTION * rows.residual / change if change > 0.0 else likely
 
 
 @inner
-def renew_velocity(rows, bodies, n):
+def renew_velocity(rows):
     """Set the velocities to the free ones plus all percussions."""
-    for i in range(bodies + 1):
+    for i in range(rows.bodies + 1):
         rows.velocity[i, 0] = rows.free[i, 0]
         rows.velocity[i, 1] = rows.free[i, 1]
-    for r in range(n):
+    for r in range(rows.rows):
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.percussion[r])
 
 
 @inner
-def keep(rows, n, bodies, place):
-    """Keep percussions in the work array and velocities in the image, both at `place`."""
-    for r in range(n):
-        rows.work[place, r] = rows.percussion[r]
-    for i in range(bodies):
+def keep(rows):
+    """Keep percussions in `work_a` and velocities in `image_a`."""
+    for r in range(rows.rows):
+        rows.work_a[r] = rows.percussion[r]
+    for i in range(rows.bodies):
         for k in range(2):
-            rows.image[place, i, k] = rows.velocity[i, k]
+            rows.image_a[i, k] = rows.velocity[i, k]
+
+
+@inner
+def momentum_after(momentum):
+    """Return Nesterov's next momentum, and how much of the last step to go on by."""
+    following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
+    return following, (momentum - 1.0) / following

@@ -1,6 +1,7 @@
 """What reaches across portals: the rule that makes seams invisible and floors above one another apart."""
 
-from evac.jit import inner
+from evac.jit import AddressCall, inner, kernel
+from evac.physics.state import World
 
 #: Tolerance of positions on portal lines [m].
 SEAM = 1e-9
@@ -46,8 +47,8 @@ def leads_out(world, level, ax, ay, bx, by):
     return False
 
 
-@inner
-def reaches(world, level_a, ax, ay, level_b, bx, by):
+@kernel
+def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: float, by: float) -> bool:
     """Say whether the straight segment from a, followed through portals, ends on b's level.
 
     At most two portals are passed: levels are at least a metre deep, and contacts and forces reach no farther. On one
@@ -77,3 +78,16 @@ def reaches(world, level_a, ax, ay, level_b, bx, by):
             if crossing(world.link_segment, t, ax, ay, bx, by, slack) >= share - slack:
                 return True
     return False
+
+
+#: Call `reaches` at its address: it is loaded only where there are portals, or walls behind an exit.
+call_reaches = AddressCall([World, int, float, float, int, float, float], (int,))
+
+
+@inner
+def touches(state, level_a, ax, ay, level_b, bx, by):
+    """Say whether bodies at a and b, or a body and the nearest point of a wall, can touch."""
+    world = state.world
+    if level_a == level_b and world.backed[level_a] == 0:
+        return True
+    return call_reaches(state.parts.seams, world, level_a, ax, ay, level_b, bx, by) != 0

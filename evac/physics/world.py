@@ -6,7 +6,7 @@ import shapely
 
 from evac.building.model import Building
 from evac.directions.fields import Fields
-from evac.physics.bundles import FloatArray, IntArray, World
+from evac.physics.state import FloatArray, IntArray, World
 
 #: How far around each bucket walls are listed: the farthest that neighbour lists usually look [m].
 BUCKET_REACH = 1.0
@@ -43,8 +43,12 @@ def make_world(building: Building, fields: Fields) -> World:
         wall_open=np.concatenate([np.zeros(len(building.walls), np.uint8), link_open[link]]),
         bucket_wall=bucket_wall,
         bucket_start=bucket_start,
-        bucket_shape=shape,
-        bucket_frame=frame,
+        buckets_x=int(shape[0]),
+        buckets_y=int(shape[1]),
+        bucket_x=float(frame[0]),
+        bucket_y=float(frame[1]),
+        bucket_size=float(frame[2]),
+        bucket_reach=float(frame[3]),
         link_segment=segment,
         link_start=start,
         link_to=to,

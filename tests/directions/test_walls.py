@@ -183,7 +183,7 @@ def test_without_walls_in_cells_samples_are_the_same_bits(drawing):
     drawing.exit("A", 0, (6.0, 2.6), (6.0, 3.8))
     building = drawing.build()
     fields = build_fields(building, ANY)
-    bare = replace(fields, packed=fields.packed._replace(walls=NO_CELL_WALLS))
+    bare = replace(fields, packed=fields.packed.replace(walls=NO_CELL_WALLS))
     points = positions_on(building, 0, 2000)
     assert np.array_equal(fields.directions_at(0, points, 0), bare.directions_at(0, points, 0))
     assert np.array_equal(fields.travel_time_at(0, points, 0), bare.travel_time_at(0, points, 0))

@@ -34,7 +34,7 @@ from evac.evidence.stability.trial import (
     judge,
     make_model,
 )
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 ROOM = (0.0, 0.0, 8.0, 4.0)
 

@@ -17,7 +17,7 @@ from evac.evidence.stability.trial import (
     judge,
     make_model,
 )
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 QUICK = extremes(quick=True)
 FULL = extremes(quick=False)

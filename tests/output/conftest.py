@@ -13,7 +13,7 @@ from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.results import Results
 from evac.output.trajectory import TrajectoryWriter
-from evac.physics.bundles import Crowd
+from evac.physics.state import Crowd
 
 
 def rectangle(x1, x2, y1, y2, z_at_x1, z_at_x2):

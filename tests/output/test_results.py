@@ -14,9 +14,9 @@ from evac.output.watch import Finding
 
 def test_counts_and_exit_status(results):
     assert (results.people, results.evacuated, results.last_out, results.exit_status) == (5, 2, 9.0, 3)
-    everybody = results.crowd._replace(exit_time=np.arange(5.0))
+    everybody = results.crowd.replace(exit_time=np.arange(5.0))
     assert replace(results, crowd=everybody).exit_status == 0
-    nobody = results.crowd._replace(exit_time=np.full(5, np.nan))
+    nobody = results.crowd.replace(exit_time=np.full(5, np.nan))
     assert replace(results, crowd=nobody).last_out is None
 
 
@@ -34,7 +34,7 @@ def test_who_left_by_an_exit_that_the_route_does_not_name_is_counted(results):
 def test_people_who_rush_out_have_a_warning(results, monkeypatch):
     monkeypatch.setattr("evac.output.flows.FEWEST", 5)
     for seconds, warned in ((0.4, False), (0.3, True)):
-        rush = results.crowd._replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
+        rush = results.crowd.replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
         lines = replace(results, crowd=rush).summary()["quality_warnings"]
         assert any("people per second and metre left by 'door'" in line for line in lines) == warned
     for headway, advised in (({"headway": {}}, False), ({"headway": False}, True), ({}, True)):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.output.watch import CRUSHING_FORCE, CRUSHING_LOAD, FEWEST_FRAMES, Watch
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 
 def crowd_of(speeds, forces=0.0, **of):

@@ -8,7 +8,7 @@ from scipy import stats
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
 from evac.people.population import build_population
-from evac.physics.bundles import Events
+from evac.physics.state import Events
 
 
 def group(name="all", **keys):
@@ -38,7 +38,7 @@ def test_everybody_has_arrays_of_the_declared_kind_within_the_drawn_ranges(make_
     assert [members.rows.tolist() for members in population.groups] == [list(range(20)), list(range(20, 25))]
     assert crowd.group.tolist() == [0] * 20 + [1] * 5
     assert crowd.level.tolist() == [0] * 20 + [3] * 5
-    for name, array in crowd._asdict().items():
+    for name, array in crowd.values().items():
         assert len(array) == 25, name
         assert array.flags.c_contiguous, name
         kind = np.int32 if name in ("level", "group", "route", "exit_used") else np.float64
@@ -246,5 +246,5 @@ def test_groups_stand_in_the_order_of_their_names(make_case, house, fields):
     ]
     for other in itertools.permutations(tables):
         crowd = build_population(make_case(*other), house, fields(), seed=1).crowd
-        for name, array in ordered.crowd._asdict().items():
+        for name, array in ordered.crowd.values().items():
             assert np.array_equal(array, getattr(crowd, name), equal_nan=True), name

@@ -3,7 +3,7 @@ import pytest
 
 from evac.people.population import Group
 from evac.people.unusual import overlapping, unusual
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 
 def group(crowd):

@@ -12,7 +12,7 @@ from evac.directions.routes import Route
 from evac.errors import ScenarioError
 from evac.people.population import Group
 from evac.people.ways import check_ways
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 from tests.directions.conftest import Drawing
 
@@ -85,7 +85,7 @@ def test_travel_times_that_pass_a_wall_are_refused():
 def test_directions_that_lead_to_no_exit_are_refused_with_their_end(share):
     building = two_rooms()
     fields = build_fields(building, (Route(),))
-    wrong = replace(fields, packed=fields.packed._replace(direction=share * fields.packed.direction))
+    wrong = replace(fields, packed=fields.packed.replace(direction=share * fields.packed.direction))
     message = refusal(building, wrong, [[0.5, 0.5]])
     assert "do not get out by the directions fastest to any exit" in message
     x, y = (float(number) for number in message.split("they end at (")[1].split(")")[0].split(","))

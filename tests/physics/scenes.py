@@ -8,7 +8,7 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level, Portal
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
-from evac.physics.bundles import Crowd, make_crowd
+from evac.physics.state import Crowd, make_crowd
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.physics.engine import make_contacts, make_events, make_lists
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
@@ -43,7 +43,7 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
         del report["list_builds"]  # those of a step that ran out of room are not built again
         found.append((crowd, crossings, report))
     (wanted, *wanted_counts), (crowd, *counts) = found
-    for name in crowd._fields:
+    for name in crowd.kinds:
         np.testing.assert_array_equal(getattr(crowd, name), getattr(wanted, name), err_msg=name)
     assert counts == wanted_counts
     assert (len(wanted_counts[0]), wanted_counts[1]["contacts"] > 2) == ((4, False) if scene == "exit" else (0, True))

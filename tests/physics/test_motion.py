@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2

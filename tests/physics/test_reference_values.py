@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.directions.fields import Fields
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.physics.solvers import SOLVERS
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
@@ -123,7 +123,7 @@ def walk_against_each_other(model, tau):
     """Figure 3: two people walk against each other, offset by 0.1 m; returns the time until both are at speed."""
     fields = uniform_fields(2)
     away = uniform_fields(1, (-1.0, 0.0))
-    both = away.packed._replace(
+    both = away.packed.replace(
         field_of=np.array([[0, 1]], np.int32),
         offset=np.array([0, 4], np.int64),
         direction=np.concatenate([fields.packed.direction, away.packed.direction]),

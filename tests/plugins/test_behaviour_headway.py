@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from evac.behaviour import BehaviourScene
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1

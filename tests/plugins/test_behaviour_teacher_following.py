@@ -9,7 +9,7 @@ from evac.behaviour import BehaviourScene
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac_plugins.behaviour_teacher_following import HINDERED, WAITED, TeacherFollowing
 
 LENGTH = 100.0

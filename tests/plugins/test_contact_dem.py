@@ -9,7 +9,7 @@ from evac.errors import ScenarioError, SimulationError
 from evac.evidence.scaling import halls
 from evac.evidence.scaling.walks import Walk
 from evac.parameters import Parameter
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac_plugins.contact_dem import Dem
 from evac_plugins.force_social import SocialForce

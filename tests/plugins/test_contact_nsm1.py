@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import (
     fields_towards,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evac.errors import PluginError
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import (
     fields_towards,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import make_engine, random_crowd, uniform_fields

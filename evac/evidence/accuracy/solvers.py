@@ -31,7 +31,7 @@ from evac.evidence.accuracy.problems import (
 )
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
-from evac.physics.bundles import FloatArray
+from evac.physics.state import FloatArray
 from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
 

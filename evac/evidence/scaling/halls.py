@@ -13,7 +13,7 @@ from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.people.distributions import generator_for
-from evac.physics.bundles import Crowd, make_crowd
+from evac.physics.state import Crowd, make_crowd
 
 FloatArray = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ from evac.evidence.scaling.walks import (
     time_ticks,
 )
 from evac.physics import stepping
-from evac.physics.bundles import Clock
+from evac.physics.state import Clock
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 

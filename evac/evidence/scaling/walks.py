@@ -8,7 +8,7 @@ import numpy as np
 
 from evac.evidence.models import COARSE, make_model
 from evac.evidence.scaling.halls import Hall
-from evac.physics.bundles import Crowd, copy_of
+from evac.physics.state import Crowd, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import make_world

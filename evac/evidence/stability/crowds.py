@@ -24,7 +24,7 @@ from evac.evidence.stability.trial import (
     last_speed,
     make_model,
 )
-from evac.physics.bundles import Crowd, make_crowd
+from evac.physics.state import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.solvers import SOLVERS
 
@@ -199,7 +199,7 @@ def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verd
     scene, duration = standing_crowd(), 10.0
     if step < 5e-4:
         before = attempt(model, scene, 1e-3, duration, explicit=explicit, every=duration)
-        crowd: Crowd = scene.crowd._replace(position=before.position[-1], velocity=before.velocity[-1])
+        crowd: Crowd = scene.crowd.replace(position=before.position[-1], velocity=before.velocity[-1])
         scene, duration = Scene(scene.room, scene.building, scene.fields, crowd), 2.0
     trial = attempt(model, scene, step, duration, explicit=explicit)
     return judge(trial, last_speed, STANDS, tolerable_jitter(variant, step), "m/s")

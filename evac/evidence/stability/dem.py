@@ -10,7 +10,7 @@ from evac.evidence.scenes import Scene
 from evac.evidence.stability.maps import Cell, Curve, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
 from evac.evidence.stability.trial import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
-from evac.physics.bundles import Crowd, make_crowd
+from evac.physics.state import Crowd, make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
 
@@ -58,23 +58,23 @@ def settled(scene: Scene, stiffness: float) -> Scene:
     crowd = scene.crowd
     period = float(np.sqrt(crowd.mass.min() / stiffness))
     tau = 8.0 * period
-    hurried = crowd._replace(tau=np.full_like(crowd.tau, tau), speed=crowd.speed * (tau / crowd.tau)[:, None])
+    hurried = crowd.replace(tau=np.full_like(crowd.tau, tau), speed=crowd.speed * (tau / crowd.tau)[:, None])
     start = Scene(scene.room, scene.building, scene.fields, hurried)
     step = 0.1 * period
     model = make_model("DEM", stiffness=stiffness)
     rest = attempt(model, start, step, 12_000 * step, every=6_000 * step, checked=False)
-    return Scene(scene.room, scene.building, scene.fields, crowd._replace(position=rest.position[-1]))
+    return Scene(scene.room, scene.building, scene.fields, crowd.replace(position=rest.position[-1]))
 
 
 def nudged(scene: Scene, generator: np.random.Generator) -> Scene:
     """Return the scene with small random velocities."""
-    crowd: Crowd = scene.crowd._replace(velocity=NUDGE * generator.standard_normal(scene.crowd.position.shape))
+    crowd: Crowd = scene.crowd.replace(velocity=NUDGE * generator.standard_normal(scene.crowd.position.shape))
     return Scene(scene.room, scene.building, scene.fields, crowd)
 
 
 def try_step(scene: Scene, stiffness: float, step: float, explicit: bool, checked: bool) -> Verdict:
     """Return the verdict on a nudged crowd after `STEPS` steps, beside the same crowd without the nudge."""
-    plain = scene.crowd._replace(velocity=np.zeros_like(scene.crowd.velocity))
+    plain = scene.crowd.replace(velocity=np.zeros_like(scene.crowd.velocity))
     trials = [
         attempt(
             make_model("DEM", stiffness=stiffness),

@@ -30,7 +30,7 @@ from evac.evidence.stability.trial import (
     last_speed,
     make_model,
 )
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 ROOM = (0.0, 0.0, 6.0, 4.0)
 

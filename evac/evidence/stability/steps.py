@@ -18,7 +18,7 @@ from evac.evidence.stability.trial import (
     judge_overlap,
     make_model,
 )
-from evac.physics.bundles import make_crowd
+from evac.physics.state import make_crowd
 
 #: A lag behind the exact walk that counts as right [m].
 SMALL_LAG = 0.01

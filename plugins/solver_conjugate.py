@@ -7,8 +7,10 @@ gradients need few iterations there; the sweeps between keep every percussion on
 """
 
 import math
+from collections.abc import Sequence
 
-from evac.jit import inner
+from evac.hookspecs import hookimpl
+from evac.jit import inner, kernel
 from evac.physics.rows import (
     AX,
     AY,
@@ -19,16 +21,18 @@ from evac.physics.rows import (
     BY,
     LIKELY,
     SPRING,
+    evaluate,
     keep,
-    look,
     push_row,
     row_residual,
     row_velocity,
     sweep_down,
     sweep_up,
 )
+from evac.physics.solver import Solver
+from evac.physics.state import Problem
 
-#: Columns of ``Rows.face_data`` behind A and B.
+#: Columns of ``Problem.face_data`` behind A and B.
 SHIFT, SOFTNESS, COMPLIANCE = 4, 5, 6
 
 #: Branches of the law that a row can be on.
@@ -41,88 +45,88 @@ FLAT = 1e-12
 LONGEST_FACE = 500
 
 
-@inner
-def conjugate_sweeps(rows, n, bodies, tolerance, limit):
+@kernel
+def conjugate_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
 
     One iteration sweeps the rows forwards and backwards and then goes on along the conjugate
     direction of the sweeps (the nonsmooth nonlinear conjugate gradient method of Silcowitz-Hansen,
-    Niebe and Erleben, 2010). Sweeps run in the order of travel time, along the force chains. Returns
-    (iterations, residual), always judged behind a sweep.
+    Niebe and Erleben, 2010). Sweeps run in the order of travel time, along the force chains. The residual is always
+    evaluated after a sweep. Returns the iterations made.
     """
-    forget(rows, n, bodies)
+    forget(rows)
     before = 0.0
-    found, likely = row_residual(rows, n), LIKELY
-    iteration = n * 0
-    while found > tolerance and iteration < limit:
-        keep(rows, n, bodies, 0)
-        sweep_up(rows, n)
-        change = sweep_down(rows, n)
+    rows.residual, likely = row_residual(rows), LIKELY
+    iteration = 0
+    while rows.residual > tolerance and iteration < limit:
+        keep(rows)
+        sweep_up(rows)
+        change = sweep_down(rows)
         iteration += 1
-        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
-        if found > tolerance and iteration < limit:
-            before = go_on(rows, n, bodies, before)
-    return iteration, found
+        likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
+        if rows.residual > tolerance and iteration < limit:
+            before = go_on(rows, before)
+    return iteration
 
 
 @inner
-def forget(rows, n, bodies):
+def forget(rows):
     """Clear the conjugate direction and its velocity image."""
-    for r in range(n):
-        rows.work[1, r] = 0.0
-    for i in range(bodies + 1):
-        rows.image[1, i, 0] = 0.0
-        rows.image[1, i, 1] = 0.0
+    for r in range(rows.rows):
+        rows.work_b[r] = 0.0
+    for i in range(rows.bodies + 1):
+        rows.image_b[i, 0] = 0.0
+        rows.image_b[i, 1] = 0.0
 
 
 @inner
-def go_on(rows, n, bodies, before):
-    """Renew the conjugate direction behind a sweep and step along the old one; return the sweep's square length."""
+def go_on(rows, before):
+    """Renew the conjugate direction after a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
-    for r in range(n):
-        now += (rows.percussion[r] - rows.work[0, r]) ** 2
+    for r in range(rows.rows):
+        now += (rows.percussion[r] - rows.work_a[r]) ** 2
     beta = now / before if before > 0.0 else 0.0
     if beta > 1.0:
         beta = 0.0
-    for r in range(n):
-        step = beta * rows.work[1, r]
-        rows.work[1, r] = step + rows.percussion[r] - rows.work[0, r]
+    for r in range(rows.rows):
+        step = beta * rows.work_b[r]
+        rows.work_b[r] = step + rows.percussion[r] - rows.work_a[r]
         rows.percussion[r] += step
-    for i in range(bodies):
+    for i in range(rows.bodies):
         for k in range(2):
-            step = beta * rows.image[1, i, k]
-            rows.image[1, i, k] = step + rows.velocity[i, k] - rows.image[0, i, k]
+            step = beta * rows.image_b[i, k]
+            rows.image_b[i, k] = step + rows.velocity[i, k] - rows.image_a[i, k]
             rows.velocity[i, k] += step
     return now
 
 
-@inner
-def conjugate_faces(rows, n, bodies, tolerance, limit):
-    """Solve by conjugate sweeps and by conjugate gradients on faces; return (iterations, residual)."""
-    forget(rows, n, bodies)
-    for r in range(n):
+@kernel
+def conjugate_faces(rows: Problem, tolerance: float, limit: int) -> int:
+    """Solve by conjugate sweeps and by conjugate gradients on faces; return the iterations made."""
+    forget(rows)
+    for r in range(rows.rows):
         rows.branch[r] = OFF
     before = 0.0
-    iteration = n * 0
-    found, likely = row_residual(rows, n), LIKELY
-    while found > tolerance and iteration < limit:
-        keep(rows, n, bodies, 0)
-        sweep_up(rows, n)
-        change = sweep_down(rows, n)
+    iteration = 0
+    rows.residual, likely = row_residual(rows), LIKELY
+    while rows.residual > tolerance and iteration < limit:
+        keep(rows)
+        sweep_up(rows)
+        change = sweep_down(rows)
         iteration += 1
-        changed = mark_branches(rows, n)
-        found, likely = look(rows, n, change, found, likely, tolerance if iteration < limit else math.inf)
-        if found <= tolerance or iteration >= limit:
+        changed = mark_branches(rows)
+        likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
+        if rows.residual <= tolerance or iteration >= limit:
             break
         if changed == 0:
-            made, found = descend_on_face(rows, n, bodies, tolerance, min(limit - iteration, LONGEST_FACE))
+            made, rows.residual = descend_on_face(rows, tolerance, min(limit - iteration, LONGEST_FACE))
             iteration += made
-            forget(rows, n, bodies)
+            forget(rows)
             before = 0.0
         else:
-            before = go_on(rows, n, bodies, before)
-            found = max(found, 2.0 * tolerance)  # extrapolated percussions may be negative: sweep first
-    return iteration, found
+            before = go_on(rows, before)
+            rows.residual = max(rows.residual, 2.0 * tolerance)  # extrapolated percussions may be negative: sweep first
+    return iteration
 
 
 @inner
@@ -141,10 +145,10 @@ def branch_of(rows, r):
 
 
 @inner
-def mark_branches(rows, n):
+def mark_branches(rows):
     """Note the branch of every row; return how many changed."""
     changed = 0
-    for r in range(n):
+    for r in range(rows.rows):
         branch = branch_of(rows, r)
         if branch != rows.branch[r]:
             rows.branch[r] = branch
@@ -153,14 +157,14 @@ def mark_branches(rows, n):
 
 
 @inner
-def take_face(rows, n):
+def take_face(rows):
     """Copy the rows that push to the face, compact; return their number.
 
     On an elastic row the equation is w + w- + (2/K_N) P = 0, on a rigid one w + b = 0; both are
     w + shift + compliance x = 0, with the diagonal 1 + compliance.
     """
-    held = n * 0
-    for r in range(n):
+    held = 0
+    for r in range(rows.rows):
         branch = rows.branch[r]
         if branch == OFF:
             continue
@@ -178,100 +182,100 @@ def take_face(rows, n):
 
 
 @inner
-def precondition(rows, held, bodies):
+def precondition(rows, held):
     """Sweep W z = -g on the face once up and once down from z = 0; return -g.z.
 
-    Of the work array: 0 the gradient g, 2 z; image 2: the velocity image of z.
+    `work_a` has the gradient g, `work_c` z, `image_c` the velocity image of z.
     """
-    data, work, image = rows.face_data, rows.work, rows.image[2]
-    for i in range(bodies + 1):
+    data, image = rows.face_data, rows.image_c
+    for i in range(rows.bodies + 1):
         image[i, 0] = 0.0
         image[i, 1] = 0.0
     for k in range(held):
         i, j = rows.face_body[k], rows.face_other[k]
         w = row_velocity(image, i, j, data, k, 0.0)
-        z = -(work[0, k] + w) * data[k, SOFTNESS]
-        work[2, k] = z
+        z = -(rows.work_a[k] + w) * data[k, SOFTNESS]
+        rows.work_c[k] = z
         push_row(image, i, j, data, k, z)
     total = 0.0
     for k in range(held - 1, -1, -1):
         i, j = rows.face_body[k], rows.face_other[k]
         w = row_velocity(image, i, j, data, k, 0.0)
-        z = -(work[0, k] + w + data[k, COMPLIANCE] * work[2, k]) * data[k, SOFTNESS]
-        work[2, k] += z
-        total -= work[0, k] * work[2, k]
+        z = -(rows.work_a[k] + w + data[k, COMPLIANCE] * rows.work_c[k]) * data[k, SOFTNESS]
+        rows.work_c[k] += z
+        total -= rows.work_a[k] * rows.work_c[k]
         push_row(image, i, j, data, k, z)
     return total
 
 
 @inner
 def _gradient(rows, held):
-    """Set work 0 to the gradient on the face; return its greatest entry [m/s]."""
+    """Set `work_a` to the gradient on the face; return its greatest entry [m/s]."""
     worst = 0.0
     data = rows.face_data
     for k in range(held):
         w = row_velocity(rows.velocity, rows.face_body[k], rows.face_other[k], data, k, data[k, SHIFT])
         g = w + data[k, COMPLIANCE] * rows.percussion[rows.face[k]]
-        rows.work[0, k] = g
+        rows.work_a[k] = g
         worst = max(worst, abs(g) * rows.scale[rows.face[k]])
     return worst
 
 
 @inner
-def descend_on_face(rows, n, bodies, tolerance, limit):
+def descend_on_face(rows, tolerance, limit):
     """Go down on the face until it is solved or left; return (iterations, residual of all rows).
 
     Percussions that leave below zero are put back to zero, all at once, if that still goes down; else the step
     ends where the first of them is zero. So all percussions stay admissible, and the face's own energy never rises.
     """
-    held = take_face(rows, n)
+    held = take_face(rows)
     before = 0.0
-    made = n * 0
+    made = 0
     while made < limit and _gradient(rows, held) > 0.5 * tolerance:
-        steepness = precondition(rows, held, bodies)
+        steepness = precondition(rows, held)
         beta = steepness / before if made > 0 else 0.0
         before = steepness
         made += 1
-        length = _step_length(rows, held, bodies, beta, steepness)
+        length = _step_length(rows, held, beta, steepness)
         if length <= 0.0:
             break
-        left = _step(rows, held, bodies, length)
+        left = _step(rows, held, length)
         if left > 0:
             if _put_back(rows, held) > 0.5 * length * steepness:
-                _step_to_the_edge(rows, held, bodies, length)
+                _step_to_the_edge(rows, held, length)
             break
-    return made, row_residual(rows, n)
+    return made, row_residual(rows)
 
 
 @inner
-def _step_length(rows, held, bodies, beta, steepness):
-    """Renew direction (work 3) and image 3; return the exact step along it, 0 at a standstill.
+def _step_length(rows, held, beta, steepness):
+    """Renew the direction, `work_d`, and its `image_d`; return the exact step along it, 0 at a standstill.
 
     A direction without curvature (percussions that oppose each other) has no step: the problem may have no solution.
     """
     curvature = 0.0
     length = 0.0
     for k in range(held):
-        rows.work[3, k] = rows.work[2, k] + (beta * rows.work[3, k] if beta != 0.0 else 0.0)
-        curvature += rows.face_data[k, COMPLIANCE] * rows.work[3, k] ** 2
-        length += rows.work[3, k] ** 2 / rows.face_data[k, SOFTNESS]
-    for i in range(bodies):
+        rows.work_d[k] = rows.work_c[k] + (beta * rows.work_d[k] if beta != 0.0 else 0.0)
+        curvature += rows.face_data[k, COMPLIANCE] * rows.work_d[k] ** 2
+        length += rows.work_d[k] ** 2 / rows.face_data[k, SOFTNESS]
+    for i in range(rows.bodies):
         for k in range(2):
-            rows.image[3, i, k] = rows.image[2, i, k] + (beta * rows.image[3, i, k] if beta != 0.0 else 0.0)
-        curvature += rows.image[3, i, 0] ** 2 + rows.image[3, i, 1] ** 2
+            rows.image_d[i, k] = rows.image_c[i, k] + (beta * rows.image_d[i, k] if beta != 0.0 else 0.0)
+        curvature += rows.image_d[i, 0] ** 2 + rows.image_d[i, 1] ** 2
     return steepness / curvature if curvature > FLAT * length else 0.0
 
 
 @inner
-def _step(rows, held, bodies, length):
+def _step(rows, held, length):
     """Step along the direction; return how many percussions left their branch."""
     left = 0
-    for i in range(bodies):
-        rows.velocity[i, 0] += length * rows.image[3, i, 0]
-        rows.velocity[i, 1] += length * rows.image[3, i, 1]
+    for i in range(rows.bodies):
+        rows.velocity[i, 0] += length * rows.image_d[i, 0]
+        rows.velocity[i, 1] += length * rows.image_d[i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.percussion[r] += length * rows.work[3, k]
+        rows.percussion[r] += length * rows.work_d[k]
         if branch_of(rows, r) != rows.branch[r]:
             left += 1
     return left
@@ -279,13 +283,13 @@ def _step(rows, held, bodies, length):
 
 @inner
 def _put_back(rows, held):
-    """Raise negative percussions of the face to zero, by what work 1 then holds; return how far that goes up [J]."""
+    """Raise negative percussions of the face to zero, by what `work_b` then holds; return how far that goes up [J]."""
     rise = 0.0
     data = rows.face_data
     for k in range(held):
         r = rows.face[k]
         push = max(-rows.percussion[r], 0.0) if rows.elastic[r, BOUND] == 0.0 else 0.0
-        rows.work[1, k] = push
+        rows.work_b[k] = push
         if push > 0.0:
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], data, k, data[k, SHIFT])
             gradient = w + data[k, COMPLIANCE] * rows.percussion[r]
@@ -296,22 +300,43 @@ def _put_back(rows, held):
 
 
 @inner
-def _step_to_the_edge(rows, held, bodies, length):
+def _step_to_the_edge(rows, held, length):
     """Undo `_put_back`, and so much of a step that the first percussion to leave below zero is zero."""
     share = 1.0
     for k in range(held):
-        push = rows.work[1, k]
+        push = rows.work_b[k]
         if push > 0.0:
             r = rows.face[k]
             push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, -push)
             rows.percussion[r] = -push
-            share = min(share, 1.0 + push / (length * rows.work[3, k]))
+            share = min(share, 1.0 + push / (length * rows.work_d[k]))
     back = (1.0 - max(share, 0.0)) * length
-    for i in range(bodies):
-        rows.velocity[i, 0] -= back * rows.image[3, i, 0]
-        rows.velocity[i, 1] -= back * rows.image[3, i, 1]
+    for i in range(rows.bodies):
+        rows.velocity[i, 0] -= back * rows.image_d[i, 0]
+        rows.velocity[i, 1] -= back * rows.image_d[i, 1]
     for k in range(held):
         r = rows.face[k]
-        rows.percussion[r] -= back * rows.work[3, k]
-        if rows.work[1, k] > 0.0:
+        rows.percussion[r] -= back * rows.work_d[k]
+        if rows.work_b[k] > 0.0:
             rows.percussion[r] = max(rows.percussion[r], 0.0)
+
+
+class ConjugateSweeps(Solver):
+    """Nonlinear conjugate gradients around symmetric Gauss-Seidel sweeps."""
+
+    name = "conjugate_sweeps"
+    solve = conjugate_sweeps
+
+
+class ConjugateFaces(Solver):
+    """Conjugate sweeps, and conjugate gradients on one set of pushing contacts at a time."""
+
+    name = "conjugate_faces"
+    solve = conjugate_faces
+    stronger = "conjugate_sweeps"
+
+
+@hookimpl
+def evac_solvers() -> Sequence[type[Solver]]:
+    """Register the solvers of this module."""
+    return [ConjugateSweeps, ConjugateFaces]

@@ -1,0 +1,221 @@
+"""Compiling kernels with numba: every function once by its front end, then all of an entry's functions by LLVM together.
+
+numba's own dispatcher optimises each function, and again in each that calls it. Here functions are kept as they were
+lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from llvmlite import binding as llvm
+from llvmlite import ir
+from numba import types
+from numba.core import codegen, compiler, cpu, dispatcher, typed_passes, typing, untyped_passes
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager
+from numba.core.descriptors import TargetDescriptor
+from numba.core.registry import cpu_target
+from numba.core.typing.typeof import typeof_impl
+
+from evac.errors import PluginError
+from evac.jit.instructions import BUILTINS, type_of
+from evac.jit.kernels import Entry, Kernel
+from evac.jit.processor import Processor
+
+
+class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
+    """The code of one function as it was lowered, with the libraries that it calls."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        self._finalized = True
+
+    def whole(self) -> Any:
+        """Return a module with this function and all that it calls."""
+        module, seen, waiting = self._final_module, {self}, list(self._linking_libraries)
+        while waiting:
+            library = waiting.pop()
+            if library in seen:
+                continue
+            seen.add(library)
+            if isinstance(library, _Library):
+                waiting.extend(library._linking_libraries)
+                module.link_in(library._final_module, preserve=True)
+            else:  # of a function that numba has compiled by itself
+                module.link_in(library._get_module_for_linking(), preserve=True)
+        return module
+
+
+class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
+    """Makes libraries that are not optimised before they are whole."""
+
+    _library_class = _Library
+    processor = Processor.host()
+
+    def _customize_tm_options(self, options: dict[str, Any]) -> None:
+        options.update(self.processor.options())
+
+    def _customize_tm_features(self) -> str:
+        return self.processor.features
+
+
+class _Context(cpu.CPUContext):  # type: ignore[misc]
+    """Lowers functions without a wrapper for Python; it knows plain numbers, tuples, ranges and mathematics."""
+
+    def init(self) -> None:
+        super().init()
+        self._internal_codegen = _Codegen("evac")
+
+    def get_function(self, fn: Any, sig: Any, _firstcall: bool = True) -> Any:
+        """Find also what numba has compiled by itself: functions of a plugin under ``numba.njit``, and of numpy."""
+        try:
+            return super().get_function(fn, sig, _firstcall)
+        except NotImplementedError:
+            known = cpu_target.target_context._defns
+            missing = [key for key in known if key not in self._defns]
+            self._defns.update((key, known[key]) for key in missing)
+            return super().get_function(fn, sig, False)
+
+    def get_executable(self, library: Any, fndesc: Any, env: Any) -> object:
+        library.finalize()
+        return object()  # numba's key of the function
+
+
+class _Typing(typing.Context):  # type: ignore[misc]
+    """Types what kernels call."""
+
+    def resolve_value_type(self, value: Any) -> Any:
+        if isinstance(value, type | type(max)) and value in BUILTINS:
+            return BUILTINS[value]
+        return super().resolve_value_type(value)
+
+
+class _Target(TargetDescriptor):  # type: ignore[misc]
+    options = cpu.CPUTargetOptions
+
+    typing_context = _Typing()
+    target_context = _Context(typing_context, "cpu")
+
+
+class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
+    """numba's stages without those for closures, generators, array expressions and the like."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        stages = PassManager("evac kernel")
+        for stage in (
+            untyped_passes.TranslateByteCode,
+            untyped_passes.FixupArgs,
+            untyped_passes.IRProcessing,
+            untyped_passes.RewriteSemanticConstants,
+            untyped_passes.ReconstructSSA,
+            typed_passes.NopythonTypeInference,
+            typed_passes.PreLowerStripPhis,
+            typed_passes.IRLegalization,
+            typed_passes.AnnotateTypes,
+            typed_passes.NativeLowering,
+            typed_passes.NoPythonBackend,
+        ):
+            stages.add_pass(stage, stage.__name__)
+        stages.finalize()
+        return [stages]
+
+
+class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
+    """A function for numba's front end."""
+
+    targetdescr = _Target("cpu")
+
+    def add_overload(self, result: Any) -> None:
+        self.overloads[tuple(result.signature.args)] = result
+
+
+_OPTIONS = {
+    "nopython": True,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "error_model": "numpy",
+    "_nrt": False,
+}
+
+_dispatchers: dict[Kernel, _Dispatcher] = {}
+
+
+@typeof_impl.register(Kernel)
+def _typeof_kernel(kernel: Kernel, context: Any) -> types.Type:
+    if kernel not in _dispatchers:
+        _dispatchers[kernel] = _Dispatcher(kernel.function, {}, dict(_OPTIONS), pipeline_class=_Pipeline)
+    return types.Dispatcher(_dispatchers[kernel])
+
+
+def compiled_functions() -> list[str]:
+    """Return the names of the functions that this process has compiled."""
+    return [kernel.label for kernel, one in _dispatchers.items() for _ in one.overloads]
+
+
+@global_compiler_lock  # type: ignore[untyped-decorator]
+def compile_entry(entry: Entry, symbol: str) -> bytes:
+    """Return the object code of a kernel, in which it has the name `symbol`.
+
+    Raises
+    ------
+    PluginError
+        If numba cannot compile it.
+    """
+    arguments = [type_of(kind) for _, kind in entry.signature[0]]
+    try:
+        compiling = numba.typeof(entry).dispatcher
+        compiling.compile(tuple(arguments))
+    except numba.core.errors.NumbaError as error:
+        raise PluginError(f"kernel {entry.label} cannot be compiled: {error}") from None
+    result = compiling.overloads[tuple(arguments)]
+    library = compiling.targetctx.codegen().create_library(symbol)
+    library.add_ir_module(_wrapper(compiling.targetctx, result.fndesc, arguments, entry, symbol))
+    library.add_linking_library(result.library)
+    module = library.whole()
+    for function in module.functions:
+        if not function.is_declaration and function.name != symbol:
+            function.linkage = "internal"
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            variable.linkage = "internal"
+    module.verify()
+    passes, builder = library.codegen._module_pass_manager()
+    passes.run(module, builder)
+    return bytes(library.codegen._tm.emit_object(module))
+
+
+def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry, symbol: str) -> ir.Module:
+    """Return a module with a function that takes and returns plain numbers and calls numba's function."""
+    module = context.create_module(symbol)
+    inputs = [context.get_value_type(kind) for kind in arguments]
+    returned = entry.signature[1]
+    outputs = [context.get_value_type(getattr(types, kind)) for kind in returned]
+    output = ir.VoidType() if not outputs else outputs[0] if len(outputs) == 1 else ir.LiteralStructType(outputs)
+    function = ir.Function(module, ir.FunctionType(output, inputs), symbol)
+    builder = ir.IRBuilder(function.append_basic_block())
+    callee = context.declare_function(module, description)
+    _, found = context.call_conv.call_function(
+        builder, callee, description.restype, description.argtypes, list(function.args)
+    )
+    if not outputs:
+        builder.ret_void()
+    elif len(outputs) == 1:
+        builder.ret(context.cast(builder, found, description.restype, getattr(types, returned[0])))
+    else:
+        values = ir.Constant(output, ir.Undefined)
+        for k, (kind, name) in enumerate(zip(description.restype, returned, strict=True)):
+            one = context.cast(builder, builder.extract_value(found, k), kind, getattr(types, name))
+            values = builder.insert_value(values, one, k)
+        builder.ret(values)
+    return module
+
+
+def symbols_needed(code: bytes) -> list[str]:
+    """Return what object code asks of the process or of libm."""
+    return [symbol.name for symbol in llvm.ObjectFileRef.from_data(code).symbols()] if code else []
+
+
+__all__ = ["Callable", "compile_entry", "compiled_functions"]

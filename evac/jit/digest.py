@@ -1,0 +1,80 @@
+"""What a kernel is compiled from, as a digest: a change of anything else, comments included, leaves it alone."""
+
+import hashlib
+import sys
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
+from evac.jit.layout import describe
+
+#: The sources that turn functions into machine code.
+_COMPILER = ("compiler.py", "instructions.py", "processor.py")
+
+
+@lru_cache
+def versions() -> str:
+    """Return the versions of all that compiles."""
+    own = hashlib.sha256()
+    for name in _COMPILER:
+        own.update((Path(__file__).parent / name).read_bytes())
+    python = ".".join(map(str, sys.version_info[:2]))
+    return f"python {python}, numba {version('numba')}, llvmlite {version('llvmlite')}, {own.hexdigest()}"
+
+
+def digest_of(entry: Entry, processor: str) -> str:
+    """Return 20 hexadecimal digits that tell what an entry is compiled from, for a processor."""
+    kinds, returned = entry.signature
+    signature = "; ".join(describe(kind) for _, kind in kinds)
+    digest = hashlib.sha256(f"{versions()}\n{processor}\n{signature} -> {returned}\n".encode())
+    seen: set[int] = set()
+    waiting: list[Kernel] = [entry]
+    while waiting:
+        kernel = waiting.pop()
+        if id(kernel) not in seen:
+            seen.add(id(kernel))
+            text, called = _parts_of(kernel)
+            digest.update(text)
+            waiting.extend(called)
+    return digest.hexdigest()[:20]
+
+
+@lru_cache(maxsize=None)
+def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
+    """Return a text of a function, its constants and globals, and the kernels that it names."""
+    function = kernel.function
+    code = function.__code__
+    lines, called = [kernel.label, *_code_lines(code, function.__doc__)], []
+    for name, value in _globals_of(function):
+        if isinstance(value, Kernel):
+            called.append(value)
+            lines.append(f"{name} = {value.label}")
+        elif isinstance(value, AddressCall):
+            lines.append(f"{name} = {[describe(kind) for kind in value.kinds]} -> {value.returns}")
+        elif isinstance(value, Intrinsic):
+            lines.append(f"{name} = {value.name}")
+        elif not isinstance(value, ModuleType):
+            lines.append(f"{name} = {value!r}")
+    return "\n".join(lines).encode(), tuple(called)
+
+
+def _code_lines(code: CodeType, doc: str | None) -> list[str]:
+    constants = [repr(one) for one in code.co_consts if not isinstance(one, CodeType) and one != doc]
+    return [code.co_code.hex(), ",".join(constants), ",".join(code.co_names), ",".join(code.co_varnames)]
+
+
+def _globals_of(function: Any) -> list[tuple[str, Any]]:
+    """Return what a function names outside itself: globals, and attributes of modules among them."""
+    found: list[tuple[str, Any]] = []
+    names = function.__code__.co_names
+    for name in names:
+        if name not in function.__globals__:
+            continue
+        value = function.__globals__[name]
+        found.append((name, value))
+        if isinstance(value, ModuleType) and hasattr(value, "__file__") and value.__name__ != "math":
+            found.extend((f"{name}.{inner}", getattr(value, inner)) for inner in names if hasattr(value, inner))
+    return found

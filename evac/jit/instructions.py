@@ -1,0 +1,315 @@
+"""How numba types and lowers what kernels use: structs, arrays, operations of our own and calls of addresses.
+
+Imported only to compile. A struct is one pointer; an array one pointer to its header of address and extents. Headers
+do not change while a kernel runs, and loads from them say so, so that no store makes the compiler read them again.
+Indices are taken as they are: they do not count from the end.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import models
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
+from numba.core.typing.typeof import typeof_impl
+from numba.extending import lower_builtin, lower_getattr_generic, lower_setattr_generic, register_model
+
+from evac.jit.kernels import AddressCall, Intrinsic
+from evac.jit.layout import Array, Kind, Struct, describe
+
+_WORD = ir.IntType(64)
+_ADDRESS = _WORD.as_pointer()
+
+
+class StructType(types.Type):  # type: ignore[misc]
+    """A struct, passed as a pointer to its memory."""
+
+    def __init__(self, struct: type[Struct]) -> None:
+        self.struct = struct
+        super().__init__(name=f"{struct.__module__}.{struct.__qualname__}")
+
+
+class BufferType(types.Type):  # type: ignore[misc]
+    """An array, passed as a pointer to its header."""
+
+    def __init__(self, kind: Array) -> None:
+        self.kind = kind
+        self.number = getattr(types, kind.dtype)
+        super().__init__(name=describe(kind))
+
+    @property
+    def ndim(self) -> int:
+        return len(self.kind.shape)
+
+
+def type_of(kind: Kind) -> types.Type:
+    """Return the numba type of an argument or attribute."""
+    if isinstance(kind, Array):
+        return BufferType(kind)
+    if isinstance(kind, str):
+        return getattr(types, kind)
+    return StructType(kind)
+
+
+@register_model(StructType)
+@register_model(BufferType)
+class _PointerModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, front_end_type: Any) -> None:
+        super().__init__(manager, front_end_type, _ADDRESS)
+
+
+def _word(builder: Any, pointer: Any, number: int) -> Any:
+    return builder.gep(pointer, [ir.Constant(ir.IntType(32), number)]) if number else pointer
+
+
+def _load_constant(builder: Any, pointer: Any) -> Any:
+    """Load what no kernel changes."""
+    loaded = builder.load(pointer)
+    loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return loaded
+
+
+# Attributes of structs
+
+
+@infer_getattr
+class _StructAttributes(AttributeTemplate):  # type: ignore[misc]
+    key = StructType
+
+    def generic_resolve(self, struct: StructType, name: str) -> types.Type | None:
+        kind = struct.struct.kinds.get(name)
+        return None if kind is None else type_of(kind)
+
+
+@lower_getattr_generic(StructType)
+def _get_attribute(context: Any, builder: Any, struct: StructType, value: Any, name: str) -> Any:
+    kind = struct.struct.kinds[name]
+    place = _word(builder, value, struct.struct.words[name])
+    if isinstance(kind, Array):
+        return place
+    if isinstance(kind, str):
+        if kind == "float64":
+            place = builder.bitcast(place, ir.DoubleType().as_pointer())
+        return builder.load(place)
+    return _load_constant(builder, builder.bitcast(place, _ADDRESS.as_pointer()))
+
+
+@lower_setattr_generic(StructType)
+def _set_attribute(context: Any, builder: Any, sig: Any, arguments: Any, name: str) -> None:
+    struct, given = sig.args
+    kind = struct.struct.kinds[name]
+    if not isinstance(kind, str):
+        raise NotImplementedError(f"{struct}.{name}: kernels cannot replace arrays and structs")
+    place = _word(builder, arguments[0], struct.struct.words[name])
+    if kind == "float64":
+        place = builder.bitcast(place, ir.DoubleType().as_pointer())
+    builder.store(context.cast(builder, arguments[1], given, getattr(types, kind)), place)
+
+
+# Arrays
+
+
+@infer_getattr
+class _BufferAttributes(AttributeTemplate):  # type: ignore[misc]
+    key = BufferType
+
+    def resolve_shape(self, buffer: BufferType) -> types.Type:
+        return types.UniTuple(types.int64, buffer.ndim)
+
+
+def _extent(builder: Any, buffer: BufferType, value: Any, axis: int) -> Any:
+    fixed = buffer.kind.shape[axis]
+    if fixed is not None:
+        return ir.Constant(_WORD, fixed)
+    return _load_constant(builder, _word(builder, value, 1 + axis))
+
+
+@lower_getattr_generic(BufferType)
+def _get_shape(context: Any, builder: Any, buffer: BufferType, value: Any, name: str) -> Any:
+    extents = [_extent(builder, buffer, value, axis) for axis in range(buffer.ndim)]
+    return context.make_tuple(builder, types.UniTuple(types.int64, buffer.ndim), extents)
+
+
+@infer_global(len)
+class _Length(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(types.int64, args[0]) if isinstance(args[0], BufferType) else None
+
+
+@lower_builtin(len, BufferType)
+def _length(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return _extent(builder, sig.args[0], args[0], 0)
+
+
+def _fits(buffer: types.Type, index: types.Type) -> bool:
+    """Say whether an index gives a number of an array."""
+    if not isinstance(buffer, BufferType):
+        return False
+    if isinstance(index, types.Integer):
+        return buffer.ndim == 1
+    return (
+        isinstance(index, types.BaseTuple)
+        and len(index) == buffer.ndim
+        and all(isinstance(one, types.Integer) for one in index)
+    )
+
+
+@infer_global(operator.getitem)
+class _GetItem(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(args[0].number, *args) if _fits(*args) else None
+
+
+@infer_global(operator.setitem)
+class _SetItem(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(types.void, args[0], args[1], args[0].number) if _fits(*args[:2]) else None
+
+
+def _place(context: Any, builder: Any, buffer: BufferType, value: Any, index: types.Type, given: Any) -> Any:
+    """Return the address of a number of an array."""
+    kinds = [index] if isinstance(index, types.Integer) else list(index)
+    numbers = [given] if isinstance(index, types.Integer) else cgutils.unpack_tuple(builder, given)
+    numbers = [context.cast(builder, one, kind, types.int64) for one, kind in zip(numbers, kinds, strict=True)]
+    at = numbers[0]
+    for axis in range(1, buffer.ndim):
+        at = builder.add(builder.mul(at, _extent(builder, buffer, value, axis)), numbers[axis])
+    data = context.get_data_type(buffer.number).as_pointer()
+    return builder.gep(_load_constant(builder, builder.bitcast(value, data.as_pointer())), [at])
+
+
+@lower_builtin(operator.getitem, BufferType, types.Integer)
+@lower_builtin(operator.getitem, BufferType, types.BaseTuple)
+def _get_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    loaded = builder.load(_place(context, builder, sig.args[0], args[0], sig.args[1], args[1]))
+    return impl_ret_borrowed(context, builder, sig.return_type, loaded)
+
+
+@lower_builtin(operator.setitem, BufferType, types.Integer, types.Any)
+@lower_builtin(operator.setitem, BufferType, types.BaseTuple, types.Any)
+def _set_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    buffer, index, number = sig.args
+    place = _place(context, builder, buffer, args[0], index, args[1])
+    builder.store(context.cast(builder, args[2], number, buffer.number), place)
+    return context.get_dummy_value()
+
+
+# Operations and calls of addresses
+
+
+def _callable(key: Any, result: Callable[..., Any], lower: Callable[..., Any]) -> types.Type:
+    """Make a numba function of an object that kernels call; `result` tells its type from those of the arguments."""
+
+    class Template(AbstractTemplate):  # type: ignore[misc]
+        def generic(self, args: Any, kws: Any) -> Any:
+            return result(args)
+
+    Template.key = key
+    lower_builtin(key, types.VarArg(types.Any))(lower)
+    return types.Function(Template)
+
+
+def _type_address_call(call: AddressCall) -> types.Type:
+    kinds = [type_of(kind) for kind in call.kinds]
+    numbers = [getattr(types, kind) for kind in call.returns]
+    returned = numbers[0] if len(numbers) == 1 else types.Tuple(numbers)
+    wanted = signature(returned, types.int64, *kinds)
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        inputs = [context.get_value_type(kind) for kind in kinds]
+        outputs = [context.get_value_type(number) for number in numbers]
+        output = outputs[0] if len(outputs) == 1 else ir.LiteralStructType(outputs)
+        found = builder.call(builder.inttoptr(args[0], ir.FunctionType(output, inputs).as_pointer()), args[1:])
+        if len(numbers) == 1:
+            return found
+        return context.make_tuple(builder, returned, [builder.extract_value(found, k) for k in range(len(numbers))])
+
+    return _callable(call, lambda args: wanted if len(args) == len(wanted.args) else None, generate)
+
+
+def _fused(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return builder.fma(*args)
+
+
+def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """Make a header for a row of a grid."""
+    buffer = sig.args[0]
+    header = cgutils.alloca_once(builder, ir.ArrayType(_WORD, 2))
+    pointer = builder.bitcast(header, _ADDRESS)
+    start = ir.Constant(_WORD, 0)
+    pair = context.make_tuple(builder, types.UniTuple(types.int64, 2), [args[1], start])
+    place = _place(context, builder, buffer, args[0], types.UniTuple(types.int64, 2), pair)
+    builder.store(builder.ptrtoint(place, _WORD), pointer)
+    builder.store(_extent(builder, buffer, args[0], 1), _word(builder, pointer, 1))
+    return pointer
+
+
+def _row_type(args: Any) -> Any:
+    return signature(BufferType(Array(args[0].kind.dtype, (None,))), args[0], types.int64)
+
+
+def _extreme(comparison: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Return type and instructions of ``max`` (">") and ``min`` ("<") of numbers, which agree with Python's on NaN."""
+
+    def result(args: Any) -> Any:
+        if len(args) < 2 or not all(isinstance(one, types.Integer | types.Float) for one in args):
+            return None
+        number = types.float64 if any(isinstance(one, types.Float) for one in args) else types.int64
+        return signature(number, *[number] * len(args))
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        found = args[0]
+        for one in args[1:]:
+            if sig.return_type == types.float64:
+                is_beyond = builder.fcmp_ordered(comparison, one, found)
+            else:
+                is_beyond = builder.icmp_signed(comparison, one, found)
+            found = builder.select(is_beyond, one, found)
+        return found
+
+    return result, generate
+
+
+def _truncated(args: Any) -> Any:
+    number = args[0] if len(args) == 1 else None
+    return signature(types.int64, number) if isinstance(number, types.Integer | types.Float) else None
+
+
+def _truncate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return context.cast(builder, args[0], sig.args[0], types.int64)
+
+
+_THREE = signature(types.float64, types.float64, types.float64, types.float64)
+
+#: What kernels compile an `Intrinsic` to, by name: type of the result, instructions.
+_INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
+    "fused": (lambda args: _THREE, _fused),
+    "row": (_row_type, _row),
+}
+
+_known: dict[Any, types.Type] = {}
+
+#: Functions of Python that numba would compile a function of its own for, for each combination of types.
+BUILTINS = {
+    max: _callable("evac max", *_extreme(">")),
+    min: _callable("evac min", *_extreme("<")),
+    int: _callable("evac int", _truncated, _truncate),
+}
+
+
+@typeof_impl.register(AddressCall)
+def _typeof_address_call(value: AddressCall, context: Any) -> types.Type:
+    if value not in _known:
+        _known[value] = _type_address_call(value)
+    return _known[value]
+
+
+@typeof_impl.register(Intrinsic)
+def _typeof_intrinsic(value: Intrinsic, context: Any) -> types.Type:
+    if value not in _known:
+        _known[value] = _callable(value, *_INTRINSICS[value.name])
+    return _known[value]

@@ -1,0 +1,198 @@
+"""Memory that Python and kernels share: structs of numbers and array headers, passed by reference.
+
+A kernel gets one pointer for each struct, however many arrays it holds. An array is described by its address and its
+shape, in words of the struct's memory; Python replaces an array (to make room) by assigning to the attribute.
+"""
+
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Array(NamedTuple):
+    """Type of an array in a struct or of an argument: its numbers, and its extents where they are fixed."""
+
+    dtype: str
+    shape: tuple[int | None, ...]
+
+
+Floats = Annotated[NDArray[np.float64], Array("float64", (None,))]
+Pairs = Annotated[NDArray[np.float64], Array("float64", (None, 2))]
+Triples = Annotated[NDArray[np.float64], Array("float64", (None, 3))]
+Quads = Annotated[NDArray[np.float64], Array("float64", (None, 4))]
+FloatGrid = Annotated[NDArray[np.float64], Array("float64", (None, None))]
+Ints = Annotated[NDArray[np.int32], Array("int32", (None,))]
+IntPairs = Annotated[NDArray[np.int32], Array("int32", (None, 2))]
+IntGrid = Annotated[NDArray[np.int32], Array("int32", (None, None))]
+Longs = Annotated[NDArray[np.int64], Array("int64", (None,))]
+Indices = Annotated[NDArray[np.uint32], Array("uint32", (None,))]
+Bytes = Annotated[NDArray[np.uint8], Array("uint8", (None,))]
+ByteGrid = Annotated[NDArray[np.uint8], Array("uint8", (None, None))]
+
+#: What a kernel's argument or a struct's attribute can be: an array, "int64", "float64", or a struct.
+Kind = Array | str | type["Struct"]
+
+
+def kind_of(hint: Any) -> Kind:
+    """Return how kernels see values of an annotated type.
+
+    Raises
+    ------
+    TypeError
+        For a type that kernels do not know.
+    """
+    if get_origin(hint) is Annotated:
+        for note in get_args(hint)[1:]:
+            if isinstance(note, Array):
+                return note
+    if hint is float:
+        return "float64"
+    if hint is int or hint is bool:
+        return "int64"
+    if isinstance(hint, type) and issubclass(hint, Struct):
+        return hint
+    raise TypeError(f"{hint} is no type of kernels: use int, float, bool, a Struct or an array type of evac.jit")
+
+
+def words_of(kind: Kind) -> int:
+    """Return how many words of 8 bytes a value takes in a struct."""
+    return 1 + len(kind.shape) if isinstance(kind, Array) else 1
+
+
+def describe(kind: Kind) -> str:
+    """Return a text that differs wherever the memory of a kind does, nested structs included."""
+    if isinstance(kind, Array):
+        return f"{kind.dtype}{list(kind.shape)}"
+    if isinstance(kind, str):
+        return kind
+    return f"{kind.__name__}({', '.join(f'{name}: {describe(inner)}' for name, inner in kind.kinds.items())})"
+
+
+def check_array(array: Any, kind: Array, name: str) -> None:
+    """Refuse what kernels cannot read as an array of this kind.
+
+    Raises
+    ------
+    TypeError
+    """
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"{name}: {type(array).__name__}, not an array")
+    fits = array.ndim == len(kind.shape) and all(
+        wanted is None or wanted == given for wanted, given in zip(kind.shape, array.shape, strict=True)
+    )
+    if array.dtype != kind.dtype or not fits or not array.flags.c_contiguous:
+        wanted = ", ".join("n" if extent is None else str(extent) for extent in kind.shape)
+        raise TypeError(
+            f"{name}: an array {array.dtype} of shape {array.shape}, contiguous: {array.flags.c_contiguous};"
+            f" it must be {kind.dtype} of shape ({wanted}) and contiguous"
+        )
+
+
+class _NumberField:
+    """A number in the memory of a struct."""
+
+    def __init__(self, word: int, dtype: str) -> None:
+        self.word, self.dtype = word, dtype
+
+    def __get__(self, struct: "Struct | None", owner: type | None = None) -> Any:
+        if struct is None:
+            return self
+        return (struct._floats if self.dtype == "float64" else struct._words).item(self.word)
+
+    def __set__(self, struct: "Struct", value: float) -> None:
+        (struct._floats if self.dtype == "float64" else struct._words)[self.word] = value
+
+
+class _ArrayField:
+    """An array whose address and shape are in the memory of a struct; reading finds it in the instance."""
+
+    def __init__(self, word: int, kind: Array, name: str) -> None:
+        self.word, self.kind, self.name = word, kind, name
+
+    def __set__(self, struct: "Struct", array: Any) -> None:
+        check_array(array, self.kind, f"{type(struct).__name__}.{self.name}")
+        struct.__dict__[self.name] = array
+        struct._words[self.word] = array.ctypes.data
+        struct._words[self.word + 1 : self.word + 1 + array.ndim] = array.shape
+
+
+class _StructField:
+    """A struct whose address is in the memory of another one."""
+
+    def __init__(self, word: int, name: str) -> None:
+        self.word, self.name = word, name
+
+    def __set__(self, struct: "Struct", inner: "Struct") -> None:
+        struct.__dict__[self.name] = inner
+        struct._words[self.word] = inner.memory_address
+
+
+class Struct:
+    """Base class of what kernels take by reference: a subclass annotates attributes, and takes them by keyword.
+
+    Attributes
+    ----------
+    kinds : mapping of str to Kind
+        Of the attributes of a class, in order.
+    words : mapping of str to int
+        First word of each attribute.
+    memory_address : int
+        Of an instance's memory.
+
+    Raises
+    ------
+    TypeError
+        If an array does not fit, or an attribute is missing or unknown.
+    """
+
+    kinds: ClassVar[dict[str, Kind]] = {}
+    words: ClassVar[dict[str, int]] = {}
+    _size: ClassVar[int] = 0
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.kinds, cls.words, word = {}, {}, 0
+        for name, hint in get_type_hints(cls, include_extras=True).items():
+            if name.startswith("_") or get_origin(hint) is ClassVar:
+                continue
+            kind = kind_of(hint)
+            cls.kinds[name], cls.words[name] = kind, word
+            field: Any
+            if isinstance(kind, Array):
+                field = _ArrayField(word, kind, name)
+            elif isinstance(kind, str):
+                field = _NumberField(word, kind)
+            else:
+                field = _StructField(word, name)
+            setattr(cls, name, field)
+            word += words_of(kind)
+        cls._size = word
+
+    def __init__(self, **values: Any) -> None:
+        if values.keys() != self.kinds.keys():
+            wrong = sorted(values.keys() ^ self.kinds.keys())
+            raise TypeError(f"{type(self).__name__}: missing or unknown {', '.join(wrong)}")
+        self._words = np.zeros(self._size, np.int64)
+        self._floats = self._words.view(np.float64)
+        self.memory_address = int(self._words.ctypes.data)
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    def values(self) -> dict[str, Any]:
+        """Return the attributes by name."""
+        return {name: getattr(self, name) for name in self.kinds}
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a struct with some attributes changed; arrays that are not are shared."""
+        return type(self)(**(self.values() | changes))
+
+    def __reduce__(self) -> Any:
+        return _rebuilt, (type(self), self.values())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(self.kinds)})"
+
+
+def _rebuilt(struct: type[Struct], values: dict[str, Any]) -> Struct:
+    return struct(**values)

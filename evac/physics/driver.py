@@ -1,0 +1,367 @@
+"""The step loop, one for all contact models: what they differ in is called at the addresses in `State.parts`.
+
+    advance                for each step, in parts where it has to be cut
+        open_step          remember what a failed step goes back to
+        approach           lists, desired directions, forces, velocity if nobody touched, contacts in reach
+        (the law)          fills bodies.solved and contacts.percussion, or asks for something first
+        conclude           contact forces, energy, move, cross portals and exits
+        cut                undo the step; how many parts to try next
+
+Contact models written in numpy make the same calls from Python, see `ContactModel.advance`.
+"""
+
+import math
+
+from evac.directions.sampling import sample_travel_time
+from evac.jit import AddressCall, inner, kernel
+from evac.physics import tallies as at
+from evac.physics.contacts import (
+    find_contacts,
+    keep_percussions,
+    report_contact_force,
+    set_reach,
+    set_velocity_before,
+)
+from evac.physics.drive import call_add_forces, drive, drive_overdamped, set_desired
+from evac.physics.motion import add_work, move, restore, save
+from evac.physics.neighbours import build_lists, lists_are_stale
+from evac.physics.overlaps import call_separate, displace, widen_reach
+from evac.physics.state import Bodies, Crowd, State, World
+from evac.physics.status import (
+    NEEDS_SEPARATION,
+    NEEDS_STRONGER_SOLVER,
+    OK,
+    SEARCH_AGAIN,
+    SEPARATE,
+    TOO_FAST,
+    TOO_STIFF,
+    WALL_CROSSED,
+)
+
+#: A step is cut into at most this many parts before the run is stopped.
+GREATEST_PARTS = 256
+
+#: Nobody is thrown faster than this but by contacts that create energy: the run is stopped [m/s].
+FASTEST = 100.0
+
+#: Call a contact law: state, its own parameters (the address of a struct), length of the sub-step [s]; a status.
+call_law = AddressCall([State, int, float], (int,))
+
+
+@kernel
+def list_inside(world: World, crowd: Crowd, bodies: Bodies) -> int:
+    """List the rows of the people inside and their travel times; return how many they are."""
+    inside = 0
+    for p in range(crowd.level.shape[0]):
+        if crowd.level[p] >= 0:
+            x, y = crowd.position[p, 0], crowd.position[p, 1]
+            bodies.row[inside] = p
+            bodies.key[inside] = sample_travel_time(world.fields, x, y, crowd.level[p], crowd.route[p])
+            inside += 1
+    return inside
+
+
+@kernel
+def gather(state: State, crowd: Crowd, inside: int) -> None:
+    """Copy the people in ``bodies.row`` to the bodies, and forget what holds for the tick before."""
+    bodies = state.bodies
+    bodies.smallest = math.inf
+    for i in range(inside):
+        p = bodies.row[i]
+        for k in range(2):
+            bodies.position[i, k] = crowd.position[p, k]
+            bodies.velocity[i, k] = crowd.velocity[p, k]
+            bodies.extra_direction[i, k] = crowd.extra_direction[p, k]
+        for k in range(3):
+            bodies.speed[i, k] = crowd.speed[p, k]
+        bodies.level[i] = crowd.level[p]
+        bodies.radius[i] = crowd.radius[p]
+        bodies.mass[i] = crowd.mass[p]
+        bodies.inverse_mass[i] = 1.0 if state.traits.overdamped else 1.0 / crowd.mass[p]
+        bodies.tau[i] = crowd.tau[p]
+        bodies.start_time[i] = crowd.start_time[p]
+        bodies.route[i] = crowd.route[p]
+        bodies.speed_factor[i] = crowd.speed_factor[p]
+        bodies.distance[i] = crowd.distance[p]
+        bodies.contact_force[i] = crowd.contact_force[p]
+        bodies.smallest = min(bodies.smallest, crowd.radius[p])
+    bodies.inside = inside
+    bodies.taken_up_in = 0.0
+    state.memory.number = 0
+    state.contacts.separation_failed = 0
+    state.lists.stale = 1
+    state.events.number = 0
+
+
+@kernel
+def scatter(crowd: Crowd, bodies: Bodies) -> None:
+    """Copy back what the steps wrote."""
+    for i in range(bodies.inside):
+        p = bodies.row[i]
+        for k in range(2):
+            crowd.position[p, k] = bodies.position[i, k]
+            crowd.velocity[p, k] = bodies.velocity[i, k]
+        crowd.level[p] = bodies.level[i]
+        crowd.distance[p] = bodies.distance[i]
+        crowd.contact_force[p] = bodies.contact_force[i]
+
+
+@kernel
+def advance(state: State) -> int:
+    """Make the steps of the clock, cutting those that cannot be made whole; return a status."""
+    clock = state.clock
+    while clock.now < clock.last:
+        open_step(state)
+        parts = 1
+        while True:
+            status = _make_step(state, parts)
+            if status == OK:
+                break
+            parts = cut(state, status, parts)
+            if parts == 0:
+                return status
+        clock.now += 1
+    return OK
+
+
+@inner
+def _make_step(state, parts):
+    """Make one step in `parts` sub-steps; return a status."""
+    for part in range(parts):
+        set_clock(state, part, parts)
+        status = approach(state)
+        if status == OK:
+            status = _obey(state)
+        if status == OK:
+            status = conclude(state)
+        if status != OK:
+            return status
+    return OK
+
+
+@inner
+def _obey(state):
+    """Call the law, and do what it asks for before it is called again; return a status."""
+    parts, clock = state.parts, state.clock
+    clock.attempt = 0
+    clock.searched = 0
+    while True:
+        status = call_law(parts.law, state, parts.parameters, clock.h)
+        clock.attempt += 1
+        if status == SEARCH_AGAIN:
+            keep_percussions(state.contacts, state.memory)
+            status = search(state, 0.0, 3.0 * _farthest_reach(state))
+        elif status == SEPARATE:
+            status = _separate(state)
+        else:
+            return status
+        if status != OK:
+            return status
+
+
+@inner
+def _farthest_reach(state):
+    """Return the greatest reach of a body inside [m]."""
+    bodies = state.bodies
+    farthest = 0.0
+    for i in range(bodies.inside):
+        if bodies.level[i] >= 0:
+            farthest = max(farthest, bodies.reach[i])
+    return farthest
+
+
+@inner
+def _separate(state):
+    """Separate overlaps within the reaches that this sets, and search for contacts again; return a status."""
+    if state.parts.separation == 0:
+        return NEEDS_SEPARATION
+    reach = 2.0 * widen_reach(state)
+    status = search(state, 0.0, reach)
+    if status != OK:
+        return status
+    status = call_separate(state.parts.separation, state)
+    if status != OK:
+        return status
+    if state.contacts.separation_failed == 0:
+        status = displace(state)
+        if status == OK:
+            status = _renew_lists(state, 0.0, reach)
+    if status == OK:
+        status = _seek(state)
+    return status
+
+
+@kernel
+def set_clock(state: State, part: int, parts: int) -> None:
+    """Set time and length of a sub-step, and whether it is the last one before contact forces are wanted."""
+    clock = state.clock
+    clock.h = clock.step / parts
+    clock.time = clock.now * clock.step + part * clock.h
+    clock.reports = 1 if clock.report_force and clock.now == clock.last - 1 and part == parts - 1 else 0
+
+
+@kernel
+def approach(state: State) -> int:
+    """Set the free velocities and find the contacts in reach; return a status."""
+    bodies, traits, h = state.bodies, state.traits, state.clock.h
+    set_desired(state.world, bodies)
+    if state.parts.forces != 0:
+        status = _renew_lists(state, state.forces.farthest, 0.0)
+        if status == OK:
+            status = call_add_forces(state.parts.forces, state)
+        if status != OK:
+            return status
+    fastest = drive_overdamped(state) if traits.overdamped else drive(state)
+    bodies.fastest = fastest
+    state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
+    if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):
+        return TOO_FAST
+    floor = max(traits.reach_floor, traits.reach_fastest * h * fastest)
+    set_reach(bodies, h, traits.reach_share, floor)
+    status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
+    if status == OK:
+        _tally_contacts(state.contacts, state.tally)
+    return status
+
+
+@inner
+def search(state, pairs, contacts):
+    """Find the contacts within the reaches as they are set, with lists that look as far as needed; return a status."""
+    status = _renew_lists(state, pairs, contacts)
+    if status != OK:
+        return status
+    return _seek(state)
+
+
+@inner
+def _seek(state):
+    """Find the contacts within the reaches as they are set; return a status."""
+    status = find_contacts(state)
+    if status == OK:
+        set_velocity_before(state.bodies, state.contacts)
+    return status
+
+
+@inner
+def _renew_lists(state, pairs, contacts):
+    """Build the lists again if they are stale or do not reach as far as needed; return a status.
+
+    `pairs` [m] is for forces between bodies, `contacts` [m] for contacts with bodies and walls; the latter follows
+    speeds, so it gets a margin.
+    """
+    lists = state.lists
+    if lists.pair_reach < max(pairs, contacts):
+        lists.pair_reach = max(pairs, 1.25 * contacts)
+        lists.stale = 1
+    if lists.wall_reach < contacts:
+        lists.wall_reach = 1.25 * contacts
+        lists.stale = 1
+    if lists_are_stale(state.bodies, lists):
+        state.tally[at.LIST_BUILDS] += 1.0
+        return build_lists(state.world, state.bodies, lists)
+    return OK
+
+
+@inner
+def _speed(bodies, i):
+    """Return the speed of body i in the step, before or after the drive, whichever is greater [m/s]."""
+    free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
+    return max(free, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2) ** 0.5
+
+
+@inner
+def _is_too_fast(bodies, h, limit):
+    """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
+    if h * bodies.fastest <= limit:
+        return False
+    for i in range(bodies.inside):
+        if bodies.level[i] >= 0 and h * _speed(bodies, i) > limit:
+            bodies.failed = i
+            return True
+    return False
+
+
+@inner
+def _tally_contacts(contacts, tally):
+    """Count the contacts and their overlaps at the start of the step."""
+    for c in range(contacts.number):
+        if contacts.gap[c] <= 0.0:
+            tally[at.CONTACTS] += 1.0
+            if -contacts.gap[c] > tally[at.GREATEST_OVERLAP]:
+                tally[at.GREATEST_OVERLAP] = -contacts.gap[c]
+                tally[at.DEEPEST_BODY] = 1.0 + contacts.body[c]
+            tally[at.OVERLAP_SUM] -= contacts.gap[c]
+            tally[at.OVERLAPS] += 1.0
+
+
+@inner
+def _place_deepest(bodies, tally, time):
+    """Note time and place of a greatest overlap that this sub-step has found: where the body was as the step began."""
+    i = int(tally[at.DEEPEST_BODY]) - 1
+    tally[at.DEEPEST_BODY] = 0.0
+    tally[at.DEEPEST_TIME] = time
+    tally[at.DEEPEST_PERSON] = bodies.row[i]
+    tally[at.DEEPEST_LEVEL] = bodies.old_level[i]
+    tally[at.DEEPEST_X] = bodies.old_position[i, 0]
+    tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
+
+
+@kernel
+def conclude(state: State) -> int:
+    """Report contact forces if asked for, sum the work, keep the percussions for a warm start, move; return a status."""
+    bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
+    if clock.reports and traits.reports_percussions:
+        report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
+    if tally[at.DEEPEST_BODY] > 0.0:
+        _place_deepest(bodies, tally, clock.time)
+    if not traits.overdamped:  # without inertia there is no kinetic energy to account for
+        add_work(bodies, contacts, tally)
+    if traits.remembers:
+        keep_percussions(contacts, state.memory)
+    tally[at.SUB_STEPS] += 1.0
+    return move(state, clock.time, clock.h, traits.old_share, 1.0)
+
+
+@kernel
+def open_step(state: State) -> None:
+    """Remember bodies, sums, events and percussions at the start of a step."""
+    memory = state.memory
+    save(state.bodies)
+    for k in range(state.tally.shape[0]):
+        state.tally_before[k] = state.tally[k]
+    state.events.number_before = state.events.number
+    memory.half_before = memory.half
+    memory.number_before = memory.number
+    memory.failed_before = state.contacts.separation_failed
+
+
+@kernel
+def cut(state: State, status: int, parts: int) -> int:
+    """Go back to the start of the step; return the number of parts to try next, 0 if more do not help.
+
+    Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was.
+    """
+    bodies, memory, tally = state.bodies, state.memory, state.tally
+    # Contacts that create energy create more with smaller sub-steps.
+    is_thrown = status == TOO_FAST and _speed(bodies, bodies.failed) > FASTEST
+    restore(bodies, state.lists)
+    state.events.number = state.events.number_before
+    for k in range(tally.shape[0]):
+        tally[k] = state.tally_before[k]
+    memory.half = memory.half_before
+    memory.number = 0
+    if status == NEEDS_STRONGER_SOLVER or status == NEEDS_SEPARATION:
+        memory.number = memory.number_before
+        state.contacts.separation_failed = memory.failed_before
+        return 0
+    if status == WALL_CROSSED:
+        entry = at.WALL_CROSSINGS_PREVENTED
+    elif status == TOO_FAST:
+        entry = at.TOO_FAST_STEPS
+    elif status == TOO_STIFF:
+        entry = at.TOO_STIFF_STEPS
+    else:
+        return 0
+    tally[entry] += 1.0
+    state.tally_before[entry] += 1.0
+    return 2 * parts if parts < GREATEST_PARTS and not is_thrown else 0

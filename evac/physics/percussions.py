@@ -1,0 +1,141 @@
+"""Finding the percussions of a sub-step: contacts packed for a solver, solved, and unpacked.
+
+Find percussions P >= 0 such that with the velocity v = V + M^-1 sum_c P_c n_c each contact obeys its law
+
+    NSM1:  w+ + b >= 0  complementary to P,           b = max(D, 0) / h
+    NSM2:  P = K_N max(0, -(w+ + w-)/2) + mu,  0 <= mu complementary to w+ >= 0
+
+with the normal velocity w+ after and w- before the step. Both have the closed local form of docs/physics.md,
+P = max(0, -(a + b)/omega, -(a + w-)/(omega + 2/K_N)), a being w+ without the contact's own percussion.
+The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap error [m].
+"""
+
+import math
+
+from evac.jit import inner
+from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, SPRING, call_solver, renew_velocity
+
+
+@inner
+def find_percussions(state, free, velocity, compliance, tangential, tolerance, limit, enough):
+    """Solve the contact problem from the percussions in the contacts; return the residual [m/s].
+
+    Where it is more than `enough` [m/s], it is solved again, cold, by a stronger solver; if that is not loaded,
+    ``problem.missing`` is 1.
+
+    Parameters
+    ----------
+    free, velocity : (n, 2)
+        V, and the velocity found [m/s].
+    compliance : float
+        2/K_N [1/kg]; INELASTIC for NSM1 and for K_N = 0.
+    tangential : float
+        K_T [kg].
+    tolerance : float
+        Of the residual [m/s].
+    limit : int
+        Greatest number of iterations.
+    """
+    problem, contacts = state.problem, state.contacts
+    problem.missing = 0
+    problem.retried = 0
+    problem.iterations = 0
+    if contacts.number == 0:
+        for i in range(state.bodies.inside):
+            velocity[i, 0] = free[i, 0]
+            velocity[i, 1] = free[i, 1]
+        return 0.0
+    solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
+    if problem.residual <= enough:
+        return problem.residual
+    if state.parts.stronger == 0:
+        problem.missing = 1
+        return problem.residual
+    problem.retried = 1
+    for c in range(contacts.number):
+        contacts.percussion[c] = 0.0
+        contacts.friction[c] = 0.0
+    solve_once(state, state.parts.stronger, free, velocity, compliance, tangential, tolerance, limit)
+    return problem.residual
+
+
+@inner
+def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
+    """Solve once by the solver at an address."""
+    problem = state.problem
+    pack(state, free, compliance, tangential)
+    problem.iterations += call_solver(solver, problem, tolerance, limit)
+    if not _unpack(state, velocity, tangential):
+        problem.residual = math.inf  # where numbers are lost, the residual of a row compares as none
+
+
+@inner
+def pack(state, free, compliance, tangential):
+    """Fill the rows from the contacts, set velocities to the free ones plus percussions."""
+    problem, contacts, n = state.problem, state.contacts, state.bodies.inside
+    for i in range(n):
+        problem.inverse_root[i] = math.sqrt(state.bodies.inverse_mass[i])
+        for k in range(2):
+            problem.free[i, k] = free[i, k] / problem.inverse_root[i]
+    problem.bodies = n
+    problem.inverse_root[n] = 0.0
+    problem.free[n, 0] = 0.0
+    problem.free[n, 1] = 0.0
+    problem.rigid = 1 if compliance < 0.0 and tangential <= 0.0 else 0
+    used = 0
+    for c in range(contacts.number):
+        omega = contacts.omega[c]
+        spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
+        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
+        bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
+        _pack_row(problem, contacts, c, used, nx, ny, bias, before, spring, 0.0, start)
+        used += 1
+        if contacts.sticky[c] and tangential > 0.0:
+            spring = omega / (omega + 2.0 / tangential)
+            before, start = contacts.slide_before[c], contacts.friction[c]
+            _pack_row(problem, contacts, c, used, -ny, nx, math.inf, before, spring, -math.inf, start)
+            used += 1
+    problem.rows = used
+    renew_velocity(problem)
+
+
+@inner
+def _pack_row(problem, contacts, c, r, nx, ny, bias, before, spring, bound, start):
+    i = contacts.body[c]
+    j = contacts.other[c] if contacts.other[c] >= 0 else problem.bodies
+    problem.body[r] = i
+    problem.other[r] = j
+    scale = math.sqrt(contacts.omega[c])
+    problem.scale[r] = scale
+    problem.percussion[r] = scale * start
+    inverse = 1.0 / scale  # multiplications are several times cheaper than divisions
+    own, others = inverse * problem.inverse_root[i], inverse * problem.inverse_root[j]
+    problem.data[r, AX] = nx * own
+    problem.data[r, AY] = ny * own
+    problem.data[r, BX] = -nx * others
+    problem.data[r, BY] = -ny * others
+    problem.data[r, BIAS] = bias * inverse
+    problem.elastic[r, BEFORE] = before * inverse
+    problem.elastic[r, SPRING] = spring
+    problem.elastic[r, BOUND] = bound
+
+
+@inner
+def _unpack(state, velocity, tangential):
+    """Copy percussions and velocities back; return whether all velocities are numbers."""
+    problem, contacts = state.problem, state.contacts
+    total = 0.0
+    r = 0
+    for c in range(contacts.number):
+        contacts.percussion[c] = problem.percussion[r] / problem.scale[r]
+        r += 1
+        if contacts.sticky[c]:
+            contacts.friction[c] = 0.0
+            if tangential > 0.0:
+                contacts.friction[c] = problem.percussion[r] / problem.scale[r]
+                r += 1
+    for i in range(problem.bodies):
+        velocity[i, 0] = problem.velocity[i, 0] * problem.inverse_root[i]
+        velocity[i, 1] = problem.velocity[i, 1] * problem.inverse_root[i]
+        total += velocity[i, 0] + velocity[i, 1]
+    return math.isfinite(total)

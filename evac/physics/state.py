@@ -1,0 +1,366 @@
+"""What kernels work on, by owner: every array and number under a name, passed by reference."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evac.directions.fields import PackedFields
+from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
+from evac.jit.layout import Array
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+LongArray = NDArray[np.int64]
+ByteArray = NDArray[np.uint8]
+
+#: Numbers of a row of the contact problem, see `evac.physics.rows`.
+RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
+FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
+NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
+
+
+class Crowd(Struct):
+    """Everybody; row p is person p and never moves. docs/architecture.md lists the writer of each array.
+
+    Attributes
+    ----------
+    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is the contact
+        model's own; how fast people move is `Simulation.displacement_velocity`.
+    level : (n,) int32, -1 once out. Written by the contact model only.
+    radius, mass, tau : (n,) [m], [kg], [s]
+    speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
+    group : (n,) int32
+    start_time : (n,) time at which a person sets off [s]; written by behaviours
+    route : (n,) int32, row of ``Fields.routes``; written by behaviours
+    speed_factor : (n,), set to 1 before each tick's behaviours, which multiply it
+    extra_direction : (n, 2), set to 0 before each tick's behaviours, which add to it; the unit
+        direction of the field plus this, normalised, is the desired direction
+    exit_time : (n,) [s], NaN until out;  exit_used : (n,) int32, -1 until out
+    distance : (n,) walked in plan, up to the exit [m]
+    contact_force : (n,) sum of contact forces [N], in the last step of the tick before where a behaviour in use reads
+        it, else at the last output
+    """
+
+    position: Pairs
+    velocity: Pairs
+    level: Ints
+    radius: Floats
+    mass: Floats
+    tau: Floats
+    speed: Triples
+    group: Ints
+    start_time: Floats
+    route: Ints
+    speed_factor: Floats
+    extra_direction: Pairs
+    exit_time: Floats
+    exit_used: Ints
+    distance: Floats
+    contact_force: Floats
+
+
+def make_crowd(
+    position: ArrayLike,
+    velocity: ArrayLike = 0.0,
+    *,
+    level: ArrayLike = 0,
+    radius: ArrayLike = 0.2,
+    mass: ArrayLike = 80.0,
+    tau: ArrayLike = 0.5,
+    speed: ArrayLike = 0.0,
+    start_time: ArrayLike = 0.0,
+) -> Crowd:
+    """Return people as a run starts: of the first group, on the first route, and nothing walked.
+
+    Parameters
+    ----------
+    position : (n, 2) [m]
+    velocity : (n, 2) or one for everybody [m/s]
+    level : (n,) or one for everybody
+    radius, mass, tau, start_time : (n,) or one for everybody [m], [kg], [s], [s]
+    speed : (n, 3), or (n,) or one for the flat and both ways on stairs [m/s]
+    """
+    place = np.array(position, dtype=np.float64).reshape(-1, 2)
+    n = len(place)
+
+    def each(value: ArrayLike) -> FloatArray:
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), n))
+
+    speeds = np.asarray(speed, dtype=np.float64)
+    return Crowd(
+        position=place,
+        velocity=np.array(np.broadcast_to(np.asarray(velocity, dtype=np.float64), (n, 2))),
+        level=np.array(np.broadcast_to(np.asarray(level, dtype=np.int32), n)),
+        radius=each(radius),
+        mass=each(mass),
+        tau=each(tau),
+        speed=speeds.copy() if speeds.ndim == 2 else np.repeat(each(speeds)[:, None], 3, axis=1),
+        group=np.zeros(n, np.int32),
+        start_time=each(start_time),
+        route=np.zeros(n, np.int32),
+        speed_factor=np.ones(n),
+        extra_direction=np.zeros((n, 2)),
+        exit_time=np.full(n, np.nan),
+        exit_used=np.full(n, -1, np.int32),
+        distance=np.zeros(n),
+        contact_force=np.zeros(n),
+    )
+
+
+def copy_of(crowd: Crowd) -> Crowd:
+    """Return a crowd with arrays of its own."""
+    return Crowd(**{name: array.copy() for name, array in crowd.values().items()})
+
+
+class World(Struct):
+    """The scene as kernels read it: walls, links (portals and exits), levels, fields.
+
+    A link is a portal (0 .. n_portals-1) or an exit (n_portals + exit index). Each portal segment
+    stands here twice, once for each level, oriented with that level's inside on its left.
+    """
+
+    wall: Quads  # (w, 4)
+    wall_level: Ints  # (w,)
+    wall_open: Bytes  # (w,) 1: not there
+    bucket_wall: Ints  # walls near each bucket of the plan, in rising order
+    bucket_start: Ints  # (buckets + 1,) first of a bucket in bucket_wall
+    buckets_x: int  # buckets along x and y
+    buckets_y: int
+    bucket_x: float  # corner of the first bucket [m]
+    bucket_y: float
+    bucket_size: float  # [m]
+    bucket_reach: float  # distance from a bucket within which bucket_wall lists all walls [m]
+    link_segment: Quads  # (s, 4) sorted by level
+    link_start: Ints  # (levels + 1,) first segment of a level
+    link_to: Ints  # (s,) level behind it, -1 outside
+    link_id: Ints  # (s,)
+    link_open: Bytes  # (portals + exits,) 0: closed, acts as a wall
+    uphill: Pairs  # (levels, 2) unit plan vector, zero on the flat
+    cosine: Floats  # (levels,) cosine of the slope
+    backed: Bytes  # (levels,) 1: walls of the level stand right behind one of its exits
+    linked: ByteGrid  # (levels, levels) 1: same level or at most two portals apart
+    rounding: float  # what rounding leaves of a length of zero at these coordinates [m]
+    fields: PackedFields
+
+
+class Bodies(Struct):
+    """The people still inside, sorted by travel time (row breaking ties) at the start of a tick.
+
+    A body keeps its place until the next tick, so sums and sweeps run in an order that depends on the
+    people alone; level -1 marks one that left on the way.
+    """
+
+    inside: int  # number of bodies
+    failed: int  # the body that the last failure is about
+    smallest: float  # smallest radius [m]
+    fastest: float  # greatest speed in the sub-step if nobody touched [m/s]
+    outrun: int  # 1: somebody moves farther than contacts have been looked for
+    row: Ints  # row in Crowd
+    key: Floats  # travel time of row, before sorting by it [s]
+    position: Pairs
+    velocity: Pairs
+    free: Pairs  # velocity after the step if nobody touched
+    solved: Pairs  # velocity after the step
+    spare: Pairs  # scratch of position corrections and force reports
+    push: Pairs  # forces at a distance [N]
+    desired: Pairs  # unit desired direction
+    level: Ints
+    radius: Floats
+    mass: Floats
+    inverse_mass: Floats
+    tau: Floats
+    speed: Triples
+    start_time: Floats
+    route: Ints
+    speed_factor: Floats
+    extra_direction: Pairs
+    distance: Floats
+    contact_force: Floats
+    old_position: Pairs
+    old_velocity: Pairs
+    old_level: Ints
+    old_distance: Floats
+    built_position: Pairs  # where the neighbour lists were built
+    wall_distance: Floats  # of the centre to the nearest acting wall in reach [m]
+    reach: Floats  # how far a contact is looked for beyond the body [m]
+    taken_up: Floats  # share of the gap to the desired velocity that a step takes up, 1 - exp(-h / tau)
+    taken_up_in: float  # the step h that it holds for [s], 0 after sorting
+    near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
+    stiffness: Triples  # scratch of DEM: xx, yy and xy of the sum of stiffness over mass [1/kg]
+    coupling: Floats  # scratch of DEM: of the stiffness to others [1/kg]
+
+
+class Lists(Struct):
+    """Neighbour lists: for each body its walls in reach, and the bodies after it in reach, rising."""
+
+    pair_start: Ints
+    pair_body: Ints
+    wall_start: Ints
+    wall_item: Ints
+    cell_start: Ints
+    cell_body: Ints
+    cell_of: Ints
+    cells_x: int
+    cells_y: int
+    stale: int  # 1: to be built again
+    pair_reach: float  # reach beyond touching covered for bodies [m]
+    wall_reach: float  # likewise for walls [m]
+    skin: float  # how much more is listed, so that lists last several steps [m]
+
+
+class Problem(Struct):
+    """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.rows`.
+
+    A solver changes percussions and velocities together; arrays with ``work`` and ``image`` in their names are at its
+    disposal. A wall is body number `bodies`, which never moves.
+    """
+
+    rows: int
+    bodies: int
+    rigid: int  # 1: every row is rigid and pushes only
+    residual: float  # of the percussions, set by the solver [m/s]
+    iterations: int  # made in a solve, and in a second one
+    retried: int  # 1: a stronger solver tried again
+    missing: int  # 1: it is not loaded
+    body: Indices
+    other: Indices
+    data: RowData
+    elastic: Triples
+    scale: Floats  # sqrt(omega) [kg^-1/2]
+    percussion: Floats  # percussions times scale, x
+    inverse_root: Floats  # (n + 1,) 1/sqrt(m), 0 for the wall
+    free: Pairs  # (n + 1, 2) free velocities times sqrt(m)
+    velocity: Pairs  # (n + 1, 2) velocities times sqrt(m), U
+    work_a: Floats
+    work_b: Floats
+    work_c: Floats
+    work_d: Floats
+    image_a: Pairs
+    image_b: Pairs
+    image_c: Pairs
+    image_d: Pairs
+    branch: Ints
+    face: Indices
+    face_body: Indices
+    face_other: Indices
+    face_data: FaceData
+
+
+class Contacts(Struct):
+    """The contacts of one step, sorted by body, walls before bodies; the normal points to `body`."""
+
+    number: int
+    body: Ints
+    other: Ints  # -1: a wall
+    key: Ints  # other body, or wall - number of walls
+    normal: Pairs
+    gap: Floats
+    omega: Floats  # 1/m_i + 1/m_j
+    bias: Floats  # w+ + bias >= 0 is asked for [m/s]
+    velocity_before: Floats  # normal velocity before the step, w-
+    slide_before: Floats  # tangential velocity before the step, of sticky contacts [m/s]
+    percussion: Floats  # normal percussion P [N s]
+    friction: Floats  # tangential percussion [N s]
+    kept_percussion: Floats  # percussions set aside
+    kept_friction: Floats
+    sticky: Bytes  # 1: the tangential law acts
+    near: NearWalls  # scratch of the wall search: distance, normal, wall, nearest point
+    deepest: float  # greatest overlap where a law asks for separation [m]
+    separation_tolerance: float  # overlap that the law allows [m]
+    separation_iterations: int
+    separation_failed: int  # 1: overlaps could not be separated in this tick
+
+
+class Memory(Struct):
+    """Percussions of the last sub-step, to start from, in two halves: the one of the step's start stays until its end."""
+
+    size: int  # of a half
+    half: int  # the half that the next search starts from
+    number: int  # percussions in it
+    half_before: int  # both at the start of the step
+    number_before: int
+    failed_before: int  # `Contacts.separation_failed` at the start of the step
+    body: Ints
+    key: Ints
+    percussion: Floats
+
+
+class Events(Struct):
+    """Crossings of the current tick, in order."""
+
+    number: int
+    number_before: int  # at the start of the step
+    row: Ints
+    kind: Ints  # 0 portal, 1 exit
+    link: Ints
+    time: Floats
+
+
+class Clock(Struct):
+    """Which steps to make, and how."""
+
+    now: int  # index of the step
+    last: int  # one past the last
+    step: float  # [s]
+    time: float  # at the start of the sub-step [s]
+    h: float  # length of the sub-step [s]
+    explicit: int  # 1: drive by explicit Euler (the paper's) instead of the exponential update
+    report_force: int  # 1: contact forces are wanted at the last sub-step
+    reports: int  # 1: this is the sub-step
+    full: int  # 1: do even what the scene does not need
+    attempt: int  # how often the law has been called before in this sub-step
+    searched: int  # searches for contacts in this sub-step after the first
+
+
+class Forces(Struct):
+    """Pair forces as kernels call them, one row each."""
+
+    number: int
+    address: Longs  # of the machine code
+    cutoff: Floats  # gaps beyond which nobody feels them [m]
+    parameters: FloatGrid
+    farthest: float  # greatest cutoff [m]
+
+
+class Traits(Struct):
+    """What a contact model tells the step loop about itself, as `ContactModel.traits` returns it."""
+
+    overdamped: int  # 1: the free velocity is the desired one, without inertia
+    old_share: float  # share of the old velocity in what bodies move by
+    reach_share: float  # contacts are looked for as far as this share of both bodies' free paths,
+    reach_fastest: float  # this share of the fastest one's,
+    reach_floor: float  # and this far [m]
+    longest_path: float  # a sub-step is cut where somebody's free path is longer than so many smallest radii
+    remembers: int  # 1: starts from the percussions of the sub-step before
+    reports_percussions: int  # 1: contact forces are the percussions over the sub-step; 0: the law reports them
+
+
+class Parts(Struct):
+    """Addresses of what is compiled and loaded only where a scene needs it; 0 where it is not loaded."""
+
+    law: int
+    parameters: int  # of the struct of the law
+    solver: int
+    stronger: int  # solver that tries again
+    separation: int
+    forces: int
+    seams: int
+
+
+class State(Struct):
+    """Everything that a step of a run reads and writes."""
+
+    world: World
+    bodies: Bodies
+    lists: Lists
+    contacts: Contacts
+    memory: Memory
+    problem: Problem
+    events: Events
+    clock: Clock
+    forces: Forces
+    traits: Traits
+    parts: Parts
+    tally: Floats  # sums over the run, named in `evac.physics.tallies`
+    tally_before: Floats  # at the start of the step

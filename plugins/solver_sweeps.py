@@ -1,0 +1,189 @@
+"""Gauss-Seidel sweeps for the contact problem, plain and with Nesterov's momentum.
+
+Momentum starts anew where it points uphill (O'Donoghue and Candes, 2015). A sweep with momentum takes as many
+iterations for a chain of contacts as it is long, a plain sweep its square.
+"""
+
+import math
+from collections.abc import Sequence
+
+from evac.hookspecs import hookimpl
+from evac.jit import fused, inner, kernel
+from evac.physics.rows import (
+    CAUTION,
+    LIKELY,
+    evaluate,
+    law,
+    momentum_after,
+    push_row,
+    relax,
+    row_energy,
+    row_residual,
+    sweep_up,
+)
+from evac.physics.solver import Solver
+from evac.physics.state import Problem
+
+#: A rise of the energy by more than this share of it is no rounding.
+RISE = 1e-10
+
+#: Sweeps between two evaluations of the energy; two rises within `SOON` sweeps: momentum is unsuitable even with
+#: symmetric sweeps.
+WATCH, SOON = 16, 64
+
+
+@kernel
+def gauss_seidel(rows: Problem, tolerance: float, limit: int) -> int:
+    """Projected Gauss-Seidel in the rows' order; return the iterations made."""
+    rows.residual, likely = row_residual(rows), LIKELY
+    iteration = 0
+    while rows.residual > tolerance and iteration < limit:
+        change = sweep_up(rows)
+        iteration += 1
+        likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
+    return iteration
+
+
+@kernel
+def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
+    """Gauss-Seidel sweeps with Nesterov's momentum and restart; return the iterations made.
+
+    Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
+    where it points uphill. No bound of a step is needed, but sweeps in one direction with momentum need not go down:
+    in orderly crowds, bodies in rows, they swing ever farther. Where the energy has risen between two evaluations,
+    sweeps start again from the one before and run back and forth from then on: a symmetric sweep is a step in a metric
+    in which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
+    share of the last step: plain sweeps, which cannot rise, are what that tends to.
+    """
+    rows.residual = row_residual(rows)
+    momentum, share, most, likely = 1.0, 0.0, 1.0, LIKELY
+    back = False
+    evaluated, risen = 0, -SOON
+    accepted = energy(rows)
+    _keep(rows)
+    _go_back(rows)
+    iteration = 0
+    while rows.residual > tolerance and iteration < limit:
+        _extrapolate(rows, share)
+        uphill, change = _sweep_on(rows, share)
+        iteration += 1
+        if back and iteration < limit:
+            further, change = _sweep_back(rows)
+            uphill += further
+            iteration += 1
+        if iteration >= evaluated + WATCH or iteration >= limit:
+            evaluated = iteration
+            now = energy(rows)
+            if now <= accepted + RISE * max(abs(accepted), abs(now)):
+                accepted = now
+                _keep(rows)
+            else:
+                _go_back(rows)
+                if back and iteration - risen <= SOON:
+                    most *= 0.5
+                back = True
+                risen = iteration
+                uphill = 1.0
+        if likely * change <= tolerance or iteration >= limit:
+            rows.residual = row_residual(rows)
+            likely = CAUTION * rows.residual / change if change > 0.0 else likely
+        momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
+        share = min(share, most)
+    return iteration
+
+
+@inner
+def _extrapolate(rows, share):
+    """Go on by `share` of the last step of the velocities; `image_a` has those before."""
+    for i in range(rows.bodies):
+        for k in range(2):
+            now = rows.velocity[i, k]
+            rows.velocity[i, k] = now + share * (now - rows.image_a[i, k])
+            rows.image_a[i, k] = now
+
+
+@inner
+def _sweep_on(rows, share):
+    """Sweep up from percussions gone on by `share` of their last step; `work_a` has those before.
+
+    Returns the slope along the last step and the greatest change of a row [m/s].
+    """
+    rigid = rows.rigid == 1
+    uphill, greatest = 0.0, 0.0
+    for r in range(rows.rows):
+        old = rows.percussion[r]
+        start = fused(share, old - rows.work_a[r], old)
+        change = law(rows, r, start, rigid)
+        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
+        rows.work_a[r] = old
+        rows.percussion[r] = start + change
+        uphill = fused(-change, start + change - old, uphill)
+        greatest = max(greatest, abs(change) * rows.scale[r])
+    return uphill, greatest
+
+
+@inner
+def _sweep_back(rows):
+    """Sweep down after a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
+    rigid = rows.rigid == 1
+    uphill, greatest = 0.0, 0.0
+    for r in range(rows.rows - 1, -1, -1):
+        x = rows.percussion[r]
+        greatest = max(greatest, relax(rows, r, rigid))
+        new = rows.percussion[r]
+        uphill = fused(x - new, new - rows.work_a[r], uphill)
+    return uphill, greatest
+
+
+@inner
+def _keep(rows):
+    """Keep percussions and velocities in `work_b` and `image_b`."""
+    for r in range(rows.rows):
+        rows.work_b[r] = rows.percussion[r]
+    for i in range(rows.bodies):
+        for k in range(2):
+            rows.image_b[i, k] = rows.velocity[i, k]
+
+
+@inner
+def _go_back(rows):
+    """Return to the percussions and velocities kept, at rest."""
+    for r in range(rows.rows):
+        rows.percussion[r] = rows.work_b[r]
+        rows.work_a[r] = rows.work_b[r]
+    for i in range(rows.bodies):
+        for k in range(2):
+            rows.velocity[i, k] = rows.image_b[i, k]
+            rows.image_a[i, k] = rows.image_b[i, k]
+
+
+@inner
+def energy(rows):
+    """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
+    found = 0.0
+    for i in range(rows.bodies):
+        found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
+    found *= 0.5
+    for r in range(rows.rows):
+        found += row_energy(rows, r, rows.percussion[r])
+    return found
+
+
+class GaussSeidel(Solver):
+    """Projected Gauss-Seidel: one contact after the other, outwards from the exit."""
+
+    name = "gauss_seidel"
+    solve = gauss_seidel
+
+
+class AcceleratedSweeps(Solver):
+    """Gauss-Seidel with Nesterov's momentum, back and forth where that diverges; the default."""
+
+    name = "accelerated_sweeps"
+    solve = accelerated_sweeps
+
+
+@hookimpl
+def evac_solvers() -> Sequence[type[Solver]]:
+    """Register the solvers of this module."""
+    return [GaussSeidel, AcceleratedSweeps]
