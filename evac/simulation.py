@@ -24,10 +24,10 @@ from evac.people.groups import check_people, default_clearance, narrowest_body, 
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
-from evac.physics.state import copy_of
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
+from evac.physics.state import copy_of
 from evac.physics.world import make_world
 from evac.plan import Part, explain, needed_behaviours, needed_forces, needed_routes
 from evac.registry import Registry
@@ -146,7 +146,9 @@ class Simulation:
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
-        cutoffs = dict(zip((force.name for force in self.forces), self.engine.state.forces.cutoff.tolist(), strict=True))
+        cutoffs = dict(
+            zip((force.name for force in self.forces), self.engine.state.forces.cutoff.tolist(), strict=True)
+        )
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         return explain(self.case, self.building, self.fields.routes, self.contact, felt, acts)

@@ -104,9 +104,7 @@ class TeacherFollowing(Behaviour):
             behind=np.zeros(sum(sizes)),
             speed=np.zeros(sum(sizes)),
         )
-        self._rules = Rules(
-            tick=scene.tick, trail=self.trail, lag=self.lag, patience=self.patience, stuck=self.stuck
-        )
+        self._rules = Rules(tick=scene.tick, trail=self.trail, lag=self.lag, patience=self.patience, stuck=self.stuck)
         self._fields = scene.fields.packed
 
     def act(self, crowd: Crowd, time: float) -> None:

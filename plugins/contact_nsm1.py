@@ -39,9 +39,7 @@ def project(state: State, own: Projection, h: float) -> int:
     tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for what adds up
     for c in range(contacts.number):
         contacts.bias[c] = max(contacts.gap[c], 0.0) / h
-    found = find_percussions(
-        state, bodies.free, bodies.solved, INELASTIC, 0.0, tolerance, own.iterations, tolerance
-    )
+    found = find_percussions(state, bodies.free, bodies.solved, INELASTIC, 0.0, tolerance, own.iterations, tolerance)
     if problem.missing:
         return NEEDS_STRONGER_SOLVER
     if contacts.number > 0:
@@ -89,9 +87,7 @@ def _keep_apart(state, own, tolerance):
         contacts.kept_percussion[c] = contacts.percussion[c]
         contacts.percussion[c] = 0.0
         contacts.omega[c] = 2.0 if contacts.other[c] >= 0 else 1.0
-    solve_once(
-        state, state.parts.stronger, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, 4 * own.iterations
-    )
+    solve_once(state, state.parts.stronger, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, 4 * own.iterations)
     for i in range(bodies.inside):
         bodies.inverse_mass[i] = 1.0 / bodies.mass[i]
     for c in range(contacts.number):

@@ -72,7 +72,7 @@ def conjugate_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
 @inner
 def forget(rows):
     """Clear the conjugate direction and its velocity image."""
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.work_b[r] = 0.0
     for i in range(rows.bodies + 1):
         rows.image_b[i, 0] = 0.0
@@ -83,12 +83,12 @@ def forget(rows):
 def go_on(rows, before):
     """Renew the conjugate direction after a sweep and step along the old one; return the sweep's square length."""
     now = 0.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         now += (rows.percussion[r] - rows.work_a[r]) ** 2
     beta = now / before if before > 0.0 else 0.0
     if beta > 1.0:
         beta = 0.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         step = beta * rows.work_b[r]
         rows.work_b[r] = step + rows.percussion[r] - rows.work_a[r]
         rows.percussion[r] += step
@@ -104,7 +104,7 @@ def go_on(rows, before):
 def conjugate_faces(rows: Problem, tolerance: float, limit: int) -> int:
     """Solve by conjugate sweeps and by conjugate gradients on faces; return the iterations made."""
     forget(rows)
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.branch[r] = OFF
     before = 0.0
     iteration = 0
@@ -148,7 +148,7 @@ def branch_of(rows, r):
 def mark_branches(rows):
     """Note the branch of every row; return how many changed."""
     changed = 0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         branch = branch_of(rows, r)
         if branch != rows.branch[r]:
             rows.branch[r] = branch
@@ -164,7 +164,7 @@ def take_face(rows):
     w + shift + compliance x = 0, with the diagonal 1 + compliance.
     """
     held = 0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         branch = rows.branch[r]
         if branch == OFF:
             continue

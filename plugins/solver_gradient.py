@@ -1,5 +1,4 @@
-"""Gradient methods for the contact problem: the paper's (Uzawa), and the same with Nesterov's momentum.
-"""
+"""Gradient methods for the contact problem: the paper's (Uzawa), and the same with Nesterov's momentum."""
 
 import math
 from collections.abc import Sequence
@@ -26,6 +25,7 @@ from evac.physics.rows import (
 from evac.physics.solver import Solver
 from evac.physics.state import Problem
 
+
 @inner
 def gradient_step(rows, r, w, x, rate):
     """Return the projected step of length `rate` along the multiplier of row r (appendix 2 of the paper)."""
@@ -51,7 +51,7 @@ def uzawa(rows: Problem, tolerance: float, limit: int) -> int:
     iteration = 0
     while rows.residual > tolerance and iteration < limit:
         change = 0.0
-        for r in range(rows.rows):
+        for r in range(rows.size):
             old, scale = rows.percussion[r], rows.scale[r]
             w = row_velocity(rows.velocity, rows.body[r], rows.other[r], rows.data, r, 0.0)
             rows.percussion[r] = gradient_step(rows, r, w, old, rate * scale * scale)
@@ -65,7 +65,7 @@ def uzawa(rows: Problem, tolerance: float, limit: int) -> int:
 @inner
 def constraint_norm(rows):
     """Return lambda_max(G^T G) by power iteration, to a per cent: |C|^2 of the paper's bound."""
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.work_a[r] = 1.0 + 0.5 * math.sin(float(r))
     value = 0.0
     for _ in range(60):
@@ -73,10 +73,10 @@ def constraint_norm(rows):
             rows.image_a[i, 0] = 0.0
             rows.image_a[i, 1] = 0.0
         square = 0.0
-        for r in range(rows.rows):
+        for r in range(rows.size):
             square += rows.work_a[r] ** 2
         norm = math.sqrt(square)
-        for r in range(rows.rows):
+        for r in range(rows.size):
             push_row(rows.image_a, rows.body[r], rows.other[r], rows.data, r, rows.work_a[r] * rows.scale[r] / norm)
         square = 0.0
         for i in range(rows.bodies):
@@ -88,10 +88,8 @@ def constraint_norm(rows):
         value = square
         if done:
             break
-        for r in range(rows.rows):
-            rows.work_a[r] = rows.scale[r] * row_velocity(
-                rows.image_a, rows.body[r], rows.other[r], rows.data, r, 0.0
-            )
+        for r in range(rows.size):
+            rows.work_a[r] = rows.scale[r] * row_velocity(rows.image_a, rows.body[r], rows.other[r], rows.data, r, 0.0)
     return value
 
 
@@ -104,7 +102,7 @@ def accelerated_gradient(rows: Problem, tolerance: float, limit: int) -> int:
     """
     _set_rates(rows)
     momentum, change = 1.0, math.inf
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.work_b[r] = rows.percussion[r]
     rows.residual, likely = row_residual(rows), LIKELY
     iteration = 0
@@ -117,7 +115,7 @@ def accelerated_gradient(rows: Problem, tolerance: float, limit: int) -> int:
         if near:
             likely = evaluate(rows, change, likely, math.inf)
             if rows.residual > tolerance and iteration < limit:
-                for r in range(rows.rows):
+                for r in range(rows.size):
                     rows.percussion[r] += share * (rows.percussion[r] - rows.work_d[r])
                 renew_velocity(rows)
     return iteration
@@ -135,7 +133,7 @@ def _gradient_pass(rows, share):
         image[i, 0] = rows.free[i, 0]
         image[i, 1] = rows.free[i, 1]
     uphill, change = 0.0, 0.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         i, j = rows.body[r], rows.other[r]
         x = rows.percussion[r]
         new = gradient_step(rows, r, row_velocity(rows.velocity, i, j, data, r, 0.0), x, rows.work_c[r])
@@ -158,10 +156,10 @@ def _set_rates(rows):
     """Set `work_c` to the step of each row."""
     for i in range(rows.bodies + 1):
         rows.image_a[i, 0] = 0.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.image_a[rows.body[r], 0] += 1.0
         rows.image_a[rows.other[r], 0] += 1.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         own = (rows.data[r, AX] ** 2 + rows.data[r, AY] ** 2) * rows.image_a[rows.body[r], 0]
         others = (rows.data[r, BX] ** 2 + rows.data[r, BY] ** 2) * rows.image_a[rows.other[r], 0]
         rows.work_c[r] = 1.0 / (own + others)

@@ -110,7 +110,7 @@ def _sweep_on(rows, share):
     """
     rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
-    for r in range(rows.rows):
+    for r in range(rows.size):
         old = rows.percussion[r]
         start = fused(share, old - rows.work_a[r], old)
         change = law(rows, r, start, rigid)
@@ -127,7 +127,7 @@ def _sweep_back(rows):
     """Sweep down after a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
     rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
-    for r in range(rows.rows - 1, -1, -1):
+    for r in range(rows.size - 1, -1, -1):
         x = rows.percussion[r]
         greatest = max(greatest, relax(rows, r, rigid))
         new = rows.percussion[r]
@@ -138,7 +138,7 @@ def _sweep_back(rows):
 @inner
 def _keep(rows):
     """Keep percussions and velocities in `work_b` and `image_b`."""
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.work_b[r] = rows.percussion[r]
     for i in range(rows.bodies):
         for k in range(2):
@@ -148,7 +148,7 @@ def _keep(rows):
 @inner
 def _go_back(rows):
     """Return to the percussions and velocities kept, at rest."""
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.percussion[r] = rows.work_b[r]
         rows.work_a[r] = rows.work_b[r]
     for i in range(rows.bodies):
@@ -164,7 +164,7 @@ def energy(rows):
     for i in range(rows.bodies):
         found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
     found *= 0.5
-    for r in range(rows.rows):
+    for r in range(rows.size):
         found += row_energy(rows, r, rows.percussion[r])
     return found
 

@@ -21,9 +21,9 @@ from evac.conformance.forces import check_pair_force
 from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
-from evac.physics.state import Crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
+from evac.physics.state import Crowd
 from evac.registry import Registry, check_class
 from evac.scenario.case import Case
 from evac.scenario.loading import load_case

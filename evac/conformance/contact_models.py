@@ -7,8 +7,8 @@ import numpy as np
 
 from evac.conformance.scenes import ROOM, STEP, greatest_overlap, pressed, room, walked
 from evac.errors import PluginError
-from evac.physics.state import make_crowd
 from evac.physics.contact_model import ContactModel
+from evac.physics.state import make_crowd
 
 #: How far positions may differ after a turn or a shift of the whole scene [m]; iterative solvers stop earlier or later.
 TURN_TOLERANCE = 1e-4

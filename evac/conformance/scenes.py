@@ -12,9 +12,9 @@ from evac.building.model import Building, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import PluginError, SimulationError
-from evac.physics.state import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 
 FloatArray = NDArray[np.float64]

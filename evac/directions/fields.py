@@ -40,7 +40,11 @@ class CellWalls(Struct):
 
 #: Of fields without walls.
 NO_CELL_WALLS = CellWalls(
-    offset=np.zeros(0, np.int64), cell=np.zeros(0, np.int64), start=np.zeros(1, np.int64), wall=np.zeros((0, 4)), steepest=0.0
+    offset=np.zeros(0, np.int64),
+    cell=np.zeros(0, np.int64),
+    start=np.zeros(1, np.int64),
+    wall=np.zeros((0, 4)),
+    steepest=0.0,
 )
 
 

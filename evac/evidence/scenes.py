@@ -10,9 +10,9 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
-from evac.physics.state import Crowd
 from evac.physics.contact_model import BorderScene, border_scene
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd
 from evac.physics.world import make_world, set_open
 
 FloatArray = NDArray[np.float64]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from evac.evidence.models import MODELS, make_model
 from evac.people.distributions import generator_for
 from evac.people.population import Population, build_population
-from evac.physics.state import Crowd, World
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd, World
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 

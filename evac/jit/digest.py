@@ -2,7 +2,7 @@
 
 import hashlib
 import sys
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -42,7 +42,7 @@ def digest_of(entry: Entry, processor: str) -> str:
     return digest.hexdigest()[:20]
 
 
-@lru_cache(maxsize=None)
+@cache
 def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
     """Return a text of a function, its constants and globals, and the kernels that it names."""
     function = kernel.function

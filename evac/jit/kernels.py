@@ -114,7 +114,9 @@ class Entry(Kernel):
         kinds, returned = self.signature
         if len(returned) <= 1:  # only kernels call what returns several numbers
             result = _C_TYPES[returned[0]] if returned else None
-            types = [_C_TYPES.get(kind, ctypes.c_int64) if isinstance(kind, str) else ctypes.c_int64 for _, kind in kinds]
+            types = [
+                _C_TYPES.get(kind, ctypes.c_int64) if isinstance(kind, str) else ctypes.c_int64 for _, kind in kinds
+            ]
             self._call = ctypes.CFUNCTYPE(result, *types)(address)
         self._address = address
 

@@ -49,7 +49,10 @@ class Store:
         except OSError:
             return None
         start = len(_MAGIC) + 32
-        if content[: len(_MAGIC)] == _MAGIC and hashlib.sha256(content[start:]).digest() == content[len(_MAGIC) : start]:
+        if (
+            content[: len(_MAGIC)] == _MAGIC
+            and hashlib.sha256(content[start:]).digest() == content[len(_MAGIC) : start]
+        ):
             with suppress(OSError):
                 os.utime(path)
             return content[start:]
@@ -73,7 +76,9 @@ class Store:
                     os.unlink(temporary)
                 raise
         except OSError as error:
-            _warn_once(f"{self.folder}: compiled kernels cannot be kept ({error.strerror}); the next run compiles again")
+            _warn_once(
+                f"{self.folder}: compiled kernels cannot be kept ({error.strerror}); the next run compiles again"
+            )
             return False
         self._prune(name)
         return True

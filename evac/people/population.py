@@ -15,8 +15,8 @@ from evac.errors import ScenarioError
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
-from evac.physics.state import Crowd, Events, make_crowd
 from evac.physics.motion import EXIT
+from evac.physics.state import Crowd, Events, make_crowd
 
 if TYPE_CHECKING:
     from evac.directions.fields import Fields

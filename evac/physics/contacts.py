@@ -201,7 +201,7 @@ def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
     contacts.bias[c] = 0.0
     contacts.friction[c] = 0.0
     contacts.sticky[c] = 0
-    return _carry_over(contacts, state.memory, c, memory)
+    return _carry_over(contacts, state.warm_start, c, memory)
 
 
 @inner

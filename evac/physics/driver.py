@@ -87,7 +87,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
         bodies.smallest = min(bodies.smallest, crowd.radius[p])
     bodies.inside = inside
     bodies.taken_up_in = 0.0
-    state.memory.number = 0
+    state.warm_start.number = 0
     state.contacts.separation_failed = 0
     state.lists.stale = 1
     state.events.number = 0
@@ -149,7 +149,7 @@ def _obey(state):
         status = call_law(parts.law, state, parts.parameters, clock.h)
         clock.attempt += 1
         if status == SEARCH_AGAIN:
-            keep_percussions(state.contacts, state.memory)
+            keep_percussions(state.contacts, state.warm_start)
             status = search(state, 0.0, 3.0 * _farthest_reach(state))
         elif status == SEPARATE:
             status = _separate(state)
@@ -317,7 +317,7 @@ def conclude(state: State) -> int:
     if not traits.overdamped:  # without inertia there is no kinetic energy to account for
         add_work(bodies, contacts, tally)
     if traits.remembers:
-        keep_percussions(contacts, state.memory)
+        keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
     return move(state, clock.time, clock.h, traits.old_share, 1.0)
 
@@ -325,7 +325,7 @@ def conclude(state: State) -> int:
 @kernel
 def open_step(state: State) -> None:
     """Remember bodies, sums, events and percussions at the start of a step."""
-    memory = state.memory
+    memory = state.warm_start
     save(state.bodies)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
@@ -341,7 +341,7 @@ def cut(state: State, status: int, parts: int) -> int:
 
     Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was.
     """
-    bodies, memory, tally = state.bodies, state.memory, state.tally
+    bodies, memory, tally = state.bodies, state.warm_start, state.tally
     # Contacts that create energy create more with smaller sub-steps.
     is_thrown = status == TOO_FAST and _speed(bodies, bodies.failed) > FASTEST
     restore(bodies, state.lists)

@@ -11,11 +11,19 @@ from evac.jit.loading import addresses_of
 from evac.parameters import did_you_mean
 from evac.physics import driver, status
 from evac.physics import tallies as at
+from evac.physics.allocation import (
+    allocate,
+    grown,
+    make_contacts,
+    make_lists,
+    make_problem,
+    make_room_for_contacts,
+    make_state,
+    make_warm_start,
+)
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
-from evac.physics.rooms import allocate, grown, make_contacts, make_lists, make_memory, make_problem, make_state
-from evac.physics.rooms import make_room_for_contacts
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, World
@@ -78,7 +86,7 @@ class Engine:
         self._solvers = solvers or {}
         self.state = make_state(world, people, pack_forces(self._forces))
         self._own: Any = None
-        self._model: "ContactModel | None" = None
+        self._model: ContactModel | None = None
 
     def advance(
         self, model: "ContactModel", crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
@@ -202,7 +210,9 @@ class Engine:
             advice = model.advice().get(found, "")
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
-            raise PluginError(f"contact model {model.name!r}: its law returned {found}, no status of evac.physics.status")
+            raise PluginError(
+                f"contact model {model.name!r}: its law returned {found}, no status of evac.physics.status"
+            )
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Return copies of what the next tick depends on beyond the crowd."""
@@ -219,7 +229,7 @@ class Engine:
         pairs, walls, contacts, events = map(int, saved["room"])
         state, n = self.state, len(self.state.bodies.row)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
-        state.memory, state.problem = make_memory(contacts), make_problem(n, contacts)
+        state.warm_start, state.problem = make_warm_start(contacts), make_problem(n, contacts)
         state.events = allocate(Events, events)
         state.tally[:] = saved["tally"]
         state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])

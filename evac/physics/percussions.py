@@ -15,6 +15,9 @@ import math
 from evac.jit import inner
 from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, SPRING, call_solver, renew_velocity
 
+#: Rows that follow one another stand so many rows apart.
+APART = 8
+
 
 @inner
 def find_percussions(state, free, velocity, compliance, tangential, tolerance, limit, enough):
@@ -82,21 +85,45 @@ def pack(state, free, compliance, tangential):
     problem.free[n, 0] = 0.0
     problem.free[n, 1] = 0.0
     problem.rigid = 1 if compliance < 0.0 and tangential <= 0.0 else 0
+    problem.size = _count_rows(contacts, tangential)
     used = 0
     for c in range(contacts.number):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
-        _pack_row(problem, contacts, c, used, nx, ny, bias, before, spring, 0.0, start)
+        _pack_row(problem, contacts, c, interleaved(used, problem.size), nx, ny, bias, before, spring, 0.0, start)
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
             spring = omega / (omega + 2.0 / tangential)
             before, start = contacts.slide_before[c], contacts.friction[c]
-            _pack_row(problem, contacts, c, used, -ny, nx, math.inf, before, spring, -math.inf, start)
+            r = interleaved(used, problem.size)
+            _pack_row(problem, contacts, c, r, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
-    problem.rows = used
     renew_velocity(problem)
+
+
+@inner
+def _count_rows(contacts, tangential):
+    """Return how many rows the contacts take."""
+    rows = contacts.number
+    if tangential > 0.0:
+        for c in range(contacts.number):
+            rows += contacts.sticky[c]
+    return rows
+
+
+@inner
+def interleaved(k, rows):
+    """Return the row of the k-th unknown: in each full block those that follow one another stand `APART` apart.
+
+    Unknowns of a body follow one another; a sweep over them would wait each time for the velocity just written.
+    """
+    within = k % (APART * APART)
+    block = k - within
+    if block + APART * APART > rows:
+        return k
+    return block + APART * (within % APART) + within // APART
 
 
 @inner
@@ -125,15 +152,17 @@ def _unpack(state, velocity, tangential):
     """Copy percussions and velocities back; return whether all velocities are numbers."""
     problem, contacts = state.problem, state.contacts
     total = 0.0
-    r = 0
+    used = 0
     for c in range(contacts.number):
+        r = interleaved(used, problem.size)
         contacts.percussion[c] = problem.percussion[r] / problem.scale[r]
-        r += 1
+        used += 1
         if contacts.sticky[c]:
             contacts.friction[c] = 0.0
             if tangential > 0.0:
+                r = interleaved(used, problem.size)
                 contacts.friction[c] = problem.percussion[r] / problem.scale[r]
-                r += 1
+                used += 1
     for i in range(problem.bodies):
         velocity[i, 0] = problem.velocity[i, 0] * problem.inverse_root[i]
         velocity[i, 1] = problem.velocity[i, 1] * problem.inverse_root[i]

@@ -105,7 +105,7 @@ def sweep_up(rows):
     """Relax the rows in their order, away from the exit along the force chains; return the greatest change [m/s]."""
     change = 0.0
     rigid = rows.rigid == 1
-    for r in range(rows.rows):
+    for r in range(rows.size):
         change = max(change, relax(rows, r, rigid))
     return change
 
@@ -115,7 +115,7 @@ def sweep_down(rows):
     """Relax the rows backwards; return the greatest change [m/s]."""
     change = 0.0
     rigid = rows.rigid == 1
-    for r in range(rows.rows - 1, -1, -1):
+    for r in range(rows.size - 1, -1, -1):
         change = max(change, relax(rows, r, rigid))
     return change
 
@@ -125,7 +125,7 @@ def row_residual(rows):
     """Return max omega |P - P_local| over the rows [m/s]."""
     worst = 0.0
     rigid = rows.rigid == 1
-    for r in range(rows.rows):
+    for r in range(rows.size):
         change = law(rows, r, rows.percussion[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst
@@ -149,14 +149,14 @@ def renew_velocity(rows):
     for i in range(rows.bodies + 1):
         rows.velocity[i, 0] = rows.free[i, 0]
         rows.velocity[i, 1] = rows.free[i, 1]
-    for r in range(rows.rows):
+    for r in range(rows.size):
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, rows.percussion[r])
 
 
 @inner
 def keep(rows):
     """Keep percussions in `work_a` and velocities in `image_a`."""
-    for r in range(rows.rows):
+    for r in range(rows.size):
         rows.work_a[r] = rows.percussion[r]
     for i in range(rows.bodies):
         for k in range(2):

@@ -216,7 +216,7 @@ class Problem(Struct):
     disposal. A wall is body number `bodies`, which never moves.
     """
 
-    rows: int
+    size: int  # number of rows
     bodies: int
     rigid: int  # 1: every row is rigid and pushes only
     residual: float  # of the percussions, set by the solver [m/s]
@@ -272,7 +272,7 @@ class Contacts(Struct):
     separation_failed: int  # 1: overlaps could not be separated in this tick
 
 
-class Memory(Struct):
+class WarmStart(Struct):
     """Percussions of the last sub-step, to start from, in two halves: the one of the step's start stays until its end."""
 
     size: int  # of a half
@@ -355,7 +355,7 @@ class State(Struct):
     bodies: Bodies
     lists: Lists
     contacts: Contacts
-    memory: Memory
+    warm_start: WarmStart
     problem: Problem
     events: Events
     clock: Clock

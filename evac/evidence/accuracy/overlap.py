@@ -13,9 +13,9 @@ from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
 from evac.evidence.accuracy.snapshots import door_crowd
 from evac.evidence.report import Evidence, new_figure
-from evac.physics.state import Crowd, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd, copy_of
 from evac.physics.world import set_open
 from evac.registry import Registry
 

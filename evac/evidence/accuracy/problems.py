@@ -9,10 +9,10 @@ from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_c
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE
 from evac.jit import kernel
-from evac.physics.state import Bodies, Contacts, FloatArray, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.solvers import INELASTIC, SOLVERS, solve
+from evac.physics.state import Bodies, Contacts, FloatArray, copy_of
 from evac.physics.world import set_open
 from evac.registry import Registry
 

@@ -14,9 +14,9 @@ from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.scenes import packed
-from evac.physics.state import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world, set_open
 
 DENSITY = 3.5  # people per m2

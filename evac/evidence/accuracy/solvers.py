@@ -31,8 +31,8 @@ from evac.evidence.accuracy.problems import (
 )
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
-from evac.physics.state import FloatArray
 from evac.physics.solvers import SOLVERS
+from evac.physics.state import FloatArray
 from evac.registry import Registry
 
 #: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.

@@ -13,8 +13,8 @@ from evac.evidence.accuracy.data import add_data
 from evac.evidence.accuracy.orders import DRIVES, EXACT, draw, drive_finding, order_rows, orders_in_words
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import FloatArray, Scene, one_direction, room
-from evac.physics.state import make_crowd
 from evac.physics.contact_model import ContactModel
+from evac.physics.state import make_crowd
 from evac.registry import Registry
 from evac.scenario.tolerance import ERROR_PER_PATH
 

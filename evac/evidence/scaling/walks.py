@@ -8,9 +8,9 @@ import numpy as np
 
 from evac.evidence.models import COARSE, make_model
 from evac.evidence.scaling.halls import Hall
-from evac.physics.state import Crowd, copy_of
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
+from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world
 
 TICK = 0.1  # s

@@ -24,9 +24,9 @@ from evac.evidence.stability.trial import (
     last_speed,
     make_model,
 )
-from evac.physics.state import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.solvers import SOLVERS
+from evac.physics.state import Crowd, make_crowd
 
 #: Greatest speed of a crowd that stands [m/s].
 STANDS = 0.005

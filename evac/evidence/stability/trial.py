@@ -11,8 +11,8 @@ from evac.errors import EvacError
 from evac.evidence import models
 from evac.evidence.scenes import FloatArray, Scene
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
-from evac.physics.state import Crowd
 from evac.physics.contact_model import ContactModel
+from evac.physics.state import Crowd
 from evac.physics.tallies import MEASURES
 from evac.registry import Registry
 

@@ -12,8 +12,8 @@ from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
-from evac.physics.state import make_crowd
 from evac.physics.engine import Engine
+from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 
 FloatArray = NDArray[np.float64]

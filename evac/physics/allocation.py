@@ -1,4 +1,4 @@
-"""Memory for the step loop: structs of arrays, made for so many people and contacts."""
+"""WarmStart for the step loop: structs of arrays, made for so many people and contacts."""
 
 from typing import Any, TypeVar
 
@@ -14,11 +14,11 @@ from evac.physics.state import (
     Events,
     Forces,
     Lists,
-    Memory,
     Parts,
     Problem,
     State,
     Traits,
+    WarmStart,
     World,
 )
 
@@ -51,7 +51,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
         bodies=allocate(Bodies, people),
         lists=make_lists(people, 8 * people + 64, 8 * people + 64),
         contacts=make_contacts(4 * people + 64),
-        memory=make_memory(4 * people + 64),
+        warm_start=make_warm_start(4 * people + 64),
         problem=make_problem(people, 4 * people + 64),
         events=allocate(Events, 4 * people + 16),
         clock=allocate(Clock, 0),
@@ -85,9 +85,9 @@ def make_contacts(capacity: int) -> Contacts:
     return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)))
 
 
-def make_memory(capacity: int) -> Memory:
+def make_warm_start(capacity: int) -> WarmStart:
     """Return room for the percussions of so many contacts, in two halves."""
-    return allocate(Memory, 2 * capacity, size=capacity)
+    return allocate(WarmStart, 2 * capacity, size=capacity)
 
 
 def make_problem(people: int, contacts: int) -> Problem:
@@ -99,10 +99,10 @@ def make_problem(people: int, contacts: int) -> Problem:
 
 def make_room_for_contacts(state: State, capacity: int) -> None:
     """Replace the contacts, the problem and the memory of percussions by larger ones, empty."""
-    half = state.memory.half
+    half = state.warm_start.half
     state.contacts = make_contacts(capacity)
-    state.memory = make_memory(capacity)
-    state.memory.half = half
+    state.warm_start = make_warm_start(capacity)
+    state.warm_start.half = half
     state.problem = make_problem(len(state.bodies.row), capacity)
 
 
