@@ -255,7 +255,7 @@ class Engine:
         """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
         if not self.state.tally[at.GREATEST_OVERLAP]:
             return None
-        _, time, person, level, x, y = self.state.tally[at.DEEPEST_BODY :].tolist()
+        time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
         return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def _place(self) -> str:
