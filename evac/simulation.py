@@ -318,7 +318,6 @@ class Simulation:
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the start."""
-        settings = self.case.simulation
         with self._phase("kernels"):
             self.engine.load(self.contact)
         self._is_recording = True

@@ -186,8 +186,10 @@ class Nsm2(SolvedContactModel):
     def advice(self) -> Mapping[int, str]:
         """Return what to change where a step cannot be made."""
         return {
-            TOO_FAST: "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
-            " contact.model = 'nsm1'"
+            TOO_FAST: (
+                "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
+                " contact.model = 'nsm1'"
+            )
         }
 
 
