@@ -153,7 +153,8 @@ class Simulation:
         )
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
-        return explain(self.case, self.building, self.fields.routes, self.contact, felt, acts)
+        loop = self.engine.explain(self.contact)
+        return explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
 
     @property
     def building(self) -> Building:

@@ -179,6 +179,11 @@ class Nsm2(SolvedContactModel):
         )
 
     @property
+    def separates(self) -> bool:  # type: ignore[override]
+        """Whether overlaps are separated."""
+        return bool(self.position_correction)
+
+    @property
     def _margin(self) -> float:
         """Gap up to which bodies touch [m]."""
         return MARGIN if self.position_correction else 0.0
