@@ -91,18 +91,23 @@ class Simulation:
         self.phases = Phases()
         self.ended = ""
         with self.phases.enter("preparation"):
-            with plugin_code("evac_configure"):
-                self.registry.hook.evac_configure(case=case, registry=self.registry)
-            self.contact = case.make_contact_model()
-            self.recorders = case.make_recorders()
-            self._is_recording = False
-            forces, behaviours = case.make_forces(), case.make_behaviours()
-            self.forces = needed_forces(forces, full)
-            self._build(behaviours)
-            self._prepare()
-            self.plan = self._plan(forces, behaviours)
-            with plugin_code("evac_prepare"):
-                self.registry.hook.evac_prepare(simulation=self)
+            self._make()
+
+    def _make(self) -> None:
+        """Make everything that the case names, and let the plugins prepare."""
+        case, full = self.case, self.full
+        with plugin_code("evac_configure"):
+            self.registry.hook.evac_configure(case=case, registry=self.registry)
+        self.contact = case.make_contact_model()
+        self.recorders = case.make_recorders()
+        self._is_recording = False
+        forces, behaviours = case.make_forces(), case.make_behaviours()
+        self.forces = needed_forces(forces, full)
+        self._build(behaviours)
+        self._prepare()
+        self.plan = self._plan(forces, behaviours)
+        with plugin_code("evac_prepare"):
+            self.registry.hook.evac_prepare(simulation=self)
 
     def _build(self, behaviours: list[Behaviour]) -> None:
         """Make the stations of the main path, one from the other."""

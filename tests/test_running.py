@@ -249,7 +249,6 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
 
     monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
     monkeypatch.setattr("builtins.open", noting(open))
-    monkeypatch.setattr("evac.output.vtk_export._write", noting(vtk_export._write))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
     assert results.people == 20
     written = [str(path) for path in (tmp_path / "r").rglob("*.*")]

@@ -148,7 +148,7 @@ class Results:
     def left_by_other_exits(self) -> IntArray:
         """Rows of the people who left by another exit than their route leads to, pushed across its line for example."""
         exits = [exit_.name for exit_ in self.building.exits]
-        leads_to = np.array([[not route.exits or name in route.exits for name in exits] for route in self.routes])
+        leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
         is_other = ~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]
         return out[is_other].astype(np.int32)
