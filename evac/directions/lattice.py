@@ -96,9 +96,8 @@ class Window:
         """
         links = Links(np.full(self.shape, np.nan), np.full(self.shape, np.nan))
         cells = (np.asarray(segments, dtype=np.float64).reshape(-1, 2, 2) - self.origin) / self.lattice.spacing
-        for start, end in cells:
-            for axis, table in enumerate((links.along_x, links.along_y)):
-                _mark_links(table, start, end, axis, touching)
+        for axis, table in enumerate((links.along_x, links.along_y)):
+            _mark_links(table, cells, axis, touching)
         return links
 
 
@@ -117,24 +116,28 @@ class Links:
         return self.along_y if axis else self.along_x
 
 
-def _mark_links(table: FloatArray, start: FloatArray, end: FloatArray, axis: int, touching: bool) -> None:
-    """Mark in `table` the links along `axis` that one segment (in cells) crosses."""
+def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bool) -> None:
+    """Mark in `table` the links along `axis` that segments (s, 2, 2), in cells, cross; the last one of each link."""
     across = 1 - axis
-    rise = end[across] - start[across]
-    if abs(rise) < SLACK:
-        return
-    low = max(math.ceil(min(start[across], end[across]) - SLACK), 0)
-    high = min(math.floor(max(start[across], end[across]) + SLACK), table.shape[across] - 1)
-    rows = np.arange(low, high + 1)
-    along = start[axis] + np.clip((rows - start[across]) / rise, 0.0, 1.0) * (end[axis] - start[axis])
+    segments = segments[np.abs(segments[:, 1, across] - segments[:, 0, across]) >= SLACK]
+    low = np.maximum(np.ceil(segments[:, :, across].min(axis=1) - SLACK), 0).astype(np.int64)
+    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), table.shape[across] - 1).astype(np.int64)
+    number = np.maximum(high - low + 1, 0)  # of lines of the grid that each segment crosses
+    owner = np.repeat(np.arange(len(segments)), number)
+    rows = np.arange(len(owner)) + np.repeat(low - np.cumsum(number) + number, number)
+    start, end = segments[owner, 0], segments[owner, 1]
+    share = np.clip((rows - start[:, across]) / (end[:, across] - start[:, across]), 0.0, 1.0)
+    along = start[:, axis] + share * (end[:, axis] - start[:, axis])
     link = np.floor(along + SLACK).astype(np.int64)
     fraction = np.clip(along - link, 0.0, 1.0)
     at_node = fraction < 2.0 * SLACK
     if touching:
+        # Through a node: the links on both sides of it.
+        order = np.argsort(np.concatenate((owner, owner[at_node])), kind="stable")
         link, rows, fraction = (
-            np.concatenate((link, link[at_node] - 1)),
-            np.concatenate((rows, rows[at_node])),
-            np.concatenate((fraction, np.ones(int(at_node.sum())))),
+            np.concatenate((link, link[at_node] - 1))[order],
+            np.concatenate((rows, rows[at_node]))[order],
+            np.concatenate((fraction, np.ones(int(at_node.sum()))))[order],
         )
     else:
         link, rows, fraction = link[~at_node], rows[~at_node], fraction[~at_node]
@@ -254,7 +257,9 @@ def _ends(nodes: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
     """Return the parts (s, 4) of walls with the level on both sides: those off its outline."""
-    rest = shapely.difference(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack))
+    sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
+    shapely.prepare(outline)
+    rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)
     lines = [shapely.get_coordinates(part) for part in shapely.get_parts(rest) if part.length > slack]
     return np.array([line[[0, -1]].ravel() for line in lines], dtype=np.float64).reshape(-1, 4)
 

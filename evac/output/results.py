@@ -6,8 +6,9 @@ import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,12 +54,11 @@ PEOPLE_COLUMNS = (
 )
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Return the versions of Python and of the packages that can change a number of the results."""
-    found = {"python": platform.python_version()}
-    for package in NUMERICAL_PACKAGES:
-        found[package] = importlib.metadata.version(package)
-    return found
+    found = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
+    return MappingProxyType({"python": platform.python_version(), **found})
 
 
 @dataclass(frozen=True)
