@@ -75,6 +75,14 @@ class Window:
         ends = np.maximum(first, last + 1)
         return slice(first[0], ends[0]), slice(first[1], ends[1])
 
+    def around(self, lines: NDArray[Any], reach: float) -> "BoolArray":
+        """Mark the nodes in boxes around lines (l,), which hold all that are no farther from one than `reach` [m]."""
+        near = np.zeros(self.shape, dtype=np.bool_)
+        slack = reach + SLACK * self.lattice.spacing
+        for bounds in shapely.bounds(lines):
+            near[self.box(bounds[:2] - slack, bounds[2:] + slack)] = True
+        return near
+
     def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
         """Return the slices of the common nodes, in this window and in the other."""
         here, there = [], []
@@ -120,11 +128,9 @@ def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bo
     """Mark in `table` the links along `axis` that segments (s, 2, 2), in cells, cross; the last one of each link."""
     across = 1 - axis
     segments = segments[np.abs(segments[:, 1, across] - segments[:, 0, across]) >= SLACK]
-    low = np.maximum(np.ceil(segments[:, :, across].min(axis=1) - SLACK), 0).astype(np.int64)
-    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), table.shape[across] - 1).astype(np.int64)
-    number = np.maximum(high - low + 1, 0)  # of lines of the grid that each segment crosses
-    owner = np.repeat(np.arange(len(segments)), number)
-    rows = np.arange(len(owner)) + np.repeat(low - np.cumsum(number) + number, number)
+    low = np.maximum(np.ceil(segments[:, :, across].min(axis=1) - SLACK), 0)
+    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), table.shape[across] - 1)
+    owner, rows = numbers_between(low, high)
     start, end = segments[owner, 0], segments[owner, 1]
     share = np.clip((rows - start[:, across]) / (end[:, across] - start[:, across]), 0.0, 1.0)
     along = start[:, axis] + share * (end[:, axis] - start[:, axis])
@@ -144,6 +150,13 @@ def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bo
     kept = (link >= 0) & (link < table.shape[axis] - 1)
     place = (link[kept], rows[kept]) if axis == 0 else (rows[kept], link[kept])
     table[place] = fraction[kept]
+
+
+def numbers_between(first: FloatArray, last: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the whole numbers from each of `first` (r,) to each of `last` (r,), and before them which r each is of."""
+    count = np.maximum(last - first + 1.0, 0.0).astype(np.int64)
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) + (first.astype(np.int64) - np.cumsum(count) + count)[owner]
 
 
 def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
@@ -268,15 +281,10 @@ def wall_distance(window: Window, nodes: BoolArray, walls: FloatArray, reach: fl
     """Return the distance [m] of `nodes` from the nearest wall, `reach` where it is farther."""
     distance = np.full(window.shape, reach)
     chosen = np.flatnonzero(nodes)
-    if not len(walls) or not len(chosen) or reach == 0.0:
-        return distance
     x, y = window.coordinates()
-    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    (found, _), near = tree.query_nearest(
-        shapely.points(x.ravel()[chosen], y.ravel()[chosen]),
-        max_distance=reach,
-        return_distance=True,
-        all_matches=False,
-    )
-    distance.ravel()[chosen[found]] = near
+    points = shapely.points(x.ravel()[chosen], y.ravel()[chosen])
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    # Walls are far fewer than nodes, and quicker to ask for what is near them.
+    wall, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=reach)
+    np.minimum.at(distance.ravel(), chosen[near], shapely.distance(points[near], lines[wall]))
     return distance

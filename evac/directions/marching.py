@@ -151,7 +151,7 @@ class _March:
         off_posts = self.grids.clearance if rows == 0 and not self.is_plain else 0.0
         lines = shapely.multilinestrings([line for exit_ in exits for line in _middles(exit_.segments, off_posts)])
         # Farther off, phi is the spacing.
-        distance = self._distance_from(grid, lines, behind, ring + 2.0 * self.spacing)
+        distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)
         found = self._solve(grid, phi, use, None, walkable)
@@ -174,9 +174,7 @@ class _March:
         """
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
-        near = np.zeros(x.shape, dtype=np.bool_)
-        for x_min, y_min, x_max, y_max in shapely.bounds(shapely.get_parts(lines)) if reach > 0.0 else ():
-            near[grid.window.box(np.array([x_min, y_min]) - reach, np.array([x_max, y_max]) + reach)] = True
+        near = grid.window.around(shapely.get_parts(lines), reach)
         nodes = behind | (near & (grid.sheet == OWN))
         shapely.prepare(lines)
         distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
