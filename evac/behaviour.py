@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.directions.fields import Fields
     from evac.directions.routes import Route
-    from evac.physics.state import Crowd
+    from evac.physics.state import Crowd, World
     from evac.scene import Scene
 
 
@@ -139,6 +139,16 @@ class BehaviourScene:
     def fields(self) -> "Fields":
         """The directions as they are now."""
         return self.scene.fields
+
+    @property
+    def world(self) -> "World":
+        """Building and directions as kernels read them; it changes with the scene."""
+        return self.scene.world
+
+    @property
+    def version(self) -> int:
+        """How often the scene has changed."""
+        return self.scene.version
 
 
 def check_writes(behaviour: Behaviour) -> None:

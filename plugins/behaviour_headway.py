@@ -92,7 +92,7 @@ class Headway(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Make room for what is seen at a tick."""
         n = len(scene.crowd.level)
-        self._world = scene.scene.world
+        self._world = scene.world
         self._sights = Sights(
             direction=np.zeros((n, 2)),
             wanted=np.zeros(n),

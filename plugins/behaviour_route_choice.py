@@ -104,7 +104,7 @@ class RouteChoice(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Let everybody choose."""
         self._scene = scene
-        self._version = scene.scene.version
+        self._version = scene.version
         self._index = {route: index for index, route in reversed(list(enumerate(scene.fields.routes)))}
         self._groups = tuple(
             choosers for group in scene.groups for choosers in self._choosers_of(group, scene.crowd.route)
@@ -116,8 +116,8 @@ class RouteChoice(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Let those choose again whose strategy changes now, and everybody once a period and when the scene changes."""
-        again = time >= self._next[0] - INSTANT or self._scene.scene.version != self._version
-        self._version = self._scene.scene.version
+        again = time >= self._next[0] - INSTANT or self._scene.version != self._version
+        self._version = self._scene.version
         if time >= self._next[0] - INSTANT:
             self._next[0] = self.every * (math.floor(time / self.every + INSTANT) + 1)
         for index, choosers in enumerate(self._groups):

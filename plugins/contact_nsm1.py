@@ -111,6 +111,7 @@ class Nsm1(SolvedContactModel):
     law = project
     reach_share = REACH
     reach_fastest = SHARED_REACH
+    separates = True
     variant = Parameter("inertial", "with or without inertia", choices=("inertial", "overdamped"))
     gap_tolerance = Parameter(1e-4, "greatest overlap left by a solve", unit="m", above=0.0)
 

@@ -179,6 +179,11 @@ class Nsm2(SolvedContactModel):
         )
 
     @property
+    def separates(self) -> bool:  # type: ignore[override]
+        """Whether overlaps are separated."""
+        return bool(self.position_correction)
+
+    @property
     def _margin(self) -> float:
         """Gap up to which bodies touch [m]."""
         return MARGIN if self.position_correction else 0.0
@@ -186,8 +191,10 @@ class Nsm2(SolvedContactModel):
     def advice(self) -> Mapping[int, str]:
         """Return what to change where a step cannot be made."""
         return {
-            TOO_FAST: "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
-            " contact.model = 'nsm1'"
+            TOO_FAST: (
+                "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
+                " contact.model = 'nsm1'"
+            )
         }
 
 

@@ -84,7 +84,9 @@ def walked(
         A step cannot be made.
     """
     building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
-    engine = Engine(make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers)
+    engine = Engine(
+        make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers
+    )
     for first in range(0, steps, 10):
         try:
             engine.advance(model, crowd, first, 10, STEP, True, True)

@@ -27,8 +27,8 @@ from evac.physics.neighbours import build_lists, lists_are_stale
 from evac.physics.overlaps import call_separate
 from evac.physics.state import Bodies, Crowd, State, World
 from evac.physics.status import (
+    FIRST_MISSING_PART,
     NEEDS_SEPARATION,
-    NEEDS_STRONGER_SOLVER,
     OK,
     SEARCH_AGAIN,
     SEPARATE,
@@ -275,7 +275,7 @@ def _tally_contacts(state):
 
 @kernel
 def conclude(state: State) -> int:
-    """Report contact forces if asked for, sum the work, keep the percussions for a warm start, move; return a status."""
+    """Report contact forces if asked for, sum the work, remember the percussions, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
@@ -327,7 +327,7 @@ def cut(state: State, status: int, parts: int) -> int:
         tally[k] = state.tally_before[k]
     memory.half = memory.half_before
     memory.number = 0
-    if status == NEEDS_STRONGER_SOLVER or status == NEEDS_SEPARATION:
+    if status >= FIRST_MISSING_PART:
         memory.number = memory.number_before
         state.contacts.separation_failed = memory.failed_before
         return 0

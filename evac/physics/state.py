@@ -285,7 +285,7 @@ class Contacts(Struct):
 
 
 class WarmStart(Struct):
-    """Percussions of the last sub-step, to start from, in two halves: the one of the step's start stays until its end."""
+    """Percussions of the last sub-step, to start from, in two halves: that of the step's start stays until its end."""
 
     size: int  # of a half
     half: int  # the half that the next search starts from

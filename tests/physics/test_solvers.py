@@ -66,9 +66,7 @@ class Problem:
     def solve(self, solver, dissipation=0.0, tolerance=1e-11, limit=400000):
         velocity = np.zeros_like(self.free)
         compliance = 2.0 / dissipation if dissipation else INELASTIC
-        iterations, found = run_solver(
-            solver, self.state, self.free, velocity, compliance, 0.0, tolerance, limit
-        )
+        iterations, found = run_solver(solver, self.state, self.free, velocity, compliance, 0.0, tolerance, limit)
         assert found <= tolerance
         assert iterations > 0
         return velocity, self.contacts.percussion.copy()
@@ -165,9 +163,7 @@ def test_sliding_contacts_are_the_minimum_too(solver, tangential, dissipation):
         problem.slide(np.random.default_rng(seed + 10).normal(0.0, 1.5, len(problem.omega)))
         velocity = np.zeros_like(problem.free)
         compliance = 2.0 / dissipation if dissipation else INELASTIC
-        _, found = run_solver(
-            solver, problem.state, problem.free, velocity, compliance, tangential, 1e-11, 400000
-        )
+        _, found = run_solver(solver, problem.state, problem.free, velocity, compliance, tangential, 1e-11, 400000)
         assert found <= 1e-11
         assert find_residual(problem.state, velocity, compliance, tangential) <= 1.001e-11
         np.testing.assert_allclose(velocity, problem.reference(dissipation, tangential), rtol=0, atol=1e-7)
@@ -267,9 +263,7 @@ def test_overlaps_are_parted_to_rounding(seed):
     state, free = ring(60, seed)
     state.contacts.bias[:] = -np.random.default_rng(2).uniform(0.0, 0.1, len(state.contacts.bias))
     velocity = np.zeros_like(free)
-    iterations, found = run_solver(
-        "accelerated_sweeps", state, 0.0 * free, velocity, INELASTIC, 0.0, 1e-11, 3000
-    )
+    iterations, found = run_solver("accelerated_sweeps", state, 0.0 * free, velocity, INELASTIC, 0.0, 1e-11, 3000)
     assert found <= 1e-11
     assert iterations < 1000
 
