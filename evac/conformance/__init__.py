@@ -5,7 +5,7 @@
     from evac.conformance import check_plugin
 
     def test_my_model():
-        check_plugin(MyModel)                       # contact model, force, recorder
+        check_plugin(MyModel)                       # contact model, solver, force, recorder
         check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
 
 Each check raises `PluginError` that says what was broken, by how much, and what to change. The same checks
@@ -18,11 +18,13 @@ from evac.behaviour import Behaviour, check_writes
 from evac.conformance.cases import check_declared_arrays, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.forces import check_pair_force
+from evac.conformance.solvers import SOLVER_CHECKS
 from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
+from evac.physics.solver import Solver
 from evac.physics.state import Crowd
 from evac.registry import Registry, check_class
 from evac.scenario.case import Case
@@ -40,7 +42,7 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     Parameters
     ----------
     cls : type
-        A `ContactModel`, `Force`, `Behaviour` or `Recorder`.
+        A `ContactModel`, `Solver`, `Force`, `Behaviour` or `Recorder`.
     case : Case, optional
         Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use.
     ticks : int
@@ -58,6 +60,9 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if issubclass(cls, ContactModel):
             for check in CONTACT_MODEL_CHECKS:
                 check(cls(**values))
+        elif issubclass(cls, Solver):
+            for check_solver in SOLVER_CHECKS:
+                check_solver(cls)
         elif issubclass(cls, Force):
             check_pair_force(cls(**values))
         case = _case_with(cls, values) if case is None else case
@@ -108,6 +113,8 @@ def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
     registry.add_class(cls)
     if issubclass(cls, ContactModel):
         changes = {"contact.model": cls.name, f"contact.{cls.name}": values}
+    elif issubclass(cls, Solver):
+        changes = {"contact.model": "nsm1", "contact.nsm1.solver": cls.name}
     elif issubclass(cls, Force):
         changes = {f"forces.{cls.name}": values}
     elif issubclass(cls, Behaviour):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from evac.errors import PluginError, SimulationError, plugin_code
-from evac.jit import Entry
+from evac.jit import AddressCall, Entry, call_pair_force
 from evac.jit.loading import addresses_of
 from evac.parameters import did_you_mean
 from evac.physics import driver, status
@@ -25,9 +25,10 @@ from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.rows import call_solver
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
-from evac.physics.state import Crowd, Events, Forces, World
+from evac.physics.state import Crowd, Events, Forces, State, World
 
 #: What went wrong in a step, for messages; contact models add what to change.
 _FAILURES = {
@@ -126,6 +127,13 @@ class Engine:
         with plugin_code(f"contact model {model.name!r}"):
             state.traits = model.traits(state.world)
             self._own = model.own(len(state.bodies.row), state.world)
+            if model.law is not None:
+                AddressCall([State, type(self._own), float], (int,)).check(
+                    model.law, f"contact model {model.name!r}: law"
+                )
+        for force in self._forces:
+            with plugin_code(f"force {force.name!r}"):
+                call_pair_force.check(getattr(force, "pair", None), f"force {force.name!r}: pair")
         addresses_of(self.entries(model), progress)
         parts = state.parts
         parts.parameters = self._own
@@ -186,6 +194,8 @@ class Engine:
                     f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(self._solvers))}"
                 )
             found = self._solvers[name]
+            with plugin_code(f"solver {name!r}"):
+                call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve")
             name = found.stronger
         return found
 

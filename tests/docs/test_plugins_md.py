@@ -11,7 +11,7 @@ import evac
 from evac.conformance import check_plugin
 from evac.registry import Registry
 
-NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "crossing_guard.py"]
+NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "spring_damper.py", "jacobi.py", "crossing_guard.py"]
 
 
 def positions(case, ticks):
@@ -30,7 +30,13 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     registry = Registry([plugin_files[name]])
     classes = [
         cls
-        for table in (registry.contact_models, registry.forces, registry.behaviours, registry.recorders)
+        for table in (
+            registry.contact_models,
+            registry.solvers,
+            registry.forces,
+            registry.behaviours,
+            registry.recorders,
+        )
         for cls in table.values()
         if sys.modules[cls.__module__].__file__ == str(plugin_files[name])
     ]
