@@ -98,6 +98,9 @@ class ResponseTime(Behaviour):
         return place
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Return the behaviour of this module."""

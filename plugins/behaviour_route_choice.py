@@ -234,6 +234,9 @@ def _words(key: str, value: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(value))
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Return the behaviour of this module."""

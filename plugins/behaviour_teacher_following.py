@@ -233,6 +233,9 @@ def count_vain(memory, seen, vain, remaining, spent):  # type: ignore[no-untyped
         memory[vain] += spent
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Return the behaviour of this module."""

@@ -231,6 +231,9 @@ def _push_apart(bodies, contacts, law, h, tally):
         push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

@@ -219,6 +219,9 @@ def _keep_apart(bodies, contacts, law, tolerance):
             contacts.omega[c] += bodies.inverse_mass[j]
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

@@ -228,6 +228,9 @@ def _report_reaction(bodies, contacts, law, h):
         contacts.friction[c] = contacts.work[c, 1]
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.building.defaults import WELD
+from evac.defaults import WELD
 from evac.errors import BuildingError
 
 FloatArray = NDArray[np.float64]

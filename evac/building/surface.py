@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.building.hanging import split_at_vertices
-from evac.building.meshfile import SurfaceMesh
 from evac.building.resolution import check_resolution
+from evac.building.surfacemesh import TriangleMesh
 from evac.building.triangulation import least_height, plan_area
 from evac.building.welding import weld_points
 from evac.errors import BuildingError
@@ -56,7 +56,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
+def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
     """Weld, sort out and split the cells of a mesh until it is a walkable surface.
 
     Parameters

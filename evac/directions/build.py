@@ -11,8 +11,8 @@ from scipy import ndimage
 from evac.building.checks import measures
 from evac.building.model import FLAT, Building, Exit
 from evac.building.narrow import gaps_below
+from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.defaults import COMFORT, ORDER, SPACING
 from evac.directions.descent import Ways, add_lengths, descend, is_lowest
 from evac.directions.fields import Fields, FloatArray, PackedFields
 from evac.directions.graph import build_graph, levels_reaching

@@ -1,11 +1,10 @@
 """The sections of case.toml: every key with its type, unit, range, default and meaning."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
-from evac.directions.defaults import COMFORT, ORDER, SPACING
+from evac.defaults import COMFORT, FLAT_ANGLE, ORDER, SCALE, SPACING, WALKABLE_ANGLE, WELD
 from evac.directions.routes import Strategy
 from evac.people.distributions import Distribution
 from evac.scenario.keys import (
@@ -23,10 +22,6 @@ from evac.scenario.keys import (
     key,
     wrong,
 )
-
-if TYPE_CHECKING:
-    pass
-
 
 #: Steps to a tick: in between nothing is seen, not even an interrupt.
 MOST_STEPS = 100_000
@@ -88,8 +83,8 @@ class BuildingSettings(Section):
     closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
-        """Return the keyword arguments of `evac.read_building`."""
-        return self.model_dump(exclude={"mesh", "closed"}, exclude_none=True)
+        """Return the keyword arguments of `evac.building.build.build_building`."""
+        return self.model_dump(exclude={"mesh"}, exclude_none=True)
 
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:

@@ -136,6 +136,7 @@ def test_a_plugin_file_is_used(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
+evac_interface = 2
 
 @hookimpl
 def evac_metrics(results):
@@ -152,6 +153,7 @@ def test_metrics_that_fail_do_not_take_the_results_with_them(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
+evac_interface = 2
 
 @hookimpl
 def evac_metrics():
@@ -180,6 +182,7 @@ def test_a_behaviour_that_fails_is_named(evac, tmp_path, capsys, act, words):
     plugin.write_text(
         f"""
 from evac import Behaviour, hookimpl
+evac_interface = 2
 
 class Odd(Behaviour):
     # Does it wrong.
