@@ -116,7 +116,7 @@ def test_evac_importers(plugin, tmp_path):
             def read(self, path):
                 x, y = map(float, path.read_text().split())
                 points = [[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0], [0, self.door, 0]]
-                return SurfaceMesh(points, [[0, 1, 2, 3]], {"area:room": [True]}, {"exit:door": [[0, 4]]})
+                return SurfaceMesh(points, [[0, 1, 2, 3]], {"floor:room": [True]}, {"exit:door": [[0, 4]]})
 
         @hookimpl
         def evac_importers():
@@ -124,8 +124,7 @@ def test_evac_importers(plugin, tmp_path):
         """
     )
     (tmp_path / "room.mine").write_text("5 5")
-    changes = {"building.mesh": str(tmp_path / "room.mine"), "people.people.area": "room"}
-    case = evac.load("square_room", changes, plugin_files=[path])
+    case = evac.load("square_room", {"building.mesh": str(tmp_path / "room.mine")}, plugin_files=[path])
     assert [way.width for way in evac.Simulation(case).building.exits] == [1.0]
     simulation = evac.Simulation(case.change({"importers.mine.door": 1.2}))
     assert [way.width for way in simulation.building.exits] == [1.2]
