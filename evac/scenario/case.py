@@ -15,6 +15,7 @@ from evac.scenario.schema import (
     DirectionSettings,
     GroupSettings,
     OutputSettings,
+    PeopleSettings,
     PluginSettings,
     SimulationSettings,
 )
@@ -47,6 +48,7 @@ class Case(Section):
     building: BuildingSettings = key("the building")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
         "`[forces.NAME]`: parameters of a force between people; present: enabled with them; `false`: disabled",

@@ -94,11 +94,13 @@ def case_from(
     given = _added(plugin_files, registry)
     files = (*given, *(path for path in _added(files, registry) if path not in given))
     problems += missing
+    filled, unknown = _with_presets(content)
+    problems += unknown
     case: Case | None = None
     try:
-        case = Case.model_validate(content)
+        case = Case.model_validate(filled)
     except ValidationError as error:
-        problems += problems_of(error)
+        problems += _told_once(problems_of(error), content)
     of_plugins = _plugin_problems(content, registry)
     said = {problem.key for problem in of_plugins}
     problems = [problem for problem in problems if problem.key not in said] + of_plugins
@@ -107,6 +109,36 @@ def case_from(
         raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
     case._origin = Origin(source, content, files, registry)
     return case
+
+
+def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Return the content with groups that hold what they take from presets, and the presets that are not there."""
+    presets, groups = content.get("presets", {}), content.get("people")
+    if not isinstance(presets, dict) or not isinstance(groups, list):
+        return content, []
+    filled: list[Any] = []
+    problems: list[Problem] = []
+    for index, group in enumerate(groups):
+        name = group.get("preset") if isinstance(group, dict) else None
+        preset = presets.get(name) if isinstance(name, str) else None
+        filled.append({**preset, **group} if isinstance(preset, dict) else group)
+        if isinstance(name, str) and name not in presets:
+            hint = did_you_mean(name, list(presets))
+            problems.append(Problem(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
+    return {**content, "people": filled}, problems
+
+
+def _told_once(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
+    """Leave out what is wrong with a group because it is wrong with its preset."""
+    of_presets = {problem.key[1:3] for problem in problems if problem.key[0] == "presets"}
+
+    def is_echo(key: Key) -> bool:
+        if key[0] != "people" or len(key) < 3:
+            return False
+        group = content["people"][key[1]]
+        return key[2] not in group and (group.get("preset"), key[2]) in of_presets
+
+    return [problem for problem in problems if not is_echo(problem.key)]
 
 
 def _found(source: str | Path, registry: "Registry") -> Path:
@@ -166,10 +198,12 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
     ):
         if isinstance(content.get(section), dict):
             problems += _table_problems((section,), content[section], classes, word)
-    groups = content.get("people")
-    for index, group in enumerate(groups if isinstance(groups, list) else []):
-        if isinstance(group, dict) and isinstance(group.get("behaviours"), dict):
-            problems += _group_problems(("people", index, "behaviours"), group["behaviours"], content, registry)
+    groups, presets = content.get("people"), content.get("presets")
+    tables = [(("people", index), group) for index, group in enumerate(groups if isinstance(groups, list) else [])]
+    tables += [(("presets", name), preset) for name, preset in (presets if isinstance(presets, dict) else {}).items()]
+    for key, table in tables:
+        if isinstance(table, dict) and isinstance(table.get("behaviours"), dict):
+            problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
     return problems
 
 

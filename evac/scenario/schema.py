@@ -115,22 +115,9 @@ class DirectionSettings(Section):
     order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
 
 
-class GroupSettings(Section):
-    """`[[people]]`: one group; each quantity is a number or a distribution."""
+class PeopleSettings(Section):
+    """`[presets.NAME]`: what people are like; each quantity is a number or a distribution."""
 
-    name: str = key(
-        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
-    )
-    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
-    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
-    positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
-    )
-    velocity: tuple[Point, ...] | None = key(
-        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
-    )
-    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
-    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Positive = key(
@@ -157,6 +144,27 @@ class GroupSettings(Section):
     )
     strategy: Strategy = key("what they minimise on the way out", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
+
+
+class GroupSettings(PeopleSettings):
+    """`[[people]]`: one group: what people are like, how many they are and where they start."""
+
+    name: str = key(
+        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
+    )
+    preset: str | None = key(
+        "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
+    )
+    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
+    positions: tuple[Point, ...] | None = key(
+        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
+    )
+    velocity: tuple[Point, ...] | None = key(
+        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
+    )
+    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
 
     @property
     def count(self) -> int:
