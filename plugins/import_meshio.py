@@ -38,28 +38,24 @@ class MeshioImporter(Importer):
         points = np.asarray(mesh.points, dtype=np.float64).reshape(len(mesh.points), -1)
         points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
         _check_count(path, mesh)
-        surfaces: list[IndexArray] = []
-        lines: list[IndexArray] = []
-        is_surface, is_line, notes = [], [], []
+        blocks: dict[int, IndexArray] = {}  # by their numbers in the file
+        notes = []
         for number, block in enumerate(mesh.cells):
             corners = _corner_count(block.type, np.shape(block.data)[-1])
             if corners and len(block.data):
-                cells = np.asarray(block.data, dtype=np.int64)[:, :corners]
-                (lines if corners == 2 else surfaces).append(cells)
-                (is_line if corners == 2 else is_surface).append(number)
+                blocks[number] = np.asarray(block.data, dtype=np.int64)[:, :corners]
             elif len(block.data) and block.type != "vertex":
                 notes.append(f"{len(block.data)} cells of type {block.type!r} are no surface cells and mean nothing")
+        surfaces = [number for number, block in blocks.items() if block.shape[1] > 2]
+        lines = [number for number, block in blocks.items() if block.shape[1] == 2]
+        edges = np.concatenate([np.empty((0, 2), dtype=np.int64), *(blocks[number] for number in lines)])
         tags = _gmsh_tags(mesh) if path.suffix.lower() == ".msh" else _array_tags(mesh)
         return SurfaceMesh(
             points,
-            _joined(surfaces),
-            {tag: _all_of(masks, is_surface) for tag, masks in tags.items() if not _is_of_edges(tag)},
-            {
-                tag: np.concatenate([np.empty((0, 2), dtype=np.int64), *lines])[_all_of(masks, is_line)]
-                for tag, masks in tags.items()
-                if _is_of_edges(tag)
-            },
-            tuple(notes),
+            _joined([blocks[number] for number in surfaces]),
+            {tag: _all_of(masks, surfaces) for tag, masks in tags.items() if not _is_of_edges(tag)},
+            {tag: edges[_all_of(masks, lines)] for tag, masks in tags.items() if _is_of_edges(tag)},
+            notes,
         )
 
 

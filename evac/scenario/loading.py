@@ -198,13 +198,21 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
     ):
         if isinstance(content.get(section), dict):
             problems += _table_problems((section,), content[section], classes, word)
-    groups, presets = content.get("people"), content.get("presets")
-    tables = [(("people", index), group) for index, group in enumerate(groups if isinstance(groups, list) else [])]
-    tables += [(("presets", name), preset) for name, preset in (presets if isinstance(presets, dict) else {}).items()]
-    for key, table in tables:
-        if isinstance(table, dict) and isinstance(table.get("behaviours"), dict):
+    for key, table in _tables_of_people(content):
+        if isinstance(table.get("behaviours"), dict):
             problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
     return problems
+
+
+def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
+    """Return the tables of groups and presets, each with its key."""
+    groups, presets = content.get("people"), content.get("presets")
+    found: list[tuple[Key, Any]] = []
+    if isinstance(groups, list):
+        found += [(("people", index), group) for index, group in enumerate(groups)]
+    if isinstance(presets, dict):
+        found += [(("presets", name), preset) for name, preset in presets.items()]
+    return [(key, table) for key, table in found if isinstance(table, dict)]
 
 
 def _table_problems(
