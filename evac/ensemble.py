@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
 from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
@@ -27,7 +27,6 @@ from evac.simulation import Simulation
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-FloatArray = NDArray[np.float64]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from evac.arrays import FloatArray, IntArray
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.sampling import sample_travel_time
 from evac.hookspecs import hookimpl
 from evac.jit import inner, kernel
 from evac.parameters import Parameter
-from evac.physics.bundles import Crowd, FloatArray, IntArray
+from evac.physics.bundles import Crowd
 from evac.physics.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import reaches

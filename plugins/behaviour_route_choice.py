@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.behaviour import Behaviour, BehaviourScene
-from evac.directions.fields import Fields, FloatArray
+from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.errors import PluginError, ScenarioError
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.bundles import Crowd
-
-IntArray = NDArray[np.int32]
 
 #: Slack of times, which are sums of steps [s].
 INSTANT = 1e-9

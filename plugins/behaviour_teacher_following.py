@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.building.model import FLAT
 from evac.directions.sampling import sample_travel_time
@@ -13,7 +14,7 @@ from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
 from evac.jit import kernel
 from evac.parameters import Parameter, did_you_mean
-from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray
+from evac.physics.bundles import ByteArray, Crowd
 
 #: Somebody has made progress once its remaining travel time is less by this much than the least so far [s].
 PROGRESS = 0.5

@@ -6,14 +6,12 @@ from collections.abc import Collection
 import networkx
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.building.edges import segment_lengths, side_of
 from evac.building.elevation import elevation, level_elevation
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
 
 #: Least depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0

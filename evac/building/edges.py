@@ -6,12 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IndexArray
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 #: Corners that lie no farther off the straight line between their neighbours are merged away [m].
 COLLINEAR = 1e-4

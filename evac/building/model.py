@@ -3,12 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from evac.arrays import FloatArray, IntArray
 
 #: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2

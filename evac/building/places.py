@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import FloatArray
 from evac.building.edges import COLLINEAR, segment_lengths
 from evac.building.elevation import level_elevation
 from evac.building.links import nearest_wall, sorted_walls
@@ -16,8 +16,6 @@ from evac.building.model import Area, Building, Exit, Level
 from evac.building.union import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
-
-FloatArray = NDArray[np.float64]
 
 #: An exit may be drawn this far off the free edge that it is snapped to [m].
 EXIT_REACH = 0.05

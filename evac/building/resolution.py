@@ -3,12 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.defaults import WELD
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
 
 #: Significant digits of numbers that are written with a fixed number of them: ``%g`` and ``%e`` of C.
 DIGITS = (6, 7)

@@ -7,18 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import BoolArray, FloatArray, IndexArray
 from evac.building.hanging import split_at_vertices
 from evac.building.resolution import check_resolution
 from evac.building.surfacemesh import TriangleMesh
 from evac.building.triangulation import least_height, plan_area
 from evac.building.welding import weld_points
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 #: Welding may change the area of the ground by this share.
 MOST_CHANGE = 5e-4

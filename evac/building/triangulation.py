@@ -2,10 +2,8 @@
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from evac.arrays import FloatArray, IndexArray
 
 #: Polygons with a normal so flat (vertical part over length) are upright: walls, whose outline in plan does not matter.
 UPRIGHT = 0.2

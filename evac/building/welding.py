@@ -1,13 +1,11 @@
 """Vertices that lie closer together than ``building.weld`` become one."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from evac.arrays import FloatArray, IndexArray
 
 #: A cluster of close vertices is merged into one where it reaches no farther than this, in units of the weld;
 #: a longer one, such as a finely divided arc, is thinned: merged into one, it would lose its shape.

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
@@ -16,8 +16,6 @@ from evac.physics.bundles import Crowd, make_crowd
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.world import make_world
-
-FloatArray = NDArray[np.float64]
 
 #: Step of the scenes [s]; a tick is ten steps.
 STEP = 0.01

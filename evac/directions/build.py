@@ -8,13 +8,14 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from evac.arrays import FloatArray
 from evac.building.checks import measures
 from evac.building.model import FLAT, Building, Exit
 from evac.building.narrow import gaps_below
 from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
 from evac.directions.descent import Ways, add_lengths, descend, is_lowest
-from evac.directions.fields import Fields, FloatArray, PackedFields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import build_graph, levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
 from evac.directions.marching import Metric, march

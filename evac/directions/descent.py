@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.fields import FloatArray, IntArray, OffsetArray
 from evac.jit import kernel
 
 
@@ -145,8 +145,8 @@ class Ways(NamedTuple):
     """What the ways of steepest descent lead over: the nodes of all grids, packed, and their levels."""
 
     level_of: IntArray  # (nodes,)
-    source: OffsetArray  # (nodes,) the node that each node stands for; -1 for none
-    twin: OffsetArray  # (nodes,) for a node on a portal the one at its place on the other level, else -1
+    source: IndexArray  # (nodes,) the node that each node stands for; -1 for none
+    twin: IndexArray  # (nodes,) for a node on a portal the one at its place on the other level, else -1
     cost: FloatArray  # (nodes,)
     stride: IntArray  # (levels,) distance in packed arrays of two neighbours along x
     uphill: FloatArray  # (levels, 2)
@@ -155,7 +155,7 @@ class Ways(NamedTuple):
 
 
 @kernel
-def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
+def add_lengths(order: IndexArray, ways: Ways, lengths: FloatArray) -> None:
     """Add up the flat, up and down lengths along the ways of steepest descent.
 
     Solves grad T . grad F = |grad T| c by first order upwind differences, node by node from the exit
@@ -182,7 +182,7 @@ def add_lengths(order: OffsetArray, ways: Ways, lengths: FloatArray) -> None:
 
 
 @kernel
-def is_lowest(nodes: OffsetArray, ways: Ways) -> NDArray[np.bool_]:
+def is_lowest(nodes: IndexArray, ways: Ways) -> NDArray[np.bool_]:
     """Say of nodes (n,) whether no neighbour is lower; one on a portal has neighbours on the other level too."""
     found = np.empty(nodes.shape[0], np.bool_)
     for k in range(nodes.shape[0]):

@@ -4,13 +4,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.directions.routes import Route
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-OffsetArray = NDArray[np.int64]
 
 
 class CellWalls(NamedTuple):
@@ -30,9 +27,9 @@ class CellWalls(NamedTuple):
         Greatest increase of a travel time [s] or length [m] over a metre in plan.
     """
 
-    offset: OffsetArray
-    cell: OffsetArray
-    start: OffsetArray
+    offset: IndexArray
+    cell: IndexArray
+    start: IndexArray
     wall: FloatArray
     steepest: float
 
@@ -71,7 +68,7 @@ class PackedFields(NamedTuple):
     shape: IntArray
     spacing: float
     field_of: IntArray
-    offset: OffsetArray
+    offset: IndexArray
     direction: FloatArray
     travel_time: FloatArray
     walls: CellWalls = NO_CELL_WALLS

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from evac.directions.fields import CellWalls, FloatArray, IntArray, PackedFields
+from evac.arrays import FloatArray, IntArray
+from evac.directions.fields import CellWalls, PackedFields
 from evac.jit import inner, kernel
 
 #: Unit vectors whose weighted mean is shorter than this differ much; shorter than the second, they cancel.

@@ -6,15 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import BoolArray, FloatArray, IntArray
 from evac.errors import ScenarioError
 from evac.jit import kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 #: Rounds of random candidates, two per person each, before the lattice is tried.
 ROUNDS = 40

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import elevation
 from evac.building.model import DOWN, FLAT, UP, Building
 from evac.building.places import HEIGHT_REACH
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case
     from evac.scenario.schema import GroupSettings
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 #: How far outside a level, or into a wall, rounding may put a position that was written down [m].
 ROUNDING = 1e-6

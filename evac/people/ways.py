@@ -7,13 +7,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.building.narrow import CLOSED
 from evac.directions.fields import Fields
 from evac.directions.sampling import cell_of, sample_direction
 from evac.errors import ScenarioError
 from evac.jit import inner, kernel
-from evac.physics.bundles import ByteArray, Crowd, FloatArray, IntArray, World
+from evac.physics.bundles import ByteArray, Crowd, World
 from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
 
