@@ -92,7 +92,7 @@ class Behaviour(Configurable):
         return {}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Take up the arrays that `state` returned."""
+        """Restore the arrays that `state` returned."""
 
 
 class BehaviourScene:

@@ -16,9 +16,9 @@ from evac.building.levels import LevelSet, find_levels
 from evac.building.links import close_links, find_exits_and_walls, find_portals
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
+from evac.building.polygons import union
 from evac.building.surface import Surface, clean_surface
 from evac.building.surfacemesh import SurfaceMesh, checked
-from evac.building.union import union
 from evac.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError
 

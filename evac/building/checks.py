@@ -131,7 +131,7 @@ def check_depth(building: Building) -> None:
 
 
 def measures(building: Building) -> str:
-    """Say how large the building is, for those whose mesh is not in metres."""
+    """Describe for a message how large the building is, in case its unit is not the metre."""
     width, depth, height = np.ptp(building.vertices, axis=0).tolist()
     return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
 
@@ -162,7 +162,7 @@ def check_stairs(building: Building) -> None:
 
 
 def _nearest_end(building: Building, own: list[Level]) -> str:
-    """Say which level misses an end of the stair by least, if one does within a metre."""
+    """Describe for a message the level that misses an end of the stair by least, if one does within a metre."""
     members = {one.index for one in own}
     joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
     misses = [
@@ -214,12 +214,12 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[st
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:
-    """Tell whether two segments look at each other: insides opposed, and each at least partly on the other's inside."""
+    """Return whether two segments face each other: insides opposed, and each at least partly on the other's inside."""
     step_a, step_b = a[2:] - a[:2], b[2:] - b[:2]
     opposed = float(step_a @ step_b) < FACING * float(np.hypot(*step_a) * np.hypot(*step_b))
     return opposed and _is_ahead(a, b) and _is_ahead(b, a)
 
 
 def _is_ahead(a: FloatArray, b: FloatArray) -> bool:
-    """Tell whether any end of segment b is on the left of segment a."""
+    """Return whether any end of segment b is on the left of segment a."""
     return bool((side_of(a, b[[0, 2]], b[[1, 3]]) > ROUNDING).any())

@@ -115,5 +115,5 @@ def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
-    """Word the place of an edge."""
+    """Describe the place of an edge for a message."""
     return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from evac.arrays import FloatArray, IndexArray
-from evac.building.triangulation import least_height
+from evac.building.polygons import least_height
 from evac.errors import BuildingError
 
 #: The vertices on each edge (a, b), a < b, in their order from a to b.

@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from evac.arrays import BoolArray, IndexArray
 from evac.building.edges import EdgeTable
 from evac.building.model import Level
+from evac.building.polygons import union
 from evac.building.surface import Surface
-from evac.building.union import union
 from evac.errors import BuildingError
 
 #: Cells of a flight may rise so far aside from its mean direction [degrees]: at 90 their up would be its down.

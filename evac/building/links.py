@@ -80,7 +80,7 @@ def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[Fl
 
 
 def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
-    """Word which wall is nearest to some plan points (n, 2), where it is and how far away."""
+    """Describe for a message the wall nearest to some plan points (n, 2), its place and its distance."""
     if not len(walls):
         return "there is no free edge"
     distance = shapely.distance(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.multipoints(plan))
@@ -108,7 +108,7 @@ def _tagged_exit(
 
 
 def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]) -> str:
-    """Word the free edge whose middle is nearest to that of an edge."""
+    """Describe for a message the free edge whose middle is nearest to that of an edge."""
     middle = surface.vertices[list(edge)].mean(axis=0)
     distance = np.linalg.norm(surface.vertices[free].mean(axis=1) - middle, axis=1)
     if not len(free):

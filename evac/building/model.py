@@ -177,7 +177,7 @@ class Building:
         return len(self.portals) + exit_.index
 
     def is_open(self, link: Portal | Exit) -> bool:
-        """Say whether a portal or an exit can be passed."""
+        """Return whether a portal or an exit can be passed."""
         return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
 
     def portals_of(self, level: int) -> list[Portal]:

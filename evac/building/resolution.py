@@ -109,5 +109,5 @@ def _share_off_grid(values: FloatArray, step: float) -> float:
 
 
 def _on_grid(values: FloatArray, step: float | FloatArray) -> bool:
-    """Tell whether all values are multiples of a step, or each of its own."""
+    """Return whether all values are multiples of a step, or each of its own."""
     return bool((np.abs(values / step - np.round(values / step)) <= ON_GRID).all())

@@ -10,9 +10,9 @@ import numpy as np
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
 from evac.building.hanging import split_at_vertices
+from evac.building.polygons import least_height, plan_area
 from evac.building.resolution import check_resolution
 from evac.building.surfacemesh import TriangleMesh
-from evac.building.triangulation import least_height, plan_area
 from evac.building.welding import weld_points
 from evac.errors import BuildingError
 
@@ -187,7 +187,7 @@ def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
 
 
 def _count(mask: BoolArray) -> str:
-    """Word the number of cells."""
+    """Describe the number of cells for a message."""
     number = int(mask.sum())
     return "1 cell" if number == 1 else f"{number} cells"
 

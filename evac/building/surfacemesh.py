@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
-from evac.building.triangulation import triangulate
+from evac.building.polygons import triangulate
 from evac.errors import BuildingError, PluginError
 
 #: Kinds of tag on surfaces and on edges.

@@ -129,7 +129,7 @@ def _unreachable(
     rows: IntArray,
     is_connected: NDArray[np.bool_],
 ) -> str:
-    """Say why people have no travel time to an exit."""
+    """Describe for a message why people have no travel time to an exit."""
     exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
     told = _told(source, building, crowd, group, rows, f"cannot reach {exits}")
     if is_connected[rows[0]]:
@@ -142,7 +142,7 @@ def _unreachable(
 
 
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
-    """Say whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
+    """Return whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
     parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
     graph = networkx.Graph()
     graph.add_nodes_from((level, k) for level, own in enumerate(parts) for k in range(len(own)))

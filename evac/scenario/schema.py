@@ -31,7 +31,7 @@ MOST_PEOPLE = 1_000_000
 
 
 def _check_level(what: str, level: str | None, z: float | None) -> None:
-    """Refuse a level that is not said in exactly one of the two ways."""
+    """Refuse a level that is not given in exactly one of the two ways."""
     if (z is None) == (level is None):
         both = "and not both" if z is not None else "neither is there"
         raise wrong("level", f"give {what} by name, or its height z: {both}")
@@ -70,7 +70,7 @@ class Outline(Placed):
 
 
 class BuildingSettings(Section):
-    """`[building]`: the mesh file, and what it does not say itself."""
+    """`[building]`: its file, and what the file does not hold."""
 
     mesh: str = key("mesh file, relative to case.toml", min_length=1)
     weld: Real = key("vertices closer than this become one", "m", WELD, ge=0)
