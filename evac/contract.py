@@ -105,8 +105,8 @@ def check_class(cls: Any, plugin: str) -> str:
     PluginError
         Naming the class and what it lacks.
     """
-    kind = next((kind for kind in BASES if is_a(kind, cls)), None)
-    if kind is None:
+    kind = kind_of(cls)
+    if not kind:
         bases = ", ".join(base for _, base in BASES.values())
         raise PluginError(f"plugin {plugin}: {cls!r} is none of {bases}; derive it from one")
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
@@ -131,6 +131,11 @@ def _are_suffixes(value: Any) -> bool:
         and len(value) > 0
         and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
     )
+
+
+def kind_of(cls: Any) -> str:
+    """Return the kind of a class of a plugin, or nothing if it is of none."""
+    return next((kind for kind in BASES if is_a(kind, cls)), "")
 
 
 def is_a(kind: str, item: Any) -> bool:

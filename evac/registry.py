@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 from evac import hookspecs
-from evac.contract import BASES, check_class, check_module, is_a
+from evac.contract import BASES, check_class, check_module, is_a, kind_of
 from evac.errors import BuildingError, PluginError, plugin_code
-from evac.parameters import did_you_mean
+from evac.parameters import Configurable, did_you_mean
 
 if TYPE_CHECKING:
     from evac.building.importer import Importer
@@ -226,9 +226,15 @@ class Registry:
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
-    def providers(self, used: Iterable[tuple[str, str]]) -> list[str]:
-        """Return name and version of the plugins that provide what is used, by (kind, name), or hook into every run."""
-        owners = {self._owners[key] for key in used}
+    def providers(self, used: Iterable[Configurable]) -> list[str]:
+        """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
+
+        Parameters
+        ----------
+        used : iterable of Configurable
+            Contact model, forces, behaviours, recorders, importer.
+        """
+        owners = {self._owners[kind_of(type(one)), one.name] for one in used}
         always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - set(KINDS.values())
         for hook in always:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.assembly import (
-    make_behaviours,
-    make_building,
-    make_contact_model,
-    make_forces,
-    make_importer,
-    make_recorders,
-)
+from evac import assembly
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
@@ -101,10 +94,10 @@ class Simulation:
         self.ended = ""
         with plugin_code("evac_configure"):
             self.registry.hook.evac_configure(case=case, registry=self.registry)
-        self.contact = make_contact_model(case)
-        self.recorders = make_recorders(case)
+        self.contact = assembly.make_contact_model(case)
+        self.recorders = assembly.make_recorders(case)
         self._is_recording = False
-        forces, behaviours = make_forces(case), make_behaviours(case)
+        forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = needed_forces(forces, full)
         self._build(behaviours)
         self._prepare()
@@ -116,7 +109,7 @@ class Simulation:
         """Make the stations of the main path, one from the other."""
         case = self.case
         with self._phase("building"):
-            self.building = make_building(case)
+            self.building = assembly.make_building(case)
             check_people(case, self.building)
         with naming(case.source), self._phase("directions"):
             self.fields = self._build_fields(behaviours)
@@ -353,13 +346,8 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [
-            ("importer", make_importer(self.case).name),
-            ("contact_model", self.contact.name),
-            *(("force", force.name) for force in self.forces),
-        ]
-        used += [("behaviour", behaviour.name) for behaviour, _ in self.behaviours]
-        return self.registry.providers([*used, *(("recorder", recorder.name) for recorder in self.recorders)])
+        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
+        return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral."""

@@ -270,7 +270,7 @@ def test_a_class_is_registered_by_itself():
     (row,) = registry.describe()
     assert (row["source"], row["origin"]) == ("class", __name__)
     assert [item["name"] for item in row["provides"]] == ["spring"]
-    (provider,) = registry.providers([("contact_model", "spring")])
+    (provider,) = registry.providers([Spring()])
     assert "Spring" in provider
     with pytest.raises(PluginError, match="contact model 'spring' is registered twice"):
         registry.add_class(type("Other", (ContactModel,), {"name": "spring"}))

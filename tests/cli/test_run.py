@@ -172,7 +172,7 @@ def evac_metrics():
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 10\)"),
+        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 11\)"),
         ("crowd.speed_factor[3] = float('nan')", r"behaviour 'odd' wrote nan to speed_factor of person 3"),
         ("crowd.route[2] = 7", r"behaviour 'odd' wrote route 7 for person 2; there are 1"),
     ],
