@@ -64,13 +64,18 @@ class SurfaceMesh:
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
+
+        Raises
+        ------
+        ValueError
+            A surface is no valid polygon; names its tag and the place.
         """
         points: list[Point] = []
         cells: list[list[int]] = []
         tag_of: list[str] = []
         for tag, plan, height in surfaces:
-            for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(plan)):
-                corners = [(x, y, height(x, y) if callable(height) else height) for x, y in _corners(triangle)]
+            for x_and_y in _triangles(tag, plan):
+                corners = [(x, y, height(x, y) if callable(height) else height) for x, y in x_and_y]
                 cells.append(list(range(len(points), len(points) + 3)))
                 points += corners
                 tag_of.append(tag)
@@ -147,8 +152,15 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes))
 
 
-def _corners(triangle: BaseGeometry) -> list[tuple[float, float]]:
-    corners: list[tuple[float, float]] = triangle.exterior.coords[:3]
+def _triangles(tag: str, plan: BaseGeometry) -> list[list[list[float]]]:
+    """Return the triangles (t, 3, 2) that a polygon or multipolygon is cut into."""
+    fault = "" if plan.is_valid else shapely.is_valid_reason(plan)
+    if plan.is_empty or plan.geom_type not in ("Polygon", "MultiPolygon"):
+        fault = f"it is {'empty' if plan.is_empty else plan.geom_type}"
+    if fault:
+        raise ValueError(f"the surface {tag!r} must be a polygon whose sides do not cross: {fault}")
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.force_2d(plan)))
+    corners: list[list[list[float]]] = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
     return corners
 
 

@@ -64,3 +64,23 @@ def test_polygons_become_levels_with_exits_and_holes(tmp_path):
     assert [level.polygon.area for level in building.levels] == pytest.approx([79.0, 12.0, 48.0])
     assert [(way.name, way.width) for way in building.exits] == [("door", 2.5)]
     assert [portal.width for portal in building.portals] == [3.0, 3.0]
+
+
+def test_a_multipolygon_with_heights_of_its_own_is_flattened(tmp_path):
+    plan = shapely.MultiPolygon([shapely.box(0, 0, 2, 2), shapely.box(3, 0, 5, 2)])
+    mesh = checked(tmp_path, SurfaceMesh.of_polygons([("floor:a", shapely.force_3d(plan, 9.0), 1.0)]))
+    assert (mesh.points[:, 2] == 1.0).all()
+    assert shapely.area(shapely.polygons(mesh.points[mesh.triangles][:, :, :2])).sum() == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        ("POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))", r"'floor:a'.*Self-intersection\[2 2\]"),
+        ("LINESTRING (0 0, 1 0)", r"'floor:a'.*it is LineString"),
+        ("POLYGON EMPTY", r"'floor:a'.*it is empty"),
+    ],
+)
+def test_a_surface_that_is_no_polygon_is_named(shape, words):
+    with pytest.raises(ValueError, match=words):
+        SurfaceMesh.of_polygons([("floor:a", shapely.from_wkt(shape), 0.0)])
