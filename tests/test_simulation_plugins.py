@@ -51,7 +51,7 @@ def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path)
             '''Fails at once.'''
             name = "failing"
 
-            def run(self, engine, clock):
+            def own(self, people, world):
                 raise ValueError("oops")
 
         @hookimpl

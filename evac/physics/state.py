@@ -348,7 +348,7 @@ class Parts(Struct):
     """Addresses of what is compiled and loaded only where a scene needs it; 0 where it is not loaded."""
 
     law: int
-    parameters: int  # of the struct of the law
+    parameters: Struct  # of the law
     solver: int
     stronger: int  # solver that tries again
     separation: int
