@@ -388,13 +388,9 @@ class Simulation:
             check_written(behaviour, crowd, len(self.fields.routes), self.time)
 
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
-        return BehaviourScene(
-            crowd=crowd_for(behaviour, self.population.crowd),
-            scene=self.scene,
-            groups=self.population.groups_for(behaviour.name),
-            generator=generator_for(self.seed, "behaviour", behaviour.name),
-            tick=self.case.simulation.tick,
-        )
+        crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
+        generator = generator_for(self.seed, "behaviour", behaviour.name)
+        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick)
 
 
 def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
