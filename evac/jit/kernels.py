@@ -139,7 +139,7 @@ class Entry(Kernel):
         if len(kinds) != len(arguments):
             raise TypeError(f"kernel {self.label} takes {len(kinds)} arguments, {len(arguments)} given")
         kept: list[Any] = []  # headers live until the call returns
-        passed = []
+        passed: list[float] = []
         for (name, kind), value in zip(kinds, arguments, strict=True):
             if isinstance(kind, Array):
                 check_array(value, kind, f"{self.label}: {name}")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.assembly import make_behaviours
 from evac.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
@@ -165,7 +166,7 @@ def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
 
 def test_it_acts_behind_the_others_wherever_a_case_names_it():
     case = load_case("square_room", {"behaviours": {"headway": {}, "response_time": {"time": 1.0}}})
-    assert [behaviour.name for behaviour in case.make_behaviours()] == ["response_time", "headway"]
+    assert [behaviour.name for behaviour in make_behaviours(case)] == ["response_time", "headway"]
 
 
 def test_a_single_person_needs_none():
