@@ -48,7 +48,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize("name", NAMES[:4])
+@pytest.mark.parametrize("name", ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py"])
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
     assert len(code) <= 36
