@@ -100,7 +100,7 @@ class Engine:
         self.load(model)
         state, clock = self.state, self.state.clock
         if self._gather(crowd):
-            clock.now, clock.last, clock.step = first, first + steps, step
+            clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
                 with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"):
