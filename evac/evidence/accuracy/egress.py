@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from evac.errors import ScenarioError
-from evac.evidence.accuracy.data import add_data
 from evac.evidence.models import MODELS, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.square_room import crowd_at, exit_times, start_positions
+from evac.evidence.verdicts import surely_at_most
 from evac.physics.bundles import FloatArray
 from evac.physics.contact_model import border_scene
 from evac.scenario.schema import SimulationSettings
@@ -34,30 +34,35 @@ MARKERS = ("o", "s", "^", "D")
 PER_SET = 10
 
 
+SECTION = "e. Egress: flow of the square room over the step"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part e and add it to the page."""
+    """Add part e to the page."""
     steps, number = QUICK if evidence.quick else FULL
-    evidence.heading("e. Egress: flow of the square room over the step")
-    evidence.text(
-        f"""The flow of one run is the slope of the linear regression of the number out on time. The same crowds (start
-        positions, radii, masses, speeds) are run at every step. Standard errors are those of the mean over runs;
-        the difference is that of the same crowds to h = {DEFAULT:g} s, the default. Blocked runs, in which nobody gets
-        out for 10 s, are counted and left out of the mean. DEM refuses steps beyond its stability limit."""
+    runs = evidence.measured(
+        "egress_runs",
+        lambda: [row for model in MODELS for step in steps for row in measure(model, step, number, evidence.seed)],
     )
-    runs: list[dict[str, Any]] = []
-    for model in MODELS:
-        for step in steps:
-            runs += measure(model, step, number, evidence.seed)
     rows = summary(runs, steps)
+    for model, (bias, half) in biases(runs, min(steps)).items():
+        question = f"{model}: flow at h = {DEFAULT:g} s over that at {min(steps):g} s"
+        evidence.verdict(surely_at_most(question, 100.0 * bias, 100.0 * half, 100.0 * LITTLE, "%", SECTION))
+    evidence.heading(SECTION)
+    evidence.text(
+        f"""The flow of one run is the slope of the linear regression of the number out on time. The same crowds are
+        run at every step, and differences are those of the same crowds to h = {DEFAULT:g} s, the default. Blocked
+        runs, in which nobody gets out for 10 s, are left out of the mean. DEM refuses steps beyond its stability
+        limit."""
+    )
     evidence.table("egress", rows, "Mean flow [people per minute], its standard error, and the cost of a run.")
     evidence.plot(
         "egress",
-        draw(rows),
-        "Flow over the step with its interval of 95 %, and the cost of a"
-        " run; models are drawn a little beside each other.",
+        lambda: draw(rows),
+        "Flow over the step with its interval of 95 %, and the cost of a run; models are drawn a little beside each"
+        " other.",
     )
-    evidence.text(biases_in_words(runs, min(steps)))
-    add_data(evidence, "egress_runs", runs, "All runs")
+    evidence.data("egress_runs", runs, "All runs")
 
 
 def measure(model: str, step: float, number: int, seed: int) -> list[dict[str, Any]]:
@@ -131,38 +136,23 @@ def _standard_error(values: FloatArray) -> float | None:
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None
 
 
-def biases_in_words(runs: Sequence[dict[str, Any]], finest: float) -> str:
-    """Say by how much each model's flow at the default step differs from that at the finest, and what follows."""
-    told, justified, beyond, unknown = [], [], [], []
+def biases(runs: Sequence[dict[str, Any]], finest: float) -> dict[str, tuple[float, float]]:
+    """Return, by model, the share by which the flow at the default step differs from that at the finest.
+
+    The second number is half its interval of 95 %, over the crowds that both steps have.
+    """
+    found = {}
     for model in dict.fromkeys(run["model"] for run in runs):
         flows: dict[float, dict[int, float]] = {DEFAULT: {}, finest: {}}
         for run in runs:
             if run["model"] == model and run["h [s]"] in flows and run["flow [1/min]"] is not None:
                 flows[run["h [s]"]][run["run"]] = run["flow [1/min]"]
         both = sorted(flows[DEFAULT].keys() & flows[finest].keys())
-        if len(both) < 2:
-            continue
-        fine = np.array([flows[finest][run] for run in both])
-        change = (np.array([flows[DEFAULT][run] for run in both]) - fine) / fine.mean()
-        bias, half = float(change.mean()), INTERVAL * float(change.std(ddof=1) / np.sqrt(len(both)))
-        told.append(f"{model} {100.0 * bias:+.1f} % ({100.0 * (bias - half):+.1f} to {100.0 * (bias + half):+.1f} %)")
-        if abs(bias) + half <= LITTLE:
-            justified.append(model)
-        elif abs(bias) - half > LITTLE:
-            beyond.append(model)
-        else:
-            unknown.append(model)
-    words = (
-        f"The bias of h = {DEFAULT:g} s, its flow over that of the same crowds at h = {finest:g} s, with its"
-        f" interval of 95 %: {', '.join(told)}."
-    )
-    for models, verdict in (
-        (justified, f"That it is below {100.0 * LITTLE:g} % is shown, and the default step justified, for"),
-        (beyond, f"It is beyond {100.0 * LITTLE:g} %, and for flows a smaller step is needed, for"),
-        (unknown, f"Whether it is below {100.0 * LITTLE:g} % these runs do not decide for"),
-    ):
-        words += f" {verdict} {', '.join(models)}." if models else ""
-    return words
+        if len(both) > 1:
+            fine = np.array([flows[finest][run] for run in both])
+            change = (np.array([flows[DEFAULT][run] for run in both]) - fine) / fine.mean()
+            found[model] = float(change.mean()), INTERVAL * float(change.std(ddof=1) / np.sqrt(len(both)))
+    return found
 
 
 def draw(rows: Sequence[dict[str, Any]]) -> Any:
