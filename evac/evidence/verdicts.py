@@ -1,7 +1,7 @@
 """The verdict table that opens every evidence page: question, measured, wanted, verdict.
 
-Each function here returns one row of it. A verdict is "met", "not met" with how far off, or "reported only" where
-nobody has set a target.
+Each function here returns one row of it. A verdict is "met", "not met" with how far off, "undecided" where an
+interval reaches across the bound, or "reported only" where nobody has set a target.
 """
 
 import math
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 Finding = dict[str, str]
 
 MET, NOT_MET, REPORTED = "met", "not met", "reported only"
+UNDECIDED = "undecided: the interval reaches across"
 
 #: The most rows of a table: it must fit one screen.
 MOST_ROWS = 20
@@ -31,7 +32,7 @@ def surely_at_most(
     question: str, value: float, half: float, bound: float, unit: str = "", section: str = ""
 ) -> Finding:
     """Return the row of a size that must not exceed a bound, known to half a confidence interval."""
-    verdict = "undecided: the interval reaches across"
+    verdict = UNDECIDED
     if abs(value) + half <= bound:
         verdict = MET
     elif abs(value) - half > bound:
@@ -57,11 +58,6 @@ def within(
 def reported(question: str, measured: str, reference: str = "-", section: str = "") -> Finding:
     """Return the row of something without a target."""
     return _finding(question, measured, reference, REPORTED, section)
-
-
-def count_met(findings: Sequence[Finding]) -> int:
-    """Return how many rows are met."""
-    return sum(finding["verdict"] == MET for finding in findings)
 
 
 def verdict_table(findings: Sequence[Finding], page: str = "") -> str:
