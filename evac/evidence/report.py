@@ -186,7 +186,7 @@ class Evidence:
         )
         if self.quick:
             told = f"**Quick run: smaller problems and fewer runs than the full one.** {told}"
-        lines = [f"# {title}", described["examined"], verdict_table(self._findings), told, *self._page]
+        lines = [f"# {title}", " ".join(examined.split()), verdict_table(self._findings), told, *self._page]
         path = self.folder / "README.md"
         path.write_text("\n\n".join(lines) + "\n")
         return path

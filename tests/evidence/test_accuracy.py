@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from evac.evidence.accuracy import rows as rows_part
 from evac.evidence.accuracy import targets
 from evac.evidence.accuracy.data import order_of
-from evac.evidence.accuracy.egress import DEFAULT, biases, flow_of
 from evac.evidence.accuracy.fields import _fields, plain_directions
 from evac.evidence.accuracy.goals import default_rows, factor_rows, race_rows, time_to, win_rows
 from evac.evidence.accuracy.orders import EXACT, order_rows, orders_off
@@ -247,27 +245,6 @@ def test_a_run_that_stopped_is_never_the_cheapest_and_stands_apart():
 def test_order_of_a_power_law():
     steps = [0.1, 0.05, 0.025]
     assert order_of(steps, [3.0 * h**2 for h in steps]) == pytest.approx(2.0)
-
-
-def test_flow_of_evenly_spaced_exits_and_of_a_blocked_run():
-    assert flow_of(np.array([3.0, 1.0, 2.0, 4.0])) == pytest.approx(60.0)
-    assert flow_of(np.array([1.0, math.nan, 2.0])) is None
-
-
-def test_the_bias_of_the_default_step_is_paired_and_has_an_interval():
-    """Made-up flows of 40 crowds: at 0.01 s the first model has 2 % more, the second scatters; one run is blocked."""
-    generator = np.random.default_rng(0)
-    runs = []
-    for model, more, scatter in (("DEM", 0.02, 0.0), ("NSM2", 0.0, 0.5)):
-        crowds = 100.0 * (1.0 + 0.1 * generator.standard_normal(40))
-        for step in (DEFAULT, 1e-4):
-            flows = crowds * (1.0 + more * (step == DEFAULT)) + 100.0 * scatter * generator.standard_normal(40)
-            runs += [{"model": model, "h [s]": step, "run": k, "flow [1/min]": f} for k, f in enumerate(flows)]
-    runs.append({"model": "DEM", "h [s]": DEFAULT, "run": 99, "flow [1/min]": None})
-    found = biases(runs, 1e-4)
-    assert found["DEM"][0] == pytest.approx(0.02)
-    assert found["DEM"][1] < 0.001  # the scatter of the crowds drops out
-    assert abs(found["NSM2"][0]) < found["NSM2"][1] == pytest.approx(1.96 * 0.5 * 2**0.5 / 40**0.5, rel=0.3)
 
 
 def test_plain_gradients_point_straight_where_no_wall_is_near():

@@ -1,6 +1,7 @@
 """The flow of the square room, the figures of the paper, classroom and school."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
@@ -116,10 +117,13 @@ def test_a_set_gives_the_same_times_again_and_does_not_depend_on_the_number_of_r
 
 
 def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.evidence.table3.page.QUICK_RUNS", {0.01: (2, 2), 0.005: (2, 1)})
+    monkeypatch.setattr("evac.evidence.table3.page.QUICK_RUNS", {0.1: (2, 1), 0.01: (2, 2), 0.005: (2, 1)})
     monkeypatch.setattr("evac.evidence.table3.page.PUBLISHED", {name: {0.01: 1, 0.005: 2} for name in PUBLISHED})
     evidence = Evidence("table3", tmp_path, quick=True)
     report_flow(evidence)
+    evidence.write_page("Flow", "Flow.")
+    questions = [row["question"] for row in json.loads((tmp_path / "run.json").read_text())["verdicts"]]
+    assert sum("0.005" in question for question in questions) == len(PUBLISHED)
     for table, keys, values in (
         ("table3", ("h [s]", "position sets", "runs"), ("0.01", "2", "4")),
         ("table3_steps", ("from h [s]", "to h [s]", "shared runs"), ("0.01", "0.005", "2")),
@@ -128,6 +132,8 @@ def test_flow_is_reported_for_every_model_and_step(tmp_path, monkeypatch):
             rows = list(csv.DictReader(file))
         found = [row["model"] for row in rows if tuple(row[key] for key in keys) == values]
         assert found == list(PUBLISHED)
+    refused = {row["model"] for row in rows if row["to h [s]"] == "0.1"}
+    assert refused == set(PUBLISHED) - {"DEM"}  # 0.1 s is beyond its stability limit
 
 
 def test_figures_2_and_3_hold_the_values_of_the_paper(tmp_path):

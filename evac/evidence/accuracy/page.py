@@ -1,7 +1,6 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
 from evac.evidence.accuracy import (
-    egress,
     fields,
     headroom,
     overlap,
@@ -15,7 +14,7 @@ from evac.evidence.accuracy import (
 from evac.evidence.report import Evidence
 
 #: The parts in the order of the page.
-PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields, egress, tolerance)
+PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields, tolerance)
 
 
 def run(evidence: Evidence) -> None:

@@ -64,11 +64,11 @@ def report_school(evidence: Evidence) -> None:
 
     rows = evidence.measured("school", lambda: [school_row(name, measured()[name]) for name in VARIANTS])
     section = "The primary school: egress curves (section 4.3)"
-    told = ", ".join(f"{row['last out, mean [s]']:.1f} s ({row['variant']})" for row in rows)
-    evidence.verdict(reported("School: last out, mean", told, "-", section))
-    told = ", ".join(f"{row['longest pause, mean [s]']:.1f} s ({row['variant']})" for row in rows)
-    stall = f"exercise: {STALL[1] - STALL[0]:.0f} s; paper's model: none"
-    evidence.verdict(reported("School: longest pause between exits, mean", told, stall, section))
+    told = ", ".join(
+        f"{row['last out, mean [s]']:.1f} s, {row['longest pause, mean [s]']:.1f} s ({row['variant']})" for row in rows
+    )
+    stall = f"pause of the exercise: {STALL[1] - STALL[0]:.0f} s"
+    evidence.verdict(reported("School: last out, longest pause between exits, means", told, stall, section))
     evidence.heading(section)
     evidence.text(
         f"""{runs} runs of NSM2 with the social force, seeds {seeds[0]} to {seeds[-1]}, with and without classes
