@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.errors import ScenarioError
 from evac.evidence.models import MODELS, make_model
 from evac.people.distributions import generator_for
 from evac.people.population import Population, build_population
+from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, World
 from evac.scenario.loading import load_case
@@ -113,9 +115,16 @@ def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> C
 
 
 def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
-    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN."""
+    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN.
+
+    Nobody gets out of a run whose step the model refuses.
+    """
     _, simulation, world = _room()
     contact = make_model(model, simulation.registry)
+    try:
+        contact.check_scene(border_scene(crowd, step, False))
+    except ScenarioError:
+        return crowd.exit_time
     engine = Engine(world, len(crowd.level), [])
     population = Population(crowd, (), len(simulation.building.portals))
     per_tick = round(TICK / step)

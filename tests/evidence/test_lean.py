@@ -98,5 +98,8 @@ def test_page_is_written(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} == {
         "README.md", "run.json", "parts.csv", "parts.png", "output.csv", "commands.csv",
     }  # fmt: skip
-    assert "NO" not in (tmp_path / "parts.csv").read_text()
-    assert "13 of 13" in json.loads((tmp_path / "run.json").read_text())["summary"]
+    verdicts = json.loads((tmp_path / "run.json").read_text())["verdicts"]
+    assert (verdicts[0]["measured"], verdicts[0]["verdict"]) == ("13 of 13", "met")
+    page = (tmp_path / "README.md").read_text()
+    lean.run(lean.Evidence("lean", tmp_path, page_only=True))
+    assert (tmp_path / "README.md").read_text() == page

@@ -150,13 +150,16 @@ def test_page_is_written(tmp_path, monkeypatch):
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "phases", "headway")}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "headway")}
     assert names == {"README.md", "run.json", "scaling.png", "phases.png", *tables}
-    with (tmp_path / "phases.csv").open() as file:
+    with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)
     assert len(rows) == 2 * (2 * len(scaling.MODELS) + 1)
     assert {row["model"] for row in rows if row["state"] == "jammed"} == {*scaling.MODELS, scaling.STIFF_NAME}
+    page = (tmp_path / "README.md").read_text()
+    scaling.run(Evidence("scaling", tmp_path, page_only=True))
+    assert (tmp_path / "README.md").read_text() == page
 
 
 def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):

@@ -101,42 +101,6 @@ def win_rows(races: Sequence[Row], default: str) -> list[Row]:
     return table
 
 
-def default_finding(races: Sequence[Row], wins: Sequence[Row], default: str) -> str:
-    """Say where the default solver wins, by true error, where another does, and what the default loses at worst."""
-    by_error = [row for row in wins if row["by"] == "error"]
-    goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
-    counts = {
-        (measure, start): ", ".join(str(row[default]) for row in wins if (row["by"], row["start"]) == (measure, start))
-        for measure in MEASURES
-        for start in STARTS
-    }
-    sentence = (
-        f"The default solver is {default}: of the {len(SOLVERS)} solvers it is the first to a true error of {goals} in"
-        f" {counts['error', 'cold']} of {max(row['problems'] for row in by_error)} problems from a cold start, and in"
-        f" {counts['error', 'warm']} from a warm one (by residual, which is not the error: {counts['residual', 'cold']}"
-        f" and {counts['residual', 'warm']})."
-    )
-    others = [solver for solver in SOLVERS if solver != default]
-    lost = max(by_error, key=lambda row: max(row[solver] for solver in others))
-    rival = max(others, key=lambda solver: lost[solver])
-    if lost[rival]:
-        sentence += (
-            f" It loses most often from a {lost['start']} start to {lost['to']}, where {rival} is first in"
-            f" {lost[rival]} of {lost['problems']}"
-        )
-        losses = [race for race in races if race["by"] == "error" and (race[f"{default} / first"] or 0.0) > 1.0]
-        if losses:
-            worst = max(losses, key=lambda race: race[f"{default} / first"])
-            sentence += (
-                f"; at worst it takes {worst[f'{default} / first']:.2g} times as long as {worst['first']}"
-                f" ({worst['people']} people, {worst['crowd']}, {worst['law']}, {worst['start']}, to {worst['goal']:g})"
-            )
-        sentence += "."
-    missed = sum(row["never there"] for row in by_error)
-    late = f" In {missed} of these races its time or its finest tolerance ended before it was there."
-    return sentence + (late if missed else "")
-
-
 def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
     """Return a row per problem: by what factor the true error is greater than the residual, over all solves.
 
@@ -162,18 +126,6 @@ def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
                 }
             )
     return table
-
-
-def factors_in_words(factors: Sequence[Row]) -> str:
-    """Say that the residual is not the error, and by what factor they differ."""
-    medians = [row["error / residual: median"] for row in factors]
-    worst = max(factors, key=lambda row: row["greatest"])
-    return (
-        "The residual is not the error. It says by how much the law of each contact is broken; errors of that size in"
-        " many contacts add up along the crowd. In the median of a problem's solves the error is"
-        f" {min(medians):.2g} to {max(medians):.2g} times the residual, at most {worst['greatest']:.2g} times"
-        f" ({worst['people']} people, {worst['crowd']}, {worst['law']})."
-    )
 
 
 def goal_rows(rows: Sequence[Row]) -> list[Row]:

@@ -13,6 +13,7 @@ from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
 from evac.evidence.accuracy.snapshots import door_crowd
 from evac.evidence.report import Evidence, new_figure
+from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of
@@ -53,30 +54,40 @@ class Setting:
     step: float
 
 
+SECTION = "c. Greatest overlap against run time: which model to take"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part c and add it to the page."""
+    """Add part c to the page."""
     people = 60 if evidence.quick else 300
-    evidence.heading("c. Greatest overlap against run time: which model to take")
-    start = _start(people, evidence.seed)
-    rows = [measure(setting, start) for setting in settings(float(start[1].mass.min()), evidence.quick)]
+    rows = evidence.measured("overlap", lambda: _rows(people, evidence.seed, evidence.quick))
+    table = cheapest_rows(rows)
+    told = []
+    for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
+        told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
+    evidence.verdict(reported("Cheapest contact model by overlap allowed", "; ".join(told), "-", SECTION))
+    evidence.heading(SECTION)
     evidence.text(
-        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s.
-        DEM with stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h =
-        0.01 s, without its limit on velocities, so that the tolerance alone acts, and as it is shipped, with that
-        limit; NSM2 varies the step, with the shipped K_N = 1e5 kg and without dissipation in the normal direction.
-        The overlap is the greatest between any two bodies, or body and wall, at any step. It says nothing about the
-        rest of the trajectory, which part b is about. A run that stops with an error is a cross, at its overlap and
-        its time per second until then; none of it counts below."""
+        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g}
+        s. DEM with stiffness k takes half the step of its stability limit. NSM1 is solved to a gap tolerance at h =
+        0.01 s, with the shipped limit on velocities and without it. NSM2 varies the step, with the shipped K_N =
+        1e5 kg and with K_N = 0. The overlap is the greatest of any two bodies, or body and wall, at any step. A run
+        that stops with an error is a cross, and does not count."""
     )
     evidence.table("overlap", rows, "Greatest overlap and the wall time of one simulated second.")
-    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd; lower left is better.")
-    table = cheapest_rows(rows)
-    evidence.finding(which_in_words(table), "overlap", "Greatest overlap over run time: which contact model to take")
+    caption = "Greatest overlap over run time, same crowd; lower left is better."
+    evidence.plot("overlap", lambda: draw(rows, people), caption)
     evidence.table(
         "overlap_cheapest",
         table,
         "The cheapest of the settings above that keeps an overlap, and the cheapest of each model over it.",
     )
+
+
+def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
+    """Return the row of each setting."""
+    start = _start(people, seed)
+    return [measure(setting, start) for setting in settings(float(start[1].mass.min()), is_quick)]
 
 
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
@@ -147,7 +158,7 @@ def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
     return {
         "model": setting.label,
         "varied": setting.knob,
-        "value": f"{setting.value:.3g}",
+        "value": setting.value,
         "h [s]": setting.step,
         "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
         "time per simulated second [s]": span / walked,
@@ -173,8 +184,8 @@ def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
         offset, side = LABELS.get(model, ((5, 5), "left"))
         for row, x, y in zip(series, *_places(series), strict=True):
             axis.annotate(
-                row["value"], (x, y), textcoords="offset points", xytext=offset, ha=side, va="center", fontsize=7,
-                color=colour,
+                f"{row['value']:.3g}", (x, y), textcoords="offset points", xytext=offset, ha=side, va="center",
+                fontsize=7, color=colour,
             )  # fmt: skip
     axis.margins(x=0.12, y=0.08)
     axis.set_xlabel("wall time of one simulated second [s]")
@@ -203,7 +214,7 @@ def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         found: dict[str, Any] = {
             "overlap allowed [mm]": f"{allowed:g}",
             "cheapest here": cheapest["model"] if cheapest else None,
-            "setting": "{varied} = {value}".format(**cheapest) if cheapest else None,
+            "setting": "{varied} = {value:.3g}".format(**cheapest) if cheapest else None,
             "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
         }
         for model in models:
@@ -212,19 +223,3 @@ def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             )
         table.append(found)
     return table
-
-
-def which_in_words(table: Sequence[dict[str, Any]]) -> str:
-    """Say which setting to take for which overlap, and what DEM costs beside it."""
-    told = []
-    for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
-        settings = [f"{row['overlap allowed [mm]']} mm ({row['setting']})" for row in group]
-        if model is not None:
-            told.append(f"{model} for {', '.join(settings)}")
-    dear = [row["DEM / cheapest"] for row in table if row.get("DEM / cheapest")]
-    words = f"Which contact model to take, by the overlap that will do: {'; '.join(told)}."
-    if dear:
-        words += f" DEM takes {min(dear):.2g} to {max(dear):.2g} times as long where it gets there"
-        never = [row["overlap allowed [mm]"] for row in table if row.get("DEM / cheapest") is None]
-        words += f", and does not get to {', '.join(never)} mm at these stiffnesses." if never else "."
-    return words

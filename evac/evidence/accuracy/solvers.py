@@ -3,18 +3,17 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from evac.evidence.accuracy.data import add_data
 from evac.evidence.accuracy.goals import (
     STARTS,
     WIN_GOALS,
-    default_finding,
+    Row,
     default_rows,
     factor_rows,
-    factors_in_words,
     goal_rows,
     race_rows,
     win_rows,
@@ -31,6 +30,7 @@ from evac.evidence.accuracy.problems import (
 )
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
+from evac.evidence.verdicts import all_of, reported
 from evac.physics.solvers import SOLVERS
 from evac.physics.state import FloatArray
 from evac.registry import Registry
@@ -63,70 +63,76 @@ FULL = (Stage(100, 0.1), Stage(1_000, 0.2), Stage(4_000, 0.6, TOLERANCES[::2]), 
 LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
 
 
+SECTION = "a. Contact solvers: error against run time"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part a and add it to the page."""
-    registry = Registry()
-    default = default_solver(registry)
-    evidence.heading("a. Contact solvers: error against run time")
+    """Add part a to the page."""
+    stages = QUICK if evidence.quick else FULL
+    rows = evidence.measured("solvers", lambda: _all_rows(stages, evidence.seed))
+    default = default_solver(Registry())
+    races = race_rows(rows, default)
+    wins = win_rows(races, default)
+    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
+    _judge(evidence, wins, factors, default)
+    evidence.heading(SECTION)
     evidence.text(
         f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
         crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
         no percussions, warm from those of the step before. The error is the greatest distance of the velocities
-        found from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
-        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units and is another thing."""
+        from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
+        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units, but is not the
+        error: errors of the single contacts add up along the crowd."""
     )
     evidence.text(
-        """uzawa is the paper's solver: all percussions step along their gradient by 0.95 of the greatest fixed length.
-        accelerated_gradient steps each by its own length and goes on along the last step (Nesterov's momentum).
-        gauss_seidel puts one contact right after the other, outwards from the exit. conjugate_sweeps and
-        conjugate_faces join sweeps there and back by conjugate gradients, the second on one set of pushing contacts
-        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum, there and back where that swings up;
-        it alone relaxes four contacts at a time, of bodies that are all different."""
+        """uzawa is the paper's solver. accelerated_gradient gives each percussion its own step and adds Nesterov's
+        momentum. gauss_seidel solves one contact after the other, outwards from the exit. conjugate_sweeps and
+        conjugate_faces join sweeps there and back by conjugate gradients. accelerated_sweeps is gauss_seidel with
+        Nesterov's momentum, four contacts at a time."""
     )
-    rows: list[dict[str, Any]] = []
-    for stage in QUICK if evidence.quick else FULL:
-        found = _stage_rows(stage, evidence.seed, registry)
-        rows += found
+    for stage in stages:
+        found = [row for row in rows if row["people"] == stage.people]
         evidence.plot(
             f"solvers_{stage.people}",
-            draw(stage, found),
-            f"{stage.people} people: true error over the time of one solve, cold (full lines) and warm (dashed). Lines"
-            " end where the allowed time ends, or below the precision of the reference. Dotted: the time of the"
-            " reference, for building its matrices, as many attempts as its precision takes, a direct solution of the"
-            " pushing contacts and the check of the law; its error is below the axis.",
+            partial(draw, stage, found),
+            f"{stage.people} people: true error over the time of one solve, cold (full lines) and warm (dashed)."
+            " Dotted: the time of the reference, whose error is below the axis.",
         )
-    _add_races(evidence, rows, default)
-    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
-    evidence.text(factors_in_words(factors))
-    evidence.table("solvers_factors", factors, "True error over residual, all solves of a problem.")
-    evidence.table(
-        "solvers_default",
-        default_rows(rows, default),
-        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of"
-        " the others over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there;"
-        " clarabel: with all that the reference's time includes.",
-    )
-    add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
-    add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")
-
-
-def _add_races(evidence: Evidence, rows: Sequence[dict[str, Any]], default: str) -> None:
-    """Add who is the first to which goal: the table of wins, and the sentence at the head of the page."""
-    races = race_rows(rows, default)
-    wins = win_rows(races, default)
     goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
     evidence.table(
         "solvers_wins",
         wins,
-        f"In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by the residual that it"
-        " stops at and by its true error. Times between two solves are interpolated, so that nobody is credited for"
-        f" doing more than a tolerance asks. {default} / first: how many times as long the default takes as the first"
-        " one, where it gets there.",
+        f"""In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by residual and by true
+        error; times between two solves are interpolated. {default} / first: how many times as long the default takes as
+        the first one, where it gets there.""",
         {"greatest": ".2f", f"{default} / first: median": ".2f"},
     )
-    largest = max(row["people"] for row in rows)
-    evidence.finding(default_finding(races, wins, default), f"solvers_{largest}", f"Solvers on {largest} people")
-    add_data(evidence, "solvers_races", races, "Each of these races")
+    evidence.data("solvers_races", races, "Each of these races")
+    evidence.data("solvers_factors", factors, "True error over residual, by problem")
+    words = "Time of the default [ms], and of the others over it, to 1e-6 cold"
+    evidence.data("solvers_default", default_rows(rows, default), words)
+    evidence.data("solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
+    evidence.data("solvers", rows, "All solves, with iterations, residuals and errors")
+
+
+def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], default: str) -> None:
+    """Add the verdicts: how often the default is the first to a true error, what it loses, error over residual."""
+    by_error = [row for row in wins if row["by"] == "error"]
+    for start in STARTS:
+        here = [row for row in by_error if row["start"] == start]
+        first, problems = sum(row[default] for row in here), sum(row["problems"] for row in here)
+        evidence.verdict(all_of(f"{default} is first to a true error, {start} start", first, problems, SECTION))
+    worst = max((row["greatest"] or 0.0 for row in by_error), default=0.0)
+    evidence.verdict(reported("Its time over that of the first, at worst", f"{worst:.3g}", "1", SECTION))
+    medians = [row["error / residual: median"] for row in factors]
+    told = f"{min(medians):.2g} to {max(medians):.2g}, at most {max(row['greatest'] for row in factors):.2g}"
+    evidence.verdict(reported("True error over residual, median of a problem", told, "-", SECTION))
+
+
+def _all_rows(stages: Sequence[Stage], seed: int) -> list[Row]:
+    """Return the solves of all sizes."""
+    registry = Registry()
+    return [row for stage in stages for row in _stage_rows(stage, seed, registry)]
 
 
 def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:

@@ -12,6 +12,7 @@ from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.models import model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.verdicts import all_of, reported
 from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -91,15 +92,34 @@ class Trial:
     states: list[dict[str, np.ndarray]]
 
 
+PARTS = "Parts forced in"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute the page."""
+    """Measure and write the page."""
     rounds, school_rounds = (2, 1) if evidence.quick else (25, 5)
-    rows = scene_rows("square_room", 10.0, NAMED, rounds)
-    rows += scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
+    rows = evidence.measured("parts", lambda: _part_rows(evidence.quick, rounds, school_rounds))
+    same = sum(row["same bits"] == "yes" for row in rows)
+    evidence.verdict(all_of("Parts forced in without changing a bit of any trajectory", same, len(rows), PARTS))
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        for column in ("loop [%]", "set-up [ms]"):
+            most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])
+            told = f"{most[column]:+.0f} ({most['part forced in']}, {most['model']})"
+            evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
     _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
     report_output(evidence, rounds)
     report_commands(evidence)
-    evidence.write_page("Leaving out what a scene does not need")
+    evidence.write_page(
+        "Leaving out what a scene does not need",
+        "Examined: what fields, forces, behaviours and tests cost where a scene does not need them, whether forcing"
+        " them in changes the result, and how long each command takes to start.",
+    )
+
+
+def _part_rows(quick: bool, rounds: int, school_rounds: int) -> list[dict[str, Any]]:
+    """Return the rows of both scenes."""
+    rows = scene_rows("square_room", 10.0, NAMED, rounds)
+    return rows + scene_rows("primary_school", 2.0 if quick else 20.0, NAMED[-1:], school_rounds)
 
 
 def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
@@ -167,44 +187,27 @@ def same_bits(one: Trial, other: Trial) -> bool:
 
 def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
     """Add what the parts cost."""
-    same = sum(row["same bits"] == "yes" for row in rows)
-    told = "A quick run is too short to tell what it costs."
-    if not evidence.quick:
-        told = f"Greatest costs: {'; '.join(_greatest(rows, scene) for scene in SCENES)}."
-    evidence.text(
-        f"""Forcing in what a scene does not need leaves the trajectories the same to the last bit in {same} of
-        {len(rows)} comparisons. {told}"""
-    )
-    evidence.heading("Parts forced in")
+    evidence.heading(PARTS)
     evidence.text(
         f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
-        in turns ({rounds}). A cost is the difference to the run without the part in the same round: the median, and the
-        least and the greatest, between which noise may lie on both sides of zero. After every tick
-        {", ".join(COMPARED)} of everybody are compared byte by byte with that run. A field is forced in by a behaviour
-        that offers its route to nobody; forces and behaviours are named by the case without being needed, and are
-        compared with a run that has the fields of all strategies. The tests of every body in every step for walls,
-        portals and exits on its path are switched on in the compiled step; the same switch turns on NSM2's tangential
-        law at K_T = 0, so that there the tests alone are measured at K_T = {TANGENTIAL:g} kg, where both runs need the
-        law. Stair speeds and a contact solve in a step without contacts cannot be forced in, and a position correction
-        would change the trajectories."""
+        in turns ({rounds}). A cost is the difference to the run without the part in the same round: median, least and
+        greatest, which noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte
+        by byte."""
+    )
+    evidence.text(
+        f"""A field is forced in by a behaviour that offers its route to nobody. Forces and behaviours are named by the
+        case without being needed, and compared with a run that has the fields of all strategies. The tests of every
+        body for walls, portals and exits on its path are switched on in the compiled step, together with NSM2's
+        tangential law; at K_T = {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair
+        speeds, and a contact solve in a step without contacts, cannot be forced in."""
     )
     formats = {"loop [%]": "+.1f", "loop, least [%]": "+.1f", "loop, greatest [%]": "+.1f"}
     evidence.table("parts", rows, "What each part adds when forced in.", formats)
-    _plot_parts(evidence, rows)
+    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
+    evidence.plot("parts", lambda: _draw_parts(rows), caption)
 
 
-def _greatest(rows: Sequence[dict[str, Any]], scene: str) -> str:
-    """Return which parts cost most in a scene, in the loop and in the set-up."""
-    own = [row for row in rows if row["scene"] == scene]
-    loop = max(own, key=lambda row: float(row["loop [%]"]))
-    setup = max(own, key=lambda row: float(row["set-up [ms]"]))
-    return (
-        f"{scene}: {loop['loop [%]']:+.0f} % of the loop ({loop['part forced in']}, {loop['model']}) and "
-        f"{setup['set-up [ms]']:+.0f} ms of set-up ({setup['part forced in']}, {setup['model']})"
-    )
-
-
-def _plot_parts(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
+def _draw_parts(rows: list[dict[str, Any]]) -> Any:
     """Draw what each part adds to the loop, with its range, a column for each scene and a bar for each model."""
     names = list(dict.fromkeys(row["part forced in"] for row in rows))
     figure, axes = new_figure(10.0, 1.0 + 0.5 * len(names), 1, len(SCENES), sharey=True)
@@ -225,5 +228,4 @@ def _plot_parts(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
     axes[0].set_yticks(range(len(names)), names, fontsize=8)
     axes[0].invert_yaxis()
     figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, ncols=len(MODELS), loc="outside upper center")
-    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
-    evidence.plot("parts", figure, caption)
+    return figure
