@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy.reference import PRECISION
-from evac.physics.solvers import SOLVERS
 
 Row = dict[str, Any]
 
@@ -24,6 +23,14 @@ WIN_GOALS = (1e-4, 1e-6, 1e-8)
 
 #: Errors below this multiple of the reference's precision are none of the solver's.
 CLEAR = 100.0
+
+#: Name of the reference among the solvers of the rows.
+REFERENCE = "clarabel"
+
+
+def solvers_of(rows: Sequence[Row]) -> list[str]:
+    """Return the names of the solvers that rows are about, in their order, without the reference."""
+    return [name for name in dict.fromkeys(row["solver"] for row in rows) if name != REFERENCE]
 
 
 def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where: Any) -> float | None:
@@ -66,10 +73,11 @@ def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str]
 def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
     """Return a row per problem, start, measure and goal: the first solver there, and the default's time over its."""
     table = []
+    solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start, measure, goal in itertools.product(STARTS, MEASURES, WIN_GOALS):
-            found = {solver: time_to(lines[solver, start], goal, measure) for solver in SOLVERS}
+            found = {solver: time_to(lines[solver, start], goal, measure) for solver in solvers}
             times = {solver: time for solver, time in found.items() if time is not None}
             if times:
                 first = min(times, key=lambda solver: times[solver])
@@ -79,7 +87,7 @@ def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
     return table
 
 
-def win_rows(races: Sequence[Row], default: str) -> list[Row]:
+def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> list[Row]:
     """Return a row per start, measure and goal: how many problems each solver wins, and what the default loses."""
     table = []
     for start, measure, goal in dict.fromkeys((race["start"], race["by"], race["goal"]) for race in races):
@@ -92,7 +100,7 @@ def win_rows(races: Sequence[Row], default: str) -> list[Row]:
                 "by": measure,
                 "to": f"{goal:.0e}",
                 "problems": len(here),
-                **{solver: sum(race["first"] == solver for race in here) for solver in SOLVERS},
+                **{solver: sum(race["first"] == solver for race in here) for solver in solvers},
                 f"{default} / first: median": float(np.median(reached)) if reached else None,
                 "greatest": max(reached, default=None),
                 "never there": len(shares) - len(reached),
@@ -131,15 +139,16 @@ def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
 def goal_rows(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times to each residual, one column per solver [ms]."""
     table = []
+    solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start in STARTS:
             for goal in GOALS:
-                times = {solver: time_to(lines[solver, start], goal) for solver in SOLVERS}
+                times = {solver: time_to(lines[solver, start], goal) for solver in solvers}
                 table.append(
                     {
                         **where,
-                        "contacts": lines[SOLVERS[0], start][0]["contacts"],
+                        "contacts": lines[solvers[0], start][0]["contacts"],
                         "start": start,
                         "residual": f"{goal:.0e}",
                         **{solver: None if found is None else 1e3 * found for solver, found in times.items()},
@@ -157,9 +166,9 @@ def default_rows(rows: Sequence[Row], default: str) -> list[Row]:
         times["1e-06, warm"] = time_to(lines.get((default, "warm"), ()), RATIO_GOAL)
         ours = time_to(lines[default, "cold"], RATIO_GOAL)
         row: Row = {**where, **{goal: None if t is None else f"{1e3 * t:.3g}" for goal, t in times.items()}}
-        for solver in (*SOLVERS, "clarabel"):
+        for solver in (*solvers_of(rows), REFERENCE):
             if solver != default:
-                row[f"{solver} / {default}"] = _ratio(lines[solver, "cold"], ours, solver == "clarabel")
+                row[f"{solver} / {default}"] = _ratio(lines[solver, "cold"], ours, solver == REFERENCE)
         table.append(row)
     return table
 

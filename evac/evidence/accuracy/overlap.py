@@ -11,12 +11,14 @@ import numpy as np
 
 from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
-from evac.evidence.accuracy.snapshots import door_crowd
+from evac.evidence.accuracy.snapshots import door_crowd, with_own_doors
+from evac.evidence.models import make_engine
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of
+from evac.physics.status import OK
 from evac.physics.world import set_open
 from evac.registry import Registry
 
@@ -126,20 +128,19 @@ class _Still(ContactModel):
 
     name = "still"
 
-    def run(self, engine: Any, clock: Any) -> tuple[int, int]:
+    def advance(self, engine: Engine) -> int:
         """Make no step."""
-        return clock.last, 0
+        engine.state.clock.now = engine.state.clock.last
+        return OK
 
 
 def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
     """Run a setting from the same start; return its row."""
     crowd = copy_of(start[1])
-    world = start[0].world
-    world = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
-    engine = Engine(world, len(crowd.level), [])
+    world = with_own_doors(start[0].state.world)
+    engine = make_engine(world, len(crowd.level))
     per_tick = round(TICK / setting.step)
-    # Compiles; a copy, so that the run itself starts at the start.
-    Engine(world, len(crowd.level), []).advance(setting.model, copy_of(crowd), 0, 1, setting.step, False, False)
+    engine.load(setting.model)
     begin = time.perf_counter()
     made = 0
     outcome = FINISHED

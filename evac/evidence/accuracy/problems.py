@@ -1,18 +1,20 @@
 """The contact problems that solvers are compared on: what a model solves in one step of a crowd at a door."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
-from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
-from evac.evidence.models import COARSE
+from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd, with_own_doors
+from evac.evidence.models import COARSE, make_engine
 from evac.jit import kernel
 from evac.physics.contact_model import ContactModel
-from evac.physics.engine import Engine
-from evac.physics.solvers import INELASTIC, SOLVERS, solve
-from evac.physics.state import Bodies, Contacts, FloatArray, copy_of
+from evac.physics.percussions import solve_once
+from evac.physics.rows import INELASTIC
+from evac.physics.solver import Solver
+from evac.physics.state import Contacts, FloatArray, State, copy_of
 from evac.physics.world import set_open
 from evac.registry import Registry
 
@@ -74,46 +76,56 @@ class ContactProblem:
     Attributes
     ----------
     law : Law
-    inverse_mass : (n,) [1/kg]
-    free : (n, 2) [m/s]
-    contacts : Contacts
-        Copies; ``percussion`` is where a solver starts.
+    state : State
+        Of an engine that has just made the step: contacts, masses and free velocities are those of the problem.
+        ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
     warm : (c,) [N s]
         Percussions found in the step before, where a contact was there already.
-    velocity : (n, 2) [m/s]
-        Where a solver writes.
+    solvers : mapping of str to type
+        The registered solvers.
     """
 
     law: Law
-    inverse_mass: FloatArray
-    free: FloatArray
-    contacts: Contacts
+    state: State
     warm: FloatArray
-    velocity: FloatArray
+    solvers: Mapping[str, type[Solver]]
 
     @property
     def size(self) -> int:
         """Number of contacts."""
         return len(self.warm)
 
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts; the first `size` rows hold."""
+        return self.state.contacts
+
+    @property
+    def inverse_mass(self) -> FloatArray:
+        """Inverse masses (n,) [1/kg]."""
+        return self._of_bodies(self.state.bodies.inverse_mass)
+
+    @property
+    def free(self) -> FloatArray:
+        """Velocities without contacts (n, 2) [m/s]."""
+        return self._of_bodies(self.state.bodies.free)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities that the last solve has found (n, 2) [m/s]."""
+        return self._of_bodies(self.state.bodies.solved)
+
+    def _of_bodies(self, array: FloatArray) -> FloatArray:
+        return array[: self.state.bodies.inside]
+
     def start(self, is_warm: bool) -> None:
         """Set the percussions that a solver starts from: the last step's, or zero."""
         self.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
-        self.contacts.friction[:] = 0.0
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
-        iterations, found = run_solver(
-            SOLVERS.index(solver),
-            self.inverse_mass,
-            self.free,
-            self.velocity,
-            self.contacts,
-            self.law.compliance,
-            tolerance,
-            limit,
-        )
-        return int(iterations), float(found)
+        address = self.solvers[solver].solve.address
+        return run_solver(self.state, address, self.law.compliance, tolerance, limit), self.state.problem.residual
 
     def reference(self, precision: float = PRECISION) -> FloatArray:
         """Return the velocities (n, 2) from the library's interior-point solver, to a residual [m/s]."""
@@ -133,10 +145,11 @@ class ContactProblem:
 
 
 @kernel
-def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tolerance, limit):
-    """Call a solver on a problem without tangential law; return (iterations, residual)."""
-    n = inverse_mass.shape[0]
-    return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
+def run_solver(state: State, solver: int, compliance: float, tolerance: float, limit: int) -> int:
+    """Solve the problem in a state, without tangential law, by the solver at an address; return the iterations."""
+    state.problem.iterations = 0
+    solve_once(state, solver, state.bodies.free, state.bodies.solved, compliance, 0.0, tolerance, limit)
+    return state.problem.iterations
 
 
 def default_solver(registry: Registry) -> str:
@@ -163,41 +176,34 @@ def _walked_on(crowd: DoorCrowd, steps: int, registry: Registry) -> DoorCrowd:
 
 def _opened(settled: DoorCrowd, registry: Registry) -> DoorCrowd:
     """Return a copy of a settled crowd 0.05 s after its door has opened."""
-    world = settled.engine.world
-    copied = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
-    set_open(copied, 0, True)
     crowd = copy_of(settled.crowd)
-    engine = Engine(copied, len(crowd.level), [])
+    engine = make_engine(with_own_doors(settled.engine.state.world), len(crowd.level))
+    set_open(engine.state.world, 0, True)
     return _walked_on(DoorCrowd("opened", engine, crowd, settled.step), 5, registry)
 
 
 def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> ContactProblem:
     """Return the contact problem of a law in the sixth of its steps from a snapshot, as the model itself poses it."""
     model = law.make(registry)
-    _, held = _after(snapshot, model, STEPS_BEFORE)
-    bodies, contacts = _after(snapshot, model, STEPS_BEFORE + 1)
-    n, c = int(bodies.count[0]), int(contacts.count[0])
-    known = {
-        (int(body), int(key)): float(percussion)
-        for body, key, percussion in zip(
-            held.body[: held.count[0]], held.key[: held.count[0]], held.percussion[: held.count[0]], strict=True
-        )
-    }
-    warm = np.array(
-        [known.get((int(b), int(k)), 0.0) for b, k in zip(contacts.body[:c], contacts.key[:c], strict=True)]
-    )
-    # A fresh bundle: nothing in it can come from the step that the model has made already.
-    return ContactProblem(
-        law, bodies.inverse_mass[:n].copy(), bodies.free[:n].copy(), contacts, warm.reshape(c), np.zeros((n, 2))
-    )
+    before = _after(snapshot, model, STEPS_BEFORE).contacts
+    known = dict(zip(_keys(before), before.percussion[: before.number], strict=True))
+    # An engine of its own: nothing in it can come from the steps that the model has made already.
+    state = _after(snapshot, model, STEPS_BEFORE + 1)
+    warm = np.array([known.get(key, 0.0) for key in _keys(state.contacts)], dtype=np.float64)
+    return ContactProblem(law, state, warm, registry.solvers)
 
 
-def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> tuple[Bodies, Contacts]:
-    """Return bodies and contacts of the last of some steps made in one tick from a snapshot, which stays as it is."""
+def _keys(contacts: Contacts) -> list[tuple[int, int]]:
+    """Return what contacts are known by from step to step: their body, and the other one or the wall."""
+    return list(zip(contacts.body[: contacts.number].tolist(), contacts.key[: contacts.number].tolist(), strict=True))
+
+
+def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
+    """Return the state after some steps made in one tick from a snapshot, which stays as it is."""
     crowd = copy_of(snapshot.crowd)
-    engine = Engine(snapshot.engine.world, len(crowd.level), [])
+    engine = make_engine(snapshot.engine.state.world, len(crowd.level))
     engine.advance(model, crowd, snapshot.step, steps, STEP, False, False)
-    return engine.bodies, engine.contacts
+    return engine.state
 
 
 def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:

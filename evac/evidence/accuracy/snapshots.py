@@ -13,10 +13,11 @@ from shapely.geometry import box
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
+from evac.evidence.models import make_engine
 from evac.evidence.scenes import packed
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
-from evac.physics.state import Crowd, make_crowd
+from evac.physics.state import Crowd, World, make_crowd
 from evac.physics.world import make_world, set_open
 
 DENSITY = 3.5  # people per m2
@@ -64,15 +65,20 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
     crowd = _rows(people, side) if kind == "in rows" else _crowd(people, side, generator)
     building = door_room(side)
-    engine = Engine(make_world(building, door_fields(side)), people, [])
+    engine = make_engine(make_world(building, door_fields(side)), people)
     if kind != "arriving":
-        set_open(engine.world, 0, False)
+        set_open(engine.state.world, 0, False)
     packing = 0.35 * side / 1.3
     seconds = {"arriving": packing, "settled": 2.0 * packing + 2.0, "in rows": 2.0}[kind]
     made = 10 * int(np.ceil(10.0 * seconds))
     for first in range(0, made, 10):
         engine.advance(model, crowd, first, 10, STEP, False, False)
     return DoorCrowd(kind, engine, crowd, made)
+
+
+def with_own_doors(world: World) -> World:
+    """Return a world whose doors can be opened and closed without those of the given one."""
+    return world.replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
 
 
 def door_room(side: float) -> Building:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy.goals import (
+    REFERENCE,
     STARTS,
     WIN_GOALS,
     Row,
@@ -16,6 +17,7 @@ from evac.evidence.accuracy.goals import (
     factor_rows,
     goal_rows,
     race_rows,
+    solvers_of,
     win_rows,
 )
 from evac.evidence.accuracy.problems import (
@@ -31,7 +33,6 @@ from evac.evidence.accuracy.problems import (
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.evidence.verdicts import all_of, reported
-from evac.physics.solvers import SOLVERS
 from evac.physics.state import FloatArray
 from evac.registry import Registry
 
@@ -72,7 +73,7 @@ def run(evidence: Evidence) -> None:
     rows = evidence.measured("solvers", lambda: _all_rows(stages, evidence.seed))
     default = default_solver(Registry())
     races = race_rows(rows, default)
-    wins = win_rows(races, default)
+    wins = win_rows(races, solvers_of(rows), default)
     factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
     _judge(evidence, wins, factors, default)
     evidence.heading(SECTION)
@@ -88,7 +89,7 @@ def run(evidence: Evidence) -> None:
         """uzawa is the paper's solver. accelerated_gradient gives each percussion its own step and adds Nesterov's
         momentum. gauss_seidel solves one contact after the other, outwards from the exit. conjugate_sweeps and
         conjugate_faces join sweeps there and back by conjugate gradients. accelerated_sweeps is gauss_seidel with
-        Nesterov's momentum, four contacts at a time."""
+        Nesterov's momentum."""
     )
     for stage in stages:
         found = [row for row in rows if row["people"] == stage.people]
@@ -149,7 +150,7 @@ def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, A
             {
                 **head,
                 "start": "cold",
-                "solver": "clarabel",
+                "solver": REFERENCE,
                 "tolerance": None,
                 "time [s]": duration,
                 "iterations": None,
@@ -158,7 +159,7 @@ def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, A
                 "reference run [s]": reference_time(3),
             }
         )
-        for solver in SOLVERS:
+        for solver in registry.solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
                 for row in measure(problem, truth, solver, first == "warm", cap, stage.tolerances_for(law)):
@@ -227,7 +228,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
         for c, kind in enumerate(KINDS):
             axis = axes[r, c]
             here = [row for row in rows if row["law"] == law.label and row["crowd"] == kind]
-            for k, solver in enumerate(SOLVERS):
+            for k, solver in enumerate(solvers_of(rows)):
                 for first, style in zip(STARTS, ("-", "--"), strict=True):
                     line = [row for row in here if row["solver"] == solver and row["start"] == first]
                     axis.loglog(
@@ -241,7 +242,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
                         label=f"{solver}, {first}",
                     )
             for row in here:
-                if row["solver"] == "clarabel":
+                if row["solver"] == REFERENCE:
                     axis.axvline(1e3 * row["time [s]"], color="black", linestyle=":", linewidth=1.1, label="Clarabel")
             # The reference cannot tell errors below its own.
             axis.set_ylim(bottom=PRECISION * law.scale)

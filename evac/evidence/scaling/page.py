@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,8 +32,6 @@ from evac.evidence.scaling.walks import (
     time_ticks,
 )
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
-from evac.physics import stepping
-from evac.physics.state import Clock
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
@@ -129,33 +128,23 @@ def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
 
     Each phase is repeated on the crowd as the last step left it: lists (as often as they were built), search
     for contacts, drive, move (with the work sums and what is saved for going back), and sorting the people in
-    and out, once a tick.
+    and out, once a tick, by a tick without steps.
     """
-    engine, model = walk.engine, variant.model
-    world, bodies, lists, contacts = engine.world, engine.bodies, engine.lists, engine.contacts
-    events, tally = engine.events, engine.tally
-    clock = Clock(walk.made, walk.made + 1, walk.step, False, False, engine.cutoff, False)
-    now = walk.time
-    old_share = 0.5 if model.midpoint else 0.0
+    state = walk.engine.state
     found = {
-        "move": _each(
-            lambda repeats: phases.repeat_move(
-                world, bodies, lists, contacts, events, clock, tally, now, old_share, repeats
-            )
-        ),
-        "lists": cost.builds * _each(lambda repeats: phases.repeat_lists(world, bodies, lists, repeats)),
-        "drive": _each(
-            lambda repeats: phases.repeat_drive(
-                world, bodies, lists, engine.forces, clock, tally, now, model.overdamped, repeats
-            )
-        ),
-        "search": _each(lambda repeats: phases.repeat_search(world, bodies, lists, contacts, tally, repeats)),
+        name: _each(partial(kernel, state))
+        for name, kernel in (
+            ("lists", phases.repeat_lists),
+            ("drive", phases.repeat_drive),
+            ("search", phases.repeat_search),
+            ("move", phases.repeat_move),
+        )
     }
+    found["lists"] *= cost.builds
 
     def sort(repeats: int) -> None:
         for _ in range(repeats):
-            stepping.gather(world, walk.crowd, bodies, lists, contacts)
-            stepping.scatter(walk.crowd, bodies)
+            walk.engine.advance(variant.model, walk.crowd, walk.made, 0, walk.step, False, False)
 
     found["sorting"] = _each(sort) / walk.per_tick
     found["contact and rest"] = max(0.0, cost.seconds - sum(found.values()))
@@ -203,7 +192,7 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
         "ms per step": 1e3 * cost.seconds if cost else None,
         "iterations per step": cost.iterations if cost else None,
         "steps per list": 1.0 / cost.builds if cost and cost.builds else None,
-        "bytes per person": memory(walk) / people,
+        "bytes per person": memory(walk, variant.model) / people,
         "grid [MB]": 1e-6
         * sum(array.nbytes for array in (hall.fields.packed.direction, hall.fields.packed.travel_time)),
     }

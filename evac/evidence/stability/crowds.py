@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from evac.errors import EvacError
 from evac.evidence import scenes
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.scenes import Bounds, FloatArray, Scene
 from evac.evidence.stability.maps import Cell, cell_rows
@@ -27,7 +28,6 @@ from evac.evidence.stability.trial import (
 )
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact_model import ContactModel
-from evac.physics.solvers import SOLVERS
 from evac.physics.state import Crowd, make_crowd
 
 #: Greatest speed of a crowd that stands [m/s].
@@ -75,7 +75,7 @@ def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
     wall = _without_walking(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], mass=80.0)
     rows: list[dict[str, Any]] = []
     for value in values:
-        for solver in SOLVERS:
+        for solver in plugins().solvers:
             model = make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
             row: dict[str, Any] = {"K_N [kg]": value, "solver": solver}
             for name, scene, rebound, mass in (
@@ -117,7 +117,7 @@ def _try_squeeze(model: ContactModel) -> dict[str, Any]:
     start = deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
     engine.advance(model, crowd, 0, 1, 0.01, False, False)
-    percussion = float(engine.contacts.percussion[: engine.contacts.count[0]].max())
+    percussion = float(engine.state.contacts.percussion[: engine.state.contacts.number].max())
     trial = attempt(model, scene, 0.01, 2.0)
     verdict = judge(trial, lambda _: max(0.0, greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True)
     return {
@@ -200,7 +200,7 @@ def _standing_cells(quick: bool) -> list[Cell]:
     return [
         Cell(f"{variant}, {solver}, {drive}", step, STANDS, try_standing(variant, solver, drive == "explicit", step))
         for variant in VARIANTS
-        for solver in (("",) if variant == "DEM" else SOLVERS)
+        for solver in (("",) if variant == "DEM" else plugins().solvers)
         for drive in ("exponential", "explicit")
         if not quick or (drive == "exponential" and solver in ("", default))
         for step in ([0.1, 0.01] if quick else [0.1, 0.03, 0.01, 1e-3, 1e-4])

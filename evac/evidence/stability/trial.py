@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import Crowd
 from evac.physics.tallies import MEASURES
-from evac.registry import Registry
 
 RIGHT = "right"
 HANDLED = "handled"
@@ -133,15 +131,10 @@ class Verdict:
     words: str  # by how much, how handled, or why refused
 
 
-@cache
-def _registry() -> Registry:
-    return Registry()
-
-
 def make_model(variant: str, **parameters: Any) -> ContactModel:
     """Return a contact model by its name in `VARIANTS`, with more parameters or others."""
     name, given = VARIANTS[variant]
-    return models.make_model(name, _registry(), **{**given, **parameters})
+    return models.make_model(name, **{**given, **parameters})
 
 
 def attempt(

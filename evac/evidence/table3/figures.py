@@ -11,10 +11,9 @@ from shapely.geometry import box
 from evac.building.model import Building, Level
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.routes import Route
-from evac.evidence.models import make_model
+from evac.evidence.models import make_engine, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.verdicts import reported
-from evac.physics.engine import Engine
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
 
@@ -140,7 +139,7 @@ def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities (81, 2) at every step."""
     ground = np.array([[-EXTENT, 0.0, EXTENT, 0.0]])
     crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
-    engine = Engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1, [])
+    engine = make_engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1)
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
     position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
     for step in range(80):
@@ -155,7 +154,7 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
     crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
-    engine = Engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2, [])
+    engine = make_engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2)
     model = make_model("NSM2")
     position, velocity = [crowd.position.copy()], [crowd.velocity.copy()]
     steps = round(DURATION / STEP)
