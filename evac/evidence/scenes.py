@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.physics.contact_model import BorderScene, border_scene
@@ -113,6 +113,7 @@ def _fields(
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(direction),
             travel_time=time,
+            walls=NO_CELL_WALLS,
         ),
     )
 

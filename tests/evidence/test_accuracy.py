@@ -20,10 +20,12 @@ from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, ve
 from evac.evidence.accuracy.solvers import TOLERANCES, measure
 from evac.evidence.accuracy.tolerance import judge
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import MET
-from evac.physics.solvers import SOLVERS
 from evac.registry import Registry
+
+SOLVERS = tuple(plugins().solvers)
 
 
 @pytest.fixture(scope="module")
@@ -106,8 +108,8 @@ def test_the_contact_problem_is_the_one_that_the_model_solved(crowds, registry):
 
 def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
     settled, opened = crowds["settled"], crowds["opened"]
-    assert settled.engine.world.link_open[0] == 0
-    assert opened.engine.world.link_open[0] == 1
+    assert settled.engine.state.world.link_open[0] == 0
+    assert opened.engine.state.world.link_open[0] == 1
     assert opened.step == settled.step + 5
     assert not np.array_equal(settled.crowd.position, opened.crowd.position)
 
@@ -115,7 +117,7 @@ def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
 def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds, registry):
     problem = contact_problem(crowds["settled"], LAWS[1], registry)
     truth = np.zeros_like(problem.free)
-    rows = measure(problem, truth, SOLVERS[-1], False, 0.05)
+    rows = measure(problem, truth, "accelerated_sweeps", False, 0.05)
     assert all(row["residual"] <= row["tolerance"] for row in rows[:-1])
     assert [row["tolerance"] for row in rows] == list(TOLERANCES[: len(rows)])
     slow = measure(problem, truth, "uzawa", False, 0.0)
@@ -153,16 +155,15 @@ def made_up_solves():
         for solver in SOLVERS:
             span = {"accelerated_sweeps": 1.0, "conjugate_faces": 2.0 if start == "cold" else 0.25}.get(solver, 8.0)
             head = {"people": 10, "crowd": "settled", "law": "NSM1", "contacts": 20, "solver": solver, "start": start}
-            rows.append(head | {"time [s]": span, "residual": 1e-9, "error": 1e-9})
-        rows[-1]["error"] = 1e-7 if start == "warm" else 1e-9
-    assert SOLVERS[-1] == "accelerated_sweeps"
+            error = 1e-7 if (solver, start) == ("accelerated_sweeps", "warm") else 1e-9
+            rows.append(head | {"time [s]": span, "residual": 1e-9, "error": error})
     return rows
 
 
 def test_wins_are_told_where_another_solver_has_them():
     rows = made_up_solves()
     races = race_rows(rows, "accelerated_sweeps")
-    wins = {(row["start"], row["by"], row["to"]): row for row in win_rows(races, "accelerated_sweeps")}
+    wins = {(row["start"], row["by"], row["to"]): row for row in win_rows(races, SOLVERS, "accelerated_sweeps")}
     assert wins["cold", "error", "1e-06"]["accelerated_sweeps"] == 1
     assert wins["warm", "residual", "1e-06"]["conjugate_faces"] == 1
     assert wins["warm", "residual", "1e-06"]["greatest"] == pytest.approx(4.0)

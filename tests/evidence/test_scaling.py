@@ -140,8 +140,11 @@ def test_a_refusal_stands_in_the_row_with_its_time(monkeypatch):
 
 
 def test_memory_grows_with_the_people_alone():
-    small, large = (walked(people, 2.0, "DEM", ticks=2) for people in (200, 2000))
-    assert 8 < memory(large) / memory(small) <= 10
+    model = make_variant("DEM", STEP).model
+    small, large = (memory(walked(people, 2.0, "DEM", ticks=2), model) for people in (200, 2000))
+    assert 8 < large / small <= 10
+    # DEM's own arrays: four numbers for each person.
+    assert large - memory(walked(2000, 2.0, "NSM2", ticks=1), make_variant("NSM2", STEP).model) == 4 * 8 * 2000
 
 
 def test_page_is_written(tmp_path, monkeypatch):

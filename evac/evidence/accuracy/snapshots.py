@@ -11,7 +11,7 @@ import numpy as np
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine
 from evac.evidence.scenes import packed
@@ -119,6 +119,7 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
             travel_time=distance.ravel(),
+            walls=NO_CELL_WALLS,
         ),
     )
 

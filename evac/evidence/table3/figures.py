@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.evidence.models import make_engine, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
@@ -188,5 +188,6 @@ def _fields(directions: list[list[float]]) -> Fields:
             offset=4 * np.arange(routes, dtype=np.int64),
             direction=np.repeat(ahead, 4, axis=0),
             travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
+            walls=NO_CELL_WALLS,
         ),
     )
