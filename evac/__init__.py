@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from evac.parameters import Parameter as Parameter
     from evac.physics.contact_model import ContactModel as ContactModel
     from evac.physics.force import Force as Force
+    from evac.physics.solver import Solver as Solver
     from evac.registry import Registry as Registry
     from evac.running import run as run
     from evac.scenario.case import Case as Case
@@ -59,6 +60,7 @@ _HOMES = {
     "ScenarioError": "evac.errors",
     "Simulation": "evac.simulation",
     "SimulationError": "evac.errors",
+    "Solver": "evac.physics.solver",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
     "load": "evac.scenario.loading",

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.directions.fields import Fields
     from evac.directions.routes import Route
-    from evac.physics.state import Crowd
+    from evac.physics.state import Crowd, World
+    from evac.scene import Scene
 
 
 _LEGAL = {
@@ -84,7 +85,10 @@ class Behaviour(Configurable):
         return True
 
     def acts_at_ticks(self) -> bool:
-        """Return False if all its work is done by `prepare`; asked once, after that."""
+        """Return False if all its work is done by `prepare`; asked once, after that.
+
+        `act` is then called only at the tick after a change of the scene.
+        """
         return True
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -92,7 +96,7 @@ class Behaviour(Configurable):
         return {}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Take up the arrays that `state` returned."""
+        """Restore the arrays that `state` returned."""
 
 
 class BehaviourScene:
@@ -102,8 +106,8 @@ class BehaviourScene:
     ----------
     crowd : Crowd
         Read-only except for the behaviour's ``writes``.
-    building : Building
-    fields : Fields
+    scene : Scene
+        Building, fields and world, as they are at the moment, and how often they have changed: its ``version``.
     groups : tuple of Group
         ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
         group's keys for this behaviour).
@@ -115,18 +119,36 @@ class BehaviourScene:
     def __init__(
         self,
         crowd: "Crowd",
-        building: "Building",
-        fields: "Fields",
+        scene: "Scene",
         groups: tuple[Any, ...],
         generator: np.random.Generator,
         tick: float,
     ) -> None:
         self.crowd = crowd
-        self.building = building
-        self.fields = fields
+        self.scene = scene
         self.groups = groups
         self.generator = generator
         self.tick = tick
+
+    @property
+    def building(self) -> "Building":
+        """The building as it is now."""
+        return self.scene.building
+
+    @property
+    def fields(self) -> "Fields":
+        """The directions as they are now."""
+        return self.scene.fields
+
+    @property
+    def world(self) -> "World":
+        """Building and directions as kernels read them; it changes with the scene."""
+        return self.scene.world
+
+    @property
+    def version(self) -> int:
+        """How often the scene has changed."""
+        return self.scene.version
 
 
 def check_writes(behaviour: Behaviour) -> None:

@@ -67,6 +67,7 @@ def explain(
     building: "Building",
     routes: Sequence[Route],
     model: "ContactModel",
+    loop: Sequence[tuple[str, bool, str]],
     forces: Mapping[str, float | None],
     behaviours: Mapping[str, bool | None],
 ) -> list[Part]:
@@ -79,6 +80,8 @@ def explain(
     routes : sequence of Route
         Those with a field.
     model : ContactModel
+    loop : sequence of (str, bool, str)
+        Parts of the step loop, see `Engine.explain`.
     forces : mapping of str to float or None
         For each force that the case names the gap up to which it is felt [m], None if it is left out.
     behaviours : mapping of str to bool or None
@@ -105,6 +108,7 @@ def explain(
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
     with plugin_code(f"contact model {model.name!r}: parts"):
         parts.extend(Part(*row) for row in model.parts())
+    parts.extend(Part(*row) for row in loop)
     parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
     for name in ("animation", "picture"):
         is_wanted = getattr(case.output, name)

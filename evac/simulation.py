@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
+from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
@@ -28,9 +29,9 @@ from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.physics.world import make_world
 from evac.plan import Part, explain, needed_behaviours, needed_forces, needed_routes
 from evac.registry import Registry
+from evac.scene import Scene
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
@@ -65,7 +66,7 @@ class Simulation:
 
     Attributes
     ----------
-    registry, building, fields, population, contact, forces, engine, recorders
+    registry, scene, building, fields, population, contact, forces, engine, recorders
         The stations of the main path.
     behaviours : list of (Behaviour, BehaviourScene)
         Those in use, each with what it sees.
@@ -108,15 +109,13 @@ class Simulation:
         """Make the stations of the main path, one from the other."""
         case = self.case
         with self._phase("building"):
-            self.building = case.read_building()
-            check_people(case, self.building)
+            building = case.read_building()
+            check_people(case, building)
         with naming(case.source), self._phase("directions"):
-            self.fields = self._build_fields(behaviours)
-        with noting(self.building.warnings), self._phase("people"):
-            self.population = build_population(case, self.building, self.fields, self.seed)
-            world = make_world(self.building, self.fields)
-            people = self.population
-            check_ways(case.source, self.building, self.fields, world, people.crowd, people.groups)
+            self.scene = Scene(building, self._solve(building, behaviours), partial(self._solve, behaviours=behaviours))
+        with noting(building.warnings), self._phase("people"):
+            self.population = people = build_population(case, building, self.fields, self.seed)
+            check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = needed_behaviours(scenes, self.full)
@@ -125,8 +124,10 @@ class Simulation:
             self.contact.check_scene(border)
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
-        names = [level.name for level in self.building.levels]
-        self.engine = Engine(world, len(people.crowd.level), self.forces, self.full, names, self.registry.solvers)
+        names = [level.name for level in building.levels]
+        self.engine = Engine(
+            self.scene.world, len(people.crowd.level), self.forces, self.full, names, self.registry.solvers
+        )
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -136,6 +137,7 @@ class Simulation:
         self._watch = Watch(crowd.radius, self.case.simulation.tick, self.case.output.every)
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
+        self._version = self.scene.version
         self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
         for behaviour, scene in self.behaviours:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
@@ -151,7 +153,18 @@ class Simulation:
         )
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
-        return explain(self.case, self.building, self.fields.routes, self.contact, felt, acts)
+        loop = self.engine.explain(self.contact)
+        return explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
+
+    @property
+    def building(self) -> Building:
+        """The building, with what is closed now."""
+        return self.scene.building
+
+    @property
+    def fields(self) -> Fields:
+        """The directions as they are now."""
+        return self.scene.fields
 
     @property
     def time(self) -> float:
@@ -282,6 +295,7 @@ class Simulation:
             for key, value in behaviour.state().items():
                 state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
+        state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
         state["simulation.step"] = np.array([self.step])
         state["simulation.ending"] = self._ending.state()
         state["simulation.displacement_velocity"] = self.displacement_velocity.copy()
@@ -290,6 +304,8 @@ class Simulation:
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned, in a simulation of the same case."""
+        self.scene.restore(_part(state, "scene."))
+        self._version = self.scene.version
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
             behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
@@ -303,7 +319,6 @@ class Simulation:
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the start."""
-        settings = self.case.simulation
         with self._phase("kernels"):
             self.engine.load(self.contact)
         self._is_recording = True
@@ -352,23 +367,24 @@ class Simulation:
         return self.registry.providers([*used, *(("recorder", recorder.name) for recorder in self.recorders)])
 
     def _act(self) -> None:
-        """Let the behaviours act on factors set back to neutral."""
-        renewed = {name for behaviour, _ in self.behaviours if self._acts[behaviour.name] for name in behaviour.writes}
+        """Let the behaviours act on factors set back to neutral; after a change of the scene, all of them."""
+        changed, self._version = self.scene.version != self._version, self.scene.version
+        acting = [one for one in self.behaviours if self._acts[one[0].name] or changed]
+        renewed = {name for behaviour, _ in acting for name in behaviour.writes}
         crowd = self.population.crowd
         if "speed_factor" in renewed:
             crowd.speed_factor[:] = 1.0
         if "extra_direction" in renewed:
             crowd.extra_direction[:] = 0.0
-        for behaviour, scene in self.behaviours:
-            if self.full or self._acts[behaviour.name]:
-                with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
-                    behaviour.act(scene.crowd, self.time)
-                check_written(behaviour, self.population.crowd, len(self.fields.routes), self.time)
+        for behaviour, scene in self.behaviours if self.full else acting:
+            with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
+                behaviour.act(scene.crowd, self.time)
+            check_written(behaviour, crowd, len(self.fields.routes), self.time)
 
-    def _build_fields(self, behaviours: list[Behaviour]) -> Fields:
+    def _solve(self, building: Building, behaviours: list[Behaviour]) -> Fields:
         case, settings = self.case, self.case.directions
         return build_fields(
-            self.building,
+            building,
             needed_routes(case, behaviours, self.full),
             spacing=settings.spacing,
             clearance=default_clearance(case) if settings.clearance is None else settings.clearance,
@@ -381,8 +397,7 @@ class Simulation:
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
         return BehaviourScene(
             crowd=crowd_for(behaviour, self.population.crowd),
-            building=self.building,
-            fields=self.fields,
+            scene=self.scene,
             groups=self.population.groups_for(behaviour.name),
             generator=generator_for(self.seed, "behaviour", behaviour.name),
             tick=self.case.simulation.tick,

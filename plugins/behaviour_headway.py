@@ -15,7 +15,6 @@ from evac.physics.drive import desired_direction, desired_speed
 from evac.physics.seams import reaches
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
-from evac.physics.world import make_world
 
 #: A repulsion below this share of the desired direction is left out.
 FAINT = 0.01
@@ -93,7 +92,7 @@ class Headway(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Make room for what is seen at a tick."""
         n = len(scene.crowd.level)
-        self._world = make_world(scene.building, scene.fields)
+        self._world = scene.world
         self._sights = Sights(
             direction=np.zeros((n, 2)),
             wanted=np.zeros(n),

@@ -103,7 +103,8 @@ class RouteChoice(Behaviour):
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Let everybody choose."""
-        self._fields = scene.fields
+        self._scene = scene
+        self._version = scene.version
         self._index = {route: index for index, route in reversed(list(enumerate(scene.fields.routes)))}
         self._groups = tuple(
             choosers for group in scene.groups for choosers in self._choosers_of(group, scene.crowd.route)
@@ -114,9 +115,10 @@ class RouteChoice(Behaviour):
             self._choose(scene.crowd, choosers, False)
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Let those choose again whose strategy changes now, and everybody once a period."""
-        again = time >= self._next[0] - INSTANT
-        if again:
+        """Let those choose again whose strategy changes now, and everybody once a period and when the scene changes."""
+        again = time >= self._next[0] - INSTANT or self._scene.version != self._version
+        self._version = self._scene.version
+        if time >= self._next[0] - INSTANT:
             self._next[0] = self.every * (math.floor(time / self.every + INSTANT) + 1)
         for index, choosers in enumerate(self._groups):
             changes = not self._changed[index] and time >= choosers.change_at - INSTANT
@@ -137,7 +139,7 @@ class RouteChoice(Behaviour):
         return {"changed": self._changed.copy(), "next": self._next.copy()}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Take up what `state` returned."""
+        """Restore what `state` returned."""
         self._changed = state["changed"].copy()
         self._next = state["next"].copy()
 
@@ -157,7 +159,7 @@ class RouteChoice(Behaviour):
             raise ScenarioError(f"{where}.change_at: set behaviours.route_choice.change_to to a strategy")
         found = []
         for index in np.unique(route[group.rows]):
-            allowed = self._fields.routes[index].exits
+            allowed = self._scene.fields.routes[index].exits
             possible: tuple[tuple[str, ...], ...] = tuple((name,) for name in exits if not allowed or name in allowed)
             if not exits and not allowed:
                 possible = ((),)
@@ -190,7 +192,7 @@ class RouteChoice(Behaviour):
         routes = choosers.offered(changed)
         strategies = {route.strategy for route in routes}
         measure = strategies.pop() if len(strategies) == 1 else "fastest"
-        cost = route_costs(self._fields, crowd, rows, [self._index[route] for route in routes], measure)
+        cost = route_costs(self._scene.fields, crowd, rows, [self._index[route] for route in routes], measure)
         best = np.argmin(cost, axis=1)
         reached = np.isfinite(cost[np.arange(len(rows)), best])
         chosen = np.array([self._index[route] for route in routes], dtype=np.int32)[best]

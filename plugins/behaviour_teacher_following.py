@@ -105,11 +105,11 @@ class TeacherFollowing(Behaviour):
             speed=np.zeros(sum(sizes)),
         )
         self._rules = Rules(tick=scene.tick, trail=self.trail, lag=self.lag, patience=self.patience, stuck=self.stuck)
-        self._fields = scene.fields.packed
+        self._scene = scene
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Set everybody's speed factor, and the members' routes and start times."""
-        follow(crowd, self._fields, self._classes, self._rules, time)
+        follow(crowd, self._scene.fields.packed, self._classes, self._rules, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False if no group has a teacher."""
@@ -120,7 +120,7 @@ class TeacherFollowing(Behaviour):
         return {"memory": self._classes.memory.copy(), "goes_alone": self._classes.goes_alone.copy()}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Take up what `state` returned."""
+        """Restore what `state` returned."""
         self._classes.memory[:] = state["memory"]
         self._classes.goes_alone[:] = state["goes_alone"]
 

@@ -62,12 +62,14 @@ def project(state: State, own: Projection, h: float) -> int:
 def _outruns_reach(bodies, h):
     """Say whether somebody moves farther than it looked for contacts, and let those look farther."""
     bodies.outrun = 0
+    bodies.farthest_reach = 0.0
     for i in range(bodies.inside):
         if bodies.level[i] >= 0:
             path = h * math.sqrt(bodies.solved[i, 0] ** 2 + bodies.solved[i, 1] ** 2)
             if path > bodies.reach[i]:
                 bodies.reach[i] = 1.5 * path
                 bodies.outrun = 1
+            bodies.farthest_reach = max(bodies.farthest_reach, bodies.reach[i])
     return bodies.outrun == 1
 
 
@@ -109,6 +111,7 @@ class Nsm1(SolvedContactModel):
     law = project
     reach_share = REACH
     reach_fastest = SHARED_REACH
+    separates = True
     variant = Parameter("inertial", "with or without inertia", choices=("inertial", "overdamped"))
     gap_tolerance = Parameter(1e-4, "greatest overlap left by a solve", unit="m", above=0.0)
 

@@ -12,7 +12,6 @@ from evac.physics.contacts import (
     keep_only_meeting,
     normal_velocity,
     report_contact_force,
-    set_velocity_before,
     tangential_velocity,
 )
 from evac.physics.overlaps import is_to_separate
@@ -57,7 +56,6 @@ def strike(state: State, own: Dissipation, h: float) -> int:
     for c in range(contacts.number if own.correction else 0):
         if 0.0 < contacts.gap[c] <= own.margin:  # touching too; the others have been counted
             tally[at.CONTACTS] += 1.0
-    set_velocity_before(bodies, contacts)
     if own.tangential > 0.0 or state.clock.full:
         _stick(bodies, contacts)
     is_elastic = math.isinf(own.normal)
@@ -181,6 +179,11 @@ class Nsm2(SolvedContactModel):
         )
 
     @property
+    def separates(self) -> bool:  # type: ignore[override]
+        """Whether overlaps are separated."""
+        return bool(self.position_correction)
+
+    @property
     def _margin(self) -> float:
         """Gap up to which bodies touch [m]."""
         return MARGIN if self.position_correction else 0.0
@@ -188,8 +191,10 @@ class Nsm2(SolvedContactModel):
     def advice(self) -> Mapping[int, str]:
         """Return what to change where a step cannot be made."""
         return {
-            TOO_FAST: "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
-            " contact.model = 'nsm1'"
+            TOO_FAST: (
+                "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
+                " contact.model = 'nsm1'"
+            )
         }
 
 

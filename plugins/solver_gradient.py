@@ -166,7 +166,7 @@ def _set_rates(rows):
 
 
 class Uzawa(Solver):
-    """The paper's solver: all percussions step along their gradient by a fixed length, 0.95 of the greatest safe one."""
+    """The paper's solver: all percussions step along their gradient by 0.95 of the greatest safe fixed length."""
 
     name = "uzawa"
     solve = uzawa

@@ -1,4 +1,4 @@
-"""Compiling kernels with numba: every function once by its front end, then all of an entry's functions by LLVM together.
+"""Compiling kernels: each function once by numba's front end, then all functions of an entry by LLVM together.
 
 numba's own dispatcher optimises each function, and again in each that calls it. Here functions are kept as they were
 lowered, and only what an entry reaches is linked and optimised. Imported only to compile.

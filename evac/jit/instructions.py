@@ -43,6 +43,7 @@ class BufferType(types.Type):  # type: ignore[misc]
 
     @property
     def ndim(self) -> int:
+        """Number of axes."""
         return len(self.kind.shape)
 
 

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import Any, get_args, get_type_hints
 
-from evac.jit.layout import Array, Kind, Struct, check_array, kind_of
+from evac.jit.layout import Array, Kind, Struct, check_array, kind_of, known_structs
 
 #: Run kernels as Python functions, to look into them.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -41,6 +41,7 @@ class Kernel:
         return f"{self.__module__}.{self.function.__qualname__}"
 
     def __call__(self, *arguments: Any) -> Any:
+        """Run the Python function."""
         return self.function(*arguments)
 
     def __repr__(self) -> str:
@@ -97,7 +98,7 @@ class Entry(Kernel):
         if not self._address:
             if INTERPRETED:
                 self._address = id(self)
-                _interpreted[self._address] = self.function
+                _interpreted[self._address] = self
             else:
                 from evac.jit.loading import addresses_of  # imports llvmlite
 
@@ -153,8 +154,8 @@ class Entry(Kernel):
         return self._call(*passed)
 
 
-#: Python functions by what stands for their addresses where nothing is compiled.
-_interpreted: dict[int, Callable[..., Any]] = {}
+#: Entries by what stands for their addresses where nothing is compiled.
+_interpreted: dict[int, Entry] = {}
 
 
 class Intrinsic:
@@ -171,6 +172,7 @@ class Intrinsic:
         self.name, self.twin = name, twin
 
     def __call__(self, *arguments: Any) -> Any:
+        """Do it in Python."""
         return self.twin(*arguments)
 
 
@@ -192,7 +194,13 @@ class AddressCall:
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
 
     def __call__(self, address: int, *arguments: Any) -> Any:
-        return _interpreted[int(address)](*arguments)
+        """Call a kernel that is not compiled; the addresses of structs are given for the structs."""
+        entry = _interpreted[int(address)]
+        given = [
+            argument if isinstance(kind, Array | str) or isinstance(argument, Struct) else known_structs[argument]
+            for (_, kind), argument in zip(entry.signature[0], arguments, strict=True)
+        ]
+        return entry.function(*given)
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -247,4 +247,7 @@ class SolvedContactModel(ContactModel):
 
     solver = Parameter("accelerated_sweeps", "method of the contact problem, a registered solver")
     velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
+    #: Whether overlaps are separated, on positions, before the law acts.
+    separates: bool = False
+
     iterations = Parameter(5_000, "iterations after which a solve is counted as unconverged", minimum=1, maximum=10**9)

@@ -30,14 +30,6 @@ def set_reach(bodies, h, share, floor):
 
 
 @inner
-def wall_acts(state, level, x, y, w, px, py):
-    """Say whether wall `w` with nearest point p acts on a body at (x, y)."""
-    if state.world.wall_open[w]:
-        return False
-    return touches(state, level, x, y, state.world.wall_level[w], px, py)
-
-
-@inner
 def _near_walls(state, i):
     """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
 
@@ -56,7 +48,7 @@ def _near_walls(state, i):
         )
         if distance >= nearest and distance > limit:
             continue
-        if not wall_acts(state, level, x, y, w, px, py):
+        if world.wall_open[w] or not touches(state, level, x, y, world.wall_level[w], px, py):
             continue
         nearest = min(nearest, distance)
         if distance > limit:
@@ -105,21 +97,6 @@ def _is_implied(world, near, k, kept):
         if first <= IMPLIED and second <= IMPLIED:
             return True
     return False
-
-
-@inner
-def _carry_over(contacts, memory, c, at):
-    """Start contact c from its percussion in the last step; `at` walks along both sorted lists and is returned."""
-    body, key = contacts.body[c], contacts.key[c]
-    first = memory.half * memory.size
-    while at < memory.number and (
-        memory.body[first + at] < body or (memory.body[first + at] == body and memory.key[first + at] < key)
-    ):
-        at += 1
-    contacts.percussion[c] = 0.0
-    if at < memory.number and memory.body[first + at] == body and memory.key[first + at] == key:
-        contacts.percussion[c] = memory.percussion[first + at]
-    return at
 
 
 @inner
@@ -189,8 +166,11 @@ def find_contacts(state):
 
 @inner
 def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
-    """Set contact c, with its percussion of the step before; return how far that memory has been read."""
-    contacts = state.contacts
+    """Set contact c, starting from its percussion of the step before; return how far those have been read.
+
+    Contacts and remembered percussions are both sorted by body and key.
+    """
+    contacts, before = state.contacts, state.warm_start
     contacts.body[c] = i
     contacts.other[c] = other
     contacts.key[c] = key
@@ -198,10 +178,19 @@ def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
     contacts.normal[c, 1] = ny
     contacts.gap[c] = gap
     contacts.omega[c] = omega
+    contacts.velocity_before[c] = normal_velocity(state.bodies.velocity, contacts, c)
     contacts.bias[c] = 0.0
     contacts.friction[c] = 0.0
     contacts.sticky[c] = 0
-    return _carry_over(contacts, state.warm_start, c, memory)
+    contacts.percussion[c] = 0.0
+    first = before.half * before.size
+    while memory < before.number and (
+        before.body[first + memory] < i or (before.body[first + memory] == i and before.key[first + memory] < key)
+    ):
+        memory += 1
+    if memory < before.number and before.body[first + memory] == i and before.key[first + memory] == key:
+        contacts.percussion[c] = before.percussion[first + memory]
+    return memory
 
 
 @inner
@@ -226,13 +215,6 @@ def tangential_velocity(velocity, contacts, c):
     if j >= 0:
         w -= tx * velocity[j, 0] + ty * velocity[j, 1]
     return w
-
-
-@inner
-def set_velocity_before(bodies, contacts):
-    """Set the normal velocities before the step, w-."""
-    for c in range(contacts.number):
-        contacts.velocity_before[c] = normal_velocity(bodies.velocity, contacts, c)
 
 
 @inner
@@ -279,6 +261,7 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
                 contacts.gap[used] = contacts.gap[c]
                 contacts.omega[used] = contacts.omega[c]
                 contacts.percussion[used] = contacts.percussion[c]
+                contacts.velocity_before[used] = contacts.velocity_before[c]
             used += 1
     contacts.number = used
 

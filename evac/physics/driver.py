@@ -20,16 +20,15 @@ from evac.physics.contacts import (
     keep_percussions,
     report_contact_force,
     set_reach,
-    set_velocity_before,
 )
 from evac.physics.drive import call_add_forces, drive, drive_overdamped, set_desired
-from evac.physics.motion import add_work, move, restore, save
+from evac.physics.motion import add_work, move
 from evac.physics.neighbours import build_lists, lists_are_stale
-from evac.physics.overlaps import call_separate, displace, widen_reach
+from evac.physics.overlaps import call_separate
 from evac.physics.state import Bodies, Crowd, State, World
 from evac.physics.status import (
+    FIRST_MISSING_PART,
     NEEDS_SEPARATION,
-    NEEDS_STRONGER_SOLVER,
     OK,
     SEARCH_AGAIN,
     SEPARATE,
@@ -150,7 +149,7 @@ def _obey(state):
         clock.attempt += 1
         if status == SEARCH_AGAIN:
             keep_percussions(state.contacts, state.warm_start)
-            status = search(state, 0.0, 3.0 * _farthest_reach(state))
+            status = search(state, 0.0, 3.0 * state.bodies.farthest_reach)
         elif status == SEPARATE:
             status = _separate(state)
         else:
@@ -160,35 +159,17 @@ def _obey(state):
 
 
 @inner
-def _farthest_reach(state):
-    """Return the greatest reach of a body inside [m]."""
-    bodies = state.bodies
-    farthest = 0.0
-    for i in range(bodies.inside):
-        if bodies.level[i] >= 0:
-            farthest = max(farthest, bodies.reach[i])
-    return farthest
-
-
-@inner
 def _separate(state):
-    """Separate overlaps within the reaches that this sets, and search for contacts again; return a status."""
+    """Separate overlaps, and search for contacts before and after; return a status."""
     if state.parts.separation == 0:
         return NEEDS_SEPARATION
-    reach = 2.0 * widen_reach(state)
-    status = search(state, 0.0, reach)
-    if status != OK:
-        return status
-    status = call_separate(state.parts.separation, state)
-    if status != OK:
-        return status
-    if state.contacts.separation_failed == 0:
-        status = displace(state)
+    for is_solve in range(2):
+        status = call_separate(state.parts.separation, state, is_solve)
         if status == OK:
-            status = _renew_lists(state, 0.0, reach)
-    if status == OK:
-        status = _seek(state)
-    return status
+            status = search(state, 0.0, 2.0 * state.bodies.farthest_reach)
+        if status != OK:
+            return status
+    return OK
 
 
 @kernel
@@ -220,7 +201,7 @@ def approach(state: State) -> int:
     set_reach(bodies, h, traits.reach_share, floor)
     status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
     if status == OK:
-        _tally_contacts(state.contacts, state.tally)
+        _tally_contacts(state)
     return status
 
 
@@ -230,16 +211,7 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, contacts)
     if status != OK:
         return status
-    return _seek(state)
-
-
-@inner
-def _seek(state):
-    """Find the contacts within the reaches as they are set; return a status."""
-    status = find_contacts(state)
-    if status == OK:
-        set_velocity_before(state.bodies, state.contacts)
-    return status
+    return find_contacts(state)
 
 
 @inner
@@ -282,38 +254,31 @@ def _is_too_fast(bodies, h, limit):
 
 
 @inner
-def _tally_contacts(contacts, tally):
-    """Count the contacts and their overlaps at the start of the step."""
+def _tally_contacts(state):
+    """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began."""
+    bodies, contacts, tally = state.bodies, state.contacts, state.tally
     for c in range(contacts.number):
-        if contacts.gap[c] <= 0.0:
+        overlap = -contacts.gap[c]
+        if overlap >= 0.0:
             tally[at.CONTACTS] += 1.0
-            if -contacts.gap[c] > tally[at.GREATEST_OVERLAP]:
-                tally[at.GREATEST_OVERLAP] = -contacts.gap[c]
-                tally[at.DEEPEST_BODY] = 1.0 + contacts.body[c]
-            tally[at.OVERLAP_SUM] -= contacts.gap[c]
+            tally[at.OVERLAP_SUM] += overlap
             tally[at.OVERLAPS] += 1.0
-
-
-@inner
-def _place_deepest(bodies, tally, time):
-    """Note time and place of a greatest overlap that this sub-step has found: where the body was as the step began."""
-    i = int(tally[at.DEEPEST_BODY]) - 1
-    tally[at.DEEPEST_BODY] = 0.0
-    tally[at.DEEPEST_TIME] = time
-    tally[at.DEEPEST_PERSON] = bodies.row[i]
-    tally[at.DEEPEST_LEVEL] = bodies.old_level[i]
-    tally[at.DEEPEST_X] = bodies.old_position[i, 0]
-    tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
+            if overlap > tally[at.GREATEST_OVERLAP]:
+                i = contacts.body[c]
+                tally[at.GREATEST_OVERLAP] = overlap
+                tally[at.DEEPEST_TIME] = state.clock.time
+                tally[at.DEEPEST_PERSON] = bodies.row[i]
+                tally[at.DEEPEST_LEVEL] = bodies.old_level[i]
+                tally[at.DEEPEST_X] = bodies.old_position[i, 0]
+                tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
 
 
 @kernel
 def conclude(state: State) -> int:
-    """Report contact forces if asked for, sum the work, keep the percussions for a warm start, move; return a status."""
+    """Report contact forces if asked for, sum the work, remember the percussions, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
-    if tally[at.DEEPEST_BODY] > 0.0:
-        _place_deepest(bodies, tally, clock.time)
     if not traits.overdamped:  # without inertia there is no kinetic energy to account for
         add_work(bodies, contacts, tally)
     if traits.remembers:
@@ -325,8 +290,13 @@ def conclude(state: State) -> int:
 @kernel
 def open_step(state: State) -> None:
     """Remember bodies, sums, events and percussions at the start of a step."""
-    memory = state.warm_start
-    save(state.bodies)
+    bodies, memory = state.bodies, state.warm_start
+    for i in range(bodies.inside):
+        for k in range(2):
+            bodies.old_position[i, k] = bodies.position[i, k]
+            bodies.old_velocity[i, k] = bodies.velocity[i, k]
+        bodies.old_level[i] = bodies.level[i]
+        bodies.old_distance[i] = bodies.distance[i]
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number
@@ -344,13 +314,20 @@ def cut(state: State, status: int, parts: int) -> int:
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     # Contacts that create energy create more with smaller sub-steps.
     is_thrown = status == TOO_FAST and _speed(bodies, bodies.failed) > FASTEST
-    restore(bodies, state.lists)
+    for i in range(bodies.inside):
+        for k in range(2):
+            bodies.position[i, k] = bodies.old_position[i, k]
+            bodies.velocity[i, k] = bodies.old_velocity[i, k]
+        bodies.distance[i] = bodies.old_distance[i]
+        if bodies.level[i] != bodies.old_level[i]:
+            bodies.level[i] = bodies.old_level[i]
+            state.lists.stale = 1
     state.events.number = state.events.number_before
     for k in range(tally.shape[0]):
         tally[k] = state.tally_before[k]
     memory.half = memory.half_before
     memory.number = 0
-    if status == NEEDS_STRONGER_SOLVER or status == NEEDS_SEPARATION:
+    if status >= FIRST_MISSING_PART:
         memory.number = memory.number_before
         state.contacts.separation_failed = memory.failed_before
         return 0

@@ -1,7 +1,7 @@
 """The engine: owns the state of the step loop and makes one tick of steps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,13 @@ from evac.physics.allocation import (
     make_state,
     make_warm_start,
 )
+from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, World
-
-if TYPE_CHECKING:
-    from evac.physics.contact_model import ContactModel
 
 #: What went wrong in a step, for messages; contact models add what to change.
 _FAILURES = {
@@ -89,7 +87,7 @@ class Engine:
         self._model: ContactModel | None = None
 
     def advance(
-        self, model: "ContactModel", crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
+        self, model: ContactModel, crowd: Crowd, first: int, steps: int, step: float, explicit: bool, report: bool
     ) -> Events:
         """Make `steps` steps from step `first` on and return the crossings of the tick.
 
@@ -120,7 +118,7 @@ class Engine:
         driver.gather(self.state, crowd, inside)
         return int(inside)
 
-    def load(self, model: "ContactModel", progress: Callable[[int, int], None] | None = None) -> None:
+    def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
         """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
         if self._model is model:
             return
@@ -132,13 +130,13 @@ class Engine:
         parts = state.parts
         parts.parameters = self._own.memory_address
         parts.law = model.law.address if model.law else 0
-        parts.solver = self._solver(model).solve.address if hasattr(model, "solver") else 0
+        parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.forces = add_forces.address if self._forces else 0
         for k, force in enumerate(self._forces):
             state.forces.address[k] = force.pair.address
-        if self.full and hasattr(model, "solver"):
+        if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
             self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
@@ -149,14 +147,14 @@ class Engine:
         world = self.state.world
         return self.full or len(world.cosine) > 1 or bool(world.backed.any())
 
-    def entries(self, model: "ContactModel") -> list[Entry]:
+    def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
         found = [driver.list_inside, driver.gather, driver.scatter]
         if model.law is None:
             found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
         else:
             found += [driver.advance, model.law]
-        if hasattr(model, "solver"):
+        if isinstance(model, SolvedContactModel):
             found.append(self._solver(model).solve)
         if self.has_seams:
             found.append(reaches)
@@ -164,7 +162,22 @@ class Engine:
             found += [add_forces, *(force.pair for force in self._forces)]
         return found
 
-    def _solver(self, model: Any, stronger: bool = False) -> type[Solver]:
+    def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
+        """Return the parts of the step loop that a scene may not need: name, whether in, why."""
+        levels, behind = len(self.state.world.cosine), int(self.state.world.backed.sum())
+        why = f"levels: {levels}; of these with walls right behind an exit: {behind}"
+        found = [("contacts across portals and exits", self.has_seams, why)]
+        if isinstance(model, SolvedContactModel):
+            stronger, later = self._solver(model).stronger, "loaded when a solve does not converge"
+            found += [
+                (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
+                (f"solver {stronger}, which tries again", self.full, later),
+            ]
+        if isinstance(model, SolvedContactModel) and model.separates:
+            found.append(("separation of overlaps", self.full, "loaded when overlaps exceed the tolerance"))
+        return found
+
+    def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
         """Return the solver that a model names, or the one that tries again."""
         name = model.solver
         for _ in range(1 + stronger):
@@ -176,17 +189,17 @@ class Engine:
             name = found.stronger
         return found
 
-    def _load_part(self, model: Any, needed: int) -> None:
+    def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load what a step has been found to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
             self.state.parts.stronger = self._solver(model, stronger=True).solve.address
         else:
             self.state.parts.separation = separate.address
 
-    def _handle(self, model: "ContactModel", found: int, time: float) -> None:
+    def _handle(self, model: ContactModel, found: int, time: float) -> None:
         """Do what a status asks for, or raise SimulationError."""
         state = self.state
-        if found in (status.NEEDS_STRONGER_SOLVER, status.NEEDS_SEPARATION):
+        if found >= status.FIRST_MISSING_PART and isinstance(model, SolvedContactModel):
             self._load_part(model, found)
         elif found == status.PAIRS_FULL:
             state.lists.pair_body = grown(state.lists.pair_body)
@@ -242,7 +255,7 @@ class Engine:
             if name not in at.DEEPEST
         }
 
-    def contact_report(self, model: "ContactModel") -> dict[str, Any]:
+    def contact_report(self, model: ContactModel) -> dict[str, Any]:
         """Return what a contact model has come to, by the names that docs/results.md lists."""
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
@@ -255,7 +268,7 @@ class Engine:
         """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
         if not self.state.tally[at.GREATEST_OVERLAP]:
             return None
-        _, time, person, level, x, y = self.state.tally[at.DEEPEST_BODY :].tolist()
+        time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
         return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def _place(self) -> str:

@@ -4,39 +4,13 @@ import math
 
 from evac.jit import inner
 from evac.physics import tallies as at
-from evac.physics.contacts import normal_velocity, tangential_velocity, wall_acts
+from evac.physics.contacts import normal_velocity, tangential_velocity
 from evac.physics.neighbours import segment_distance
-from evac.physics.seams import crossing, side_of
+from evac.physics.seams import crossing, side_of, touches
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
 EXIT = 1
-
-
-@inner
-def save(bodies):
-    """Remember positions, velocities and levels at the start of a step."""
-    for i in range(bodies.inside):
-        bodies.old_position[i, 0] = bodies.position[i, 0]
-        bodies.old_position[i, 1] = bodies.position[i, 1]
-        bodies.old_velocity[i, 0] = bodies.velocity[i, 0]
-        bodies.old_velocity[i, 1] = bodies.velocity[i, 1]
-        bodies.old_level[i] = bodies.level[i]
-        bodies.old_distance[i] = bodies.distance[i]
-
-
-@inner
-def restore(bodies, lists):
-    """Go back to the start of the step."""
-    for i in range(bodies.inside):
-        bodies.position[i, 0] = bodies.old_position[i, 0]
-        bodies.position[i, 1] = bodies.old_position[i, 1]
-        bodies.velocity[i, 0] = bodies.old_velocity[i, 0]
-        bodies.velocity[i, 1] = bodies.old_velocity[i, 1]
-        bodies.distance[i] = bodies.old_distance[i]
-        if bodies.level[i] != bodies.old_level[i]:
-            bodies.level[i] = bodies.old_level[i]
-            lists.stale = 1
 
 
 @inner
@@ -45,13 +19,15 @@ def _crosses_wall(state, i, ax, ay, bx, by):
     world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
+        if world.wall_open[w]:
+            continue
         x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
         if side_of(x1, y1, x2, y2, ax, ay) * side_of(x1, y1, x2, y2, bx, by) >= 0.0:
             continue
         if side_of(ax, ay, bx, by, x1, y1) * side_of(ax, ay, bx, by, x2, y2) > 0.0:
             continue
         _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
-        if wall_acts(state, bodies.level[i], ax, ay, w, px, py):
+        if touches(state, bodies.level[i], ax, ay, world.wall_level[w], px, py):
             return True
     return False
 

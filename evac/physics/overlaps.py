@@ -23,7 +23,7 @@ ACROSS = 2.0
 LONGEST_CHAIN = 0.1
 
 #: Call `separate` at its address: it is loaded when overlaps have to be separated for the first time.
-call_separate = AddressCall([State], (int,))
+call_separate = AddressCall([State, int], (int,))
 
 
 @inner
@@ -47,27 +47,30 @@ def is_to_separate(state, tolerance, iterations):
 
 
 @inner
-def widen_reach(state):
-    """Let bodies look as far as separating the overlaps may push somebody; return the farthest reach [m]."""
+def _widen_reach(state):
+    """Let bodies look as far as separating the overlaps may push somebody."""
     bodies = state.bodies
+    bodies.farthest_reach = 0.0
     deepest = deepest_overlap(state.contacts)
     state.contacts.deepest = deepest
-    longest = 0.0
     chain = min(max(CHAIN, ACROSS * math.sqrt(bodies.inside)) * deepest, LONGEST_CHAIN)
     for i in range(bodies.inside):
         bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, chain)
-        longest = max(longest, bodies.reach[i])
-    return longest
+        bodies.farthest_reach = max(bodies.farthest_reach, bodies.reach[i])
 
 
 @kernel
-def separate(state: State) -> int:
-    """Find the displacements that separate the overlaps, in ``bodies.solved``; return a status.
+def separate(state: State, is_solve: int) -> int:
+    """Separate the overlaps in two calls, contacts being searched for after each; return a status.
 
-    They are the least in the mass norm with D + G.d >= 0 for all contacts in reach, the NSM1 problem without time.
-    They are taken only where they at least halve the deepest overlap; a squeezed body stays where it is.
+    The first lets everybody look far enough, the second finds the displacements and moves. They are the least in the
+    mass norm with D + G.d >= 0 for all contacts in reach, the NSM1 problem without time, and are taken only where they
+    at least halve the deepest overlap; a squeezed body stays where it is.
     """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
+    if is_solve == 0:
+        _widen_reach(state)
+        return OK
     for c in range(contacts.number):
         contacts.bias[c] = contacts.gap[c]
         contacts.percussion[c] = 0.0
@@ -82,14 +85,14 @@ def separate(state: State) -> int:
         return NEEDS_STRONGER_SOLVER
     if found <= enough:
         tally[at.POSITION_CORRECTIONS] += 1.0
-    else:
-        contacts.separation_failed = 1  # not again before the next tick
-        tally[at.FAILED_POSITION_CORRECTIONS] += 1.0
+        return _displace(state)
+    contacts.separation_failed = 1  # not again before the next tick
+    tally[at.FAILED_POSITION_CORRECTIONS] += 1.0
     return OK
 
 
 @inner
-def displace(state):
+def _displace(state):
     """Move everybody along the displacement in ``bodies.solved``; velocities stay, and no time goes by.
 
     The same share of it for all, so that no overlap is made: as much as keeps everybody within the reach of contacts

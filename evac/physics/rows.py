@@ -9,9 +9,9 @@ so that a row is a unit vector, A on its body and B on the other one: its veloci
 A.U_i + B.U_j, a change of x moves U_i by A and U_j by B, and a body's mass is never looked at. A sweep then costs
 some 3 ns a row; on contacts and bodies it would cost ten times as much (memory and branches).
 
-Columns of ``Problem.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Problem.elastic``: velocity
-before the step w- over sqrt(omega), s = omega / (omega + 2/K_N), 0 where the elastic term is absent, and the lower
-bound of x. The local law (docs/physics.md) reads
+Columns of ``Problem.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Problem.elastic``:
+velocity before the step w- over sqrt(omega), s = omega / (omega + 2/K_N), 0 where the elastic term is absent, and the
+lower bound of x. The local law (docs/physics.md) reads
 
     x = max(bound, x - (w + b), s (x - (w + w-)))
 

@@ -155,6 +155,7 @@ class Bodies(Struct):
     failed: int  # the body that the last failure is about
     smallest: float  # smallest radius [m]
     fastest: float  # greatest speed in the sub-step if nobody touched [m/s]
+    farthest_reach: float  # greatest reach, where a law asks for another search [m]
     outrun: int  # 1: somebody moves farther than contacts have been looked for
     row: Ints  # row in Crowd
     key: Floats  # travel time of row, before sorting by it [s]
@@ -273,7 +274,7 @@ class Contacts(Struct):
 
 
 class WarmStart(Struct):
-    """Percussions of the last sub-step, to start from, in two halves: the one of the step's start stays until its end."""
+    """Percussions of the last sub-step, to start from, in two halves: that of the step's start stays until its end."""
 
     size: int  # of a half
     half: int  # the half that the next search starts from

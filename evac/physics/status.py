@@ -24,5 +24,6 @@ SEARCH_AGAIN = 20
 SEPARATE = 21
 
 #: A part that is not loaded: the engine loads it before the step is made again.
+FIRST_MISSING_PART = 30
 NEEDS_STRONGER_SOLVER = 30
 NEEDS_SEPARATION = 31

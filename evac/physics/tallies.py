@@ -1,6 +1,6 @@
 """The tally: what a run adds up, one number for each name.
 
-The array has two rows: the sums, and what they were at the start of the step, to go back to.
+`State.tally` has the sums, `State.tally_before` what they were at the start of the step, to go back to.
 """
 
 NAMES = (
@@ -28,7 +28,6 @@ NAMES = (
     "failed_position_corrections",
     "repeated_searches",
     "hardened_contacts",
-    "deepest_body",
     "deepest_time",
     "deepest_person",
     "deepest_level",
@@ -47,9 +46,8 @@ MEASURES = {
     "greatest_speed",
 }
 
-#: Time [s] and place of the greatest overlap: not sums, and reported by `Engine.deepest_overlap`. ``deepest_body`` is
-#: one more than the body of a greatest overlap whose place has yet to be noted, 0 where there is none.
-DEEPEST = ("deepest_body", "deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
+#: Time [s] and place of the greatest overlap: not sums, and reported by `Engine.deepest_overlap`.
+DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
 
 #: Where each number stands in a row.
 (
@@ -77,7 +75,6 @@ DEEPEST = ("deepest_body", "deepest_time", "deepest_person", "deepest_level", "d
     FAILED_POSITION_CORRECTIONS,
     REPEATED_SEARCHES,
     HARDENED_CONTACTS,
-    DEEPEST_BODY,
     DEEPEST_TIME,
     DEEPEST_PERSON,
     DEEPEST_LEVEL,

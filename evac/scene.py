@@ -1,0 +1,98 @@
+"""The scene: the one owner of building, fields and world, which may change during a run."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.building.model import Building
+from evac.directions.fields import Fields
+from evac.errors import ScenarioError
+from evac.parameters import did_you_mean
+from evac.physics.state import World
+from evac.physics.world import make_world, set_open
+
+
+class Scene:
+    """What people walk in. Portals and exits open and close, after which directions are solved again.
+
+    Parameters
+    ----------
+    building : Building
+    fields : Fields
+        Of the building as it is.
+    solve : callable, optional
+        ``solve(building) -> Fields``, called when a portal or exit has opened or closed.
+
+    Attributes
+    ----------
+    building : Building
+        With the portals and exits that are closed now.
+    fields : Fields
+    version : int
+        How often the scene has changed. Whoever keeps something derived from it compares versions at the tick.
+    """
+
+    def __init__(self, building: Building, fields: Fields, solve: Callable[[Building], Fields] | None = None) -> None:
+        self.building = building
+        self.fields = fields
+        self.version = 0
+        self._solve = solve
+
+    @cached_property
+    def world(self) -> World:
+        """The scene as kernels read it; it changes with the scene."""
+        return make_world(self.building, self.fields)
+
+    def set_open(self, name: str, is_open: bool) -> None:
+        """Open or close an exit, or the portals between two levels (``"floor|stair"``): closed ones are walls.
+
+        Directions are solved again, and the version rises, unless nothing changes.
+
+        Parameters
+        ----------
+        name : str
+            Of an exit, or the names of two levels with a bar between.
+        is_open : bool
+
+        Raises
+        ------
+        ScenarioError
+            There is no such exit or portal.
+        """
+        links = self._links(name)
+        closed = self.building.closed - links if is_open else self.building.closed | links
+        self._close(frozenset(closed))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the links that are closed."""
+        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64)}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned."""
+        self._close(frozenset(state["closed"].tolist()))
+
+    def _close(self, closed: frozenset[int]) -> None:
+        if closed == self.building.closed:
+            return
+        for link in closed ^ self.building.closed:
+            set_open(self.world, link, link not in closed)
+        self.building = replace(self.building, closed=closed)
+        if self._solve is not None:
+            self.fields = self._solve(self.building)
+            self.world.fields = self.fields.packed
+        self.version += 1
+
+    def _links(self, name: str) -> frozenset[int]:
+        """Return the links that a name means."""
+        names = {way.name: {self.building.link_of(way)} for way in self.building.exits}
+        for portal in self.building.portals:
+            one, other = (self.building.levels[level].name for level in portal.levels)
+            for key in (f"{one}|{other}", f"{other}|{one}"):
+                names.setdefault(key, set()).add(portal.index)
+        if name not in names:
+            raise ScenarioError(f"no exit or portal {name!r}; {did_you_mean(name, list(names))}")
+        return frozenset(names[name])
