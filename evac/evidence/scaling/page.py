@@ -314,22 +314,3 @@ def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
     shown = ["people", "state", "model", *(f"{phase} [%]" for phase in PHASES)]
     formats = {f"{phase} [%]": ".0f" for phase in PHASES} | {"people": ","}
     evidence.table("scaling", [{key: row[key] for key in shown} for row in rows], "Shares of a step.", formats)
-    evidence.plot("phases", lambda: _draw_shares(rows), "Shares of a step in the largest hall.")
-
-
-def _draw_shares(rows: list[dict[str, Any]]) -> Any:
-    """Draw the shares of a step of every walk in the largest hall."""
-    largest = max(row["people"] for row in rows)
-    chosen = [row for row in rows if row["people"] == largest]
-    figure, axis = new_figure(8.0, 3.2)
-    place = np.arange(len(chosen))[::-1]
-    left = np.zeros(len(chosen))
-    colours = ("#56B4E9", "#0072B2", "#009E73", "#D55E00", "#E69F00", "#999999")
-    for phase, colour in zip(PHASES, colours, strict=True):
-        width = np.array([row[f"{phase} [%]"] for row in chosen])
-        axis.barh(place, width, left=left, color=colour, label=phase)
-        left += width
-    axis.set_yticks(place, [f"{row['model']}, {row['state']}" for row in chosen])
-    axis.set(xlabel=f"share of a step, {largest:,} people [%]", xlim=(0.0, 100.0))
-    figure.legend(frameon=False, ncols=len(PHASES), loc="outside upper center", fontsize=8)
-    return figure
