@@ -136,7 +136,14 @@ class Evidence:
         """Add a paragraph; numbers in it are formatted from data, never typed."""
         self._page.append(" ".join(sentences.split()))
 
-    def table(self, name: str, rows: Sequence[Row], caption: str, formats: Mapping[str, str] | None = None) -> None:
+    def table(
+        self,
+        name: str,
+        rows: Sequence[Row],
+        caption: str,
+        formats: Mapping[str, str] | None = None,
+        columns: Sequence[str] = (),
+    ) -> None:
         """Put a table on the page, and write NAME.csv unless that was done before.
 
         Parameters
@@ -150,10 +157,13 @@ class Evidence:
         formats : dict, optional
             Format specification of a column on the page, e.g. ``{"time [s]": ".2f"}``; otherwise floats have
             three significant digits.
+        columns : sequence of str
+            What the page shows of the file; by default all of it.
         """
         self._store(name, rows)
+        shown = [{key: row[key] for key in columns or row} for row in rows]
         self._page.append(f"{' '.join(caption.split())} ([{name}.csv]({name}.csv))")
-        self._page.append(markdown_table(rows, formats or {}))
+        self._page.append(markdown_table(shown, formats or {}))
 
     def data(self, name: str, rows: Sequence[Row], words: str = "The numbers behind it") -> None:
         """Put only a link to NAME.csv on the page, for what is too long to read."""

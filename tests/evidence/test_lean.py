@@ -96,7 +96,7 @@ def test_page_is_written(tmp_path, monkeypatch):
     evidence = lean.Evidence("lean", tmp_path, quick=True)
     lean.run(evidence)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "README.md", "run.json", "parts.csv", "parts.png", "output.csv", "commands.csv",
+        "README.md", "run.json", "parts.csv", "output.csv", "commands.csv",
     }  # fmt: skip
     verdicts = json.loads((tmp_path / "run.json").read_text())["verdicts"]
     assert (verdicts[0]["measured"], verdicts[0]["verdict"]) == ("13 of 13", "met")

@@ -154,7 +154,7 @@ def test_page_is_written(tmp_path, monkeypatch):
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
     tables = {f"{name}.csv" for name in ("claims", "scaling", "headway")}
-    assert names == {"README.md", "run.json", "scaling.png", "phases.png", *tables}
+    assert names == {"README.md", "run.json", "scaling.png", *tables}
     with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)

@@ -18,7 +18,6 @@ MEASURES = ("residual", "error")
 
 #: What the page compares, in the unit of the law.
 GOALS = (1e-4, 1e-6, 1e-10)
-RATIO_GOAL = 1e-6
 WIN_GOALS = (1e-4, 1e-6, 1e-8)
 
 #: Errors below this multiple of the reference's precision are none of the solver's.
@@ -155,31 +154,3 @@ def goal_rows(rows: Sequence[Row]) -> list[Row]:
                     }
                 )
     return table
-
-
-def default_rows(rows: Sequence[Row], default: str) -> list[Row]:
-    """Return a row per problem: times of the default solver, and those of the others over it."""
-    table = []
-    for where in problems_of(rows):
-        lines = lines_of(rows, where)
-        times = {f"{goal:.0e}": time_to(lines[default, "cold"], goal) for goal in GOALS}
-        times["1e-06, warm"] = time_to(lines.get((default, "warm"), ()), RATIO_GOAL)
-        ours = time_to(lines[default, "cold"], RATIO_GOAL)
-        row: Row = {**where, **{goal: None if t is None else f"{1e3 * t:.3g}" for goal, t in times.items()}}
-        for solver in (*solvers_of(rows), REFERENCE):
-            if solver != default:
-                row[f"{solver} / {default}"] = _ratio(lines[solver, "cold"], ours, solver == REFERENCE)
-        table.append(row)
-    return table
-
-
-def _ratio(line: Sequence[Row], ours: float | None, is_library: bool) -> str:
-    """Return the time of another solver over that of the default."""
-    if ours is None:
-        return "-"
-    reached = None if is_library else time_to(line, RATIO_GOAL)
-    if reached is None:
-        # The library's one time, or the longest that a solver was given.
-        longest = max(float(row["time [s]"]) for row in line)
-        return f"{'' if is_library else '> '}{longest / ours:.2g}"
-    return f"{reached / ours:.2g}"

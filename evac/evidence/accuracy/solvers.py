@@ -13,7 +13,6 @@ from evac.evidence.accuracy.goals import (
     STARTS,
     WIN_GOALS,
     Row,
-    default_rows,
     factor_rows,
     goal_rows,
     race_rows,
@@ -110,8 +109,6 @@ def run(evidence: Evidence) -> None:
     )
     evidence.data("solvers_races", races, "Each of these races")
     evidence.data("solvers_factors", factors, "True error over residual, by problem")
-    words = "Time of the default [ms], and of the others over it, to 1e-6 cold"
-    evidence.data("solvers_default", default_rows(rows, default), words)
     evidence.data("solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
     evidence.data("solvers", rows, "All solves, with iterations, residuals and errors")
 

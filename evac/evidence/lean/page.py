@@ -11,14 +11,13 @@ from evac.directions.routes import STRATEGIES
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
 from evac.evidence.models import model_overrides
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
 from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
 MODELS = ("DEM", "NSM1 inertial", "NSM2")
-SCENES = ("square_room", "primary_school")
 
 #: Arrays of the crowd that must be the same to the last bit, at every tick.
 COMPARED = ("position", "velocity", "level", "distance", "exit_time")
@@ -190,8 +189,8 @@ def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -
     evidence.heading(PARTS)
     evidence.text(
         f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
-        in turns ({rounds}). A cost is the difference to the run without the part in the same round: median, least and
-        greatest, which noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte
+        in turns ({rounds}). A cost is the median difference to the run without the part in the same round, which
+        noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte
         by byte."""
     )
     evidence.text(
@@ -201,31 +200,6 @@ def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -
         tangential law; at K_T = {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair
         speeds, and a contact solve in a step without contacts, cannot be forced in."""
     )
-    formats = {"loop [%]": "+.1f", "loop, least [%]": "+.1f", "loop, greatest [%]": "+.1f"}
-    evidence.table("parts", rows, "What each part adds when forced in.", formats)
-    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
-    evidence.plot("parts", lambda: _draw_parts(rows), caption)
-
-
-def _draw_parts(rows: list[dict[str, Any]]) -> Any:
-    """Draw what each part adds to the loop, with its range, a column for each scene and a bar for each model."""
-    names = list(dict.fromkeys(row["part forced in"] for row in rows))
-    figure, axes = new_figure(10.0, 1.0 + 0.5 * len(names), 1, len(SCENES), sharey=True)
-    height = 0.8 / len(MODELS)
-    for axis, scene in zip(axes, SCENES, strict=True):
-        for shift, model in enumerate(MODELS):
-            own = [row for row in rows if row["scene"] == scene and row["model"] == model]
-            place = [names.index(row["part forced in"]) + height * (shift - 0.5 * (len(MODELS) - 1)) for row in own]
-            middle = [row["loop [%]"] for row in own]
-            ends = [
-                [row["loop [%]"] - row["loop, least [%]"] for row in own],
-                [row["loop, greatest [%]"] - row["loop [%]"] for row in own],
-            ]
-            axis.barh(place, middle, height, color=MODEL_COLOURS[model], label=model)
-            axis.errorbar(middle, place, xerr=ends, fmt="none", ecolor="0.4", elinewidth=0.8)
-        axis.axvline(0.0, color="0.3", linewidth=0.8)
-        axis.set(xlabel="added to the loop [%]", title=scene)
-    axes[0].set_yticks(range(len(names)), names, fontsize=8)
-    axes[0].invert_yaxis()
-    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, ncols=len(MODELS), loc="outside upper center")
-    return figure
+    caption = "What each part adds when forced in; the file has the extremes."
+    columns = ("scene", "model", "part forced in", "set-up [ms]", "loop [%]", "same bits")
+    evidence.table("parts", rows, caption, {"loop [%]": "+.1f"}, columns)

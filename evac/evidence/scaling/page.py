@@ -263,14 +263,12 @@ def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[in
         look at the greatest overlap. "Refused" is an error of the run. DEM's contacts harden at large overlap and
         its steps are then cut into parts, whose time counts; the stiffer DEM has {STIFFER:g} times the stiffness
         and 1/{FINER} of the step. Memory is that of all arrays that grow with the people; the direction grid is
-        listed beside it."""
+        in the file, which has more columns than the table."""
     )
-    columns = [key for key in rows[0] if key not in {f"{phase} [%]" for phase in PHASES}]
-    formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "grid [m]": "g"}
-    formats |= {"h [s]": "g", "median speed [% of desired]": ".0f", "walked [s]": ".1f"}
-    evidence.table(
-        "scaling", [{key: row[key] for key in columns} for row in rows], "Time and memory; medians.", formats
-    )
+    columns = ("people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step")
+    columns += ("spread", "iterations per step", "bytes per person")
+    formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "h [s]": "g"}
+    evidence.table("scaling", rows, "Time and memory; medians.", formats, columns)
     caption = "Time per person-step against the number of people; a refusal has no point."
     evidence.plot("scaling", lambda: _draw_halls(rows), caption)
 
@@ -300,25 +298,6 @@ def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
         contact law or solve, checks and counts, Python's part of a tick, and the error of the other five, which
         find warmer caches."""
     )
-    shown = ["people", "state", "model", *(f"{phase} [%]" for phase in PHASES)]
-    formats = {f"{phase} [%]": ".0f" for phase in PHASES} | {"people": ","}
-    evidence.table("scaling", [{key: row[key] for key in shown} for row in rows], "Shares of a step.", formats)
-    evidence.plot("phases", lambda: _draw_shares(rows), "Shares of a step in the largest hall.")
-
-
-def _draw_shares(rows: list[dict[str, Any]]) -> Any:
-    """Draw the shares of a step of every walk in the largest hall."""
-    largest = max(row["people"] for row in rows)
-    chosen = [row for row in rows if row["people"] == largest]
-    figure, axis = new_figure(8.0, 3.2)
-    place = np.arange(len(chosen))[::-1]
-    left = np.zeros(len(chosen))
-    colours = ("#56B4E9", "#0072B2", "#009E73", "#D55E00", "#E69F00", "#999999")
-    for phase, colour in zip(PHASES, colours, strict=True):
-        width = np.array([row[f"{phase} [%]"] for row in chosen])
-        axis.barh(place, width, left=left, color=colour, label=phase)
-        left += width
-    axis.set_yticks(place, [f"{row['model']}, {row['state']}" for row in chosen])
-    axis.set(xlabel=f"share of a step, {largest:,} people [%]", xlim=(0.0, 100.0))
-    figure.legend(frameon=False, ncols=len(PHASES), loc="outside upper center", fontsize=8)
-    return figure
+    shares = [f"{phase} [%]" for phase in PHASES]
+    formats = dict.fromkeys(shares, ".0f") | {"people": ","}
+    evidence.table("scaling", rows, "Shares of a step.", formats, ("people", "state", "model", *shares))

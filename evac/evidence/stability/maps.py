@@ -1,6 +1,5 @@
 """The maps: what each contact model makes of a plane of two numbers, cell by cell, beside its theory."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -92,14 +91,6 @@ def show_map(
         [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in _panels(rows)],
         f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
     )
-    messages: dict[str, str] = {}
-    for row in rows:
-        if row["verdict"] == REFUSED:
-            messages.setdefault(re.sub(r"[-\d.e+()]+", "", row["words"]), row["words"])
-    if messages:
-        evidence.text("Refusals, one of each kind:")
-        for message in messages.values():
-            evidence.text(f"- {message}")
     return [row["verdict"] for row in rows]
 
 

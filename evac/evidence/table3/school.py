@@ -64,7 +64,7 @@ def report_school(evidence: Evidence) -> None:
 
     rows = evidence.measured("school", lambda: [school_row(name, measured()[name]) for name in VARIANTS])
     section = "The primary school: egress curves (section 4.3)"
-    told = ", ".join(
+    told = "; ".join(
         f"{row['last out, mean [s]']:.1f} s, {row['longest pause, mean [s]']:.1f} s ({row['variant']})" for row in rows
     )
     stall = f"pause of the exercise: {STALL[1] - STALL[0]:.0f} s"

@@ -36,8 +36,6 @@ LABORATORY = {
 #: Who is faster than so many times the own stair speed is pushed [-].
 PUSHED = 1.2
 
-COLUMN = {"down": "speed_down", "up": "speed_up"}
-
 
 @dataclass(frozen=True)
 class Stair:
