@@ -10,9 +10,12 @@ import numpy as np
 from evac.directions.routes import STRATEGIES
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
+from evac.evidence.lean.kernels import KernelCase, report_kernels
 from evac.evidence.models import model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of, reported
+from evac.physics.overlaps import separate
+from evac.physics.seams import reaches
 from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -38,8 +41,9 @@ class Part:
         What names it in a case that does not need it.
     full : bool
         Whether unused fields, forces and behaviours are forced in (``evac run --full``).
-    tests : bool
-        Whether the compiled step is told to do what it need not (``evac run --full``, too).
+    loop : tuple of str
+        What is forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and
+        ``"tests"``, which makes it do what it need not.
     base : Part, optional
         The run that it is compared with, which has everything else; None compares with nothing.
     """
@@ -47,12 +51,19 @@ class Part:
     name: str
     overrides: Mapping[str, Any] = field(default_factory=dict)
     full: bool = False
-    tests: bool = False
+    loop: tuple[str, ...] = ()
     base: "Part | None" = None
 
 
 LEAN = Part("nothing")
 FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
+
+#: What `evac explain` says of the kernels that the step loop may not need, by their attributes of `Parts`.
+LOOP = {
+    "seams": "contacts across portals",
+    "stronger": "which tries again",
+    "separation": "separation of overlaps",
+}
 
 #: What a case can name without needing it.
 NAMED = (
@@ -65,20 +76,25 @@ NAMED = (
 
 def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
     """Return the parts that can be forced into a shipped case under a model, which needs none of them."""
-    used = {route.strategy for route in Simulation(load_case(name)).fields.routes}
+    simulation = Simulation(load_case(name, model_overrides(model)))
+    used = {route.strategy for route in simulation.fields.routes}
     parts = [
         Part(f"fields: {strategy}", {"behaviours.unused_route": {"strategy": strategy}}, base=LEAN)
         for strategy in STRATEGIES
         if strategy not in used
     ]
     parts.append(FIELDS)
+    for label, is_in, _ in simulation.engine.explain(simulation.contact):
+        if not is_in:
+            part = next(part for part, words in LOOP.items() if words in label)
+            parts.append(Part(label, loop=(part,), base=LEAN))
     tests = "portals: tests for walls, portals and exits"
     if model == "NSM2":
         sticky = Part("tangential law", {"contact.nsm2.tangential_dissipation": TANGENTIAL})
-        parts.append(Part(tests, sticky.overrides, tests=True, base=sticky))
-        parts.append(Part("tangential contact, with these tests", tests=True, base=LEAN))
+        parts.append(Part(tests, sticky.overrides, loop=("tests",), base=sticky))
+        parts.append(Part("tangential contact, with these tests", loop=("tests",), base=LEAN))
     else:
-        parts.append(Part(tests, tests=True, base=LEAN))
+        parts.append(Part(tests, loop=("tests",), base=LEAN))
     return [*parts, *named]
 
 
@@ -106,12 +122,14 @@ def run(evidence: Evidence) -> None:
             told = f"{most[column]:+.0f} ({most['part forced in']}, {most['model']})"
             evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
     _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
+    report_kernels(evidence, _kernel_cases(evidence.quick))
     report_output(evidence, rounds)
     report_commands(evidence)
     evidence.write_page(
         "Leaving out what a scene does not need",
         "Examined: what fields, forces, behaviours and tests cost where a scene does not need them, whether forcing"
-        " them in changes the result, and how long each command takes to start.",
+        " them in changes the result, which kernels a scene compiles and loads, and how long each command takes to"
+        " start.",
     )
 
 
@@ -119,6 +137,17 @@ def _part_rows(quick: bool, rounds: int, school_rounds: int) -> list[dict[str, A
     """Return the rows of both scenes."""
     rows = scene_rows("square_room", 10.0, NAMED, rounds)
     return rows + scene_rows("primary_school", 2.0 if quick else 20.0, NAMED[-1:], school_rounds)
+
+
+def _kernel_cases(quick: bool) -> list[KernelCase]:
+    """Return the cases whose kernels are compared; a quick run has one."""
+    everything = {key: value for part in NAMED for key, value in part.overrides.items()}
+    cases = [
+        KernelCase(scene, model, model_overrides(model), named)
+        for scene, named in (("square_room", everything), ("primary_school", dict(NAMED[-1].overrides)))
+        for model in MODELS
+    ]
+    return cases[:1] if quick else cases
 
 
 def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
@@ -133,8 +162,8 @@ def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -
         parts = parts_of(name, model, named)
         variants = {part.name: part for part in [LEAN, *(part.base for part in parts if part.base), *parts]}
         cases = {key: load_case(name, {**shared, **part.overrides}, (), registry) for key, part in variants.items()}
-        trial(cases[LEAN.name], LEAN)  # not counted: the kernels are loaded
-        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds)]
+        # The first round is not counted: it loads the kernels.
+        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds + 1)][1:]
         for part in parts:
             rows.append({"scene": name, "model": model} | _part_row(part, trials))
     return rows
@@ -163,8 +192,8 @@ def trial(case: Any, part: Part) -> Trial:
     """Run a case tick by tick with a part forced in."""
     start = time.perf_counter()
     simulation = Simulation(case, full=part.full)
+    force(simulation, part.loop)
     ready = time.perf_counter()
-    simulation.engine.full = part.tests
     spent, states = 0.0, []
     while not simulation.ended:
         tick = time.perf_counter()
@@ -173,6 +202,21 @@ def trial(case: Any, part: Part) -> Trial:
         crowd = simulation.population.crowd
         states.append({name: getattr(crowd, name).copy() for name in COMPARED})
     return Trial(ready - start, spent, states)
+
+
+def force(simulation: Simulation, loop: Sequence[str]) -> None:
+    """Load what the scene needs into the step loop, and what is forced in, see `Part`."""
+    engine, model = simulation.engine, simulation.contact
+    engine.full = False
+    engine.load(model)
+    parts, solvers = engine.state.parts, simulation.registry.solvers
+    if "seams" in loop:
+        parts.seams = reaches.address
+    if "stronger" in loop:
+        parts.stronger = solvers[solvers[model.values()["solver"]].stronger].solve.address
+    if "separation" in loop:
+        parts.separation = separate.address
+    engine.full = "tests" in loop
 
 
 def same_bits(one: Trial, other: Trial) -> bool:

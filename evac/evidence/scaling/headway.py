@@ -11,6 +11,7 @@ from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
 from evac.evidence.verdicts import reported
 from evac.registry import Registry
+from evac.scene import Scene
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
 
@@ -53,7 +54,7 @@ def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     """Return the costs of a walk without and with headway, made in turns [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = Registry().get("behaviour", "headway")()
-    scene = BehaviourScene(kept.crowd, hall.building, hall.fields, (), np.random.default_rng(0), TICK)
+    scene = BehaviourScene(kept.crowd, Scene(hall.building, hall.fields), (), np.random.default_rng(0), TICK)
     behaviour.prepare(scene)
     costs = []
     for _ in range(WARM + TIMED):
