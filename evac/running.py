@@ -1,7 +1,6 @@
 """From a case to a result folder: run, then write everything that is written."""
 
 import json
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -13,6 +12,7 @@ from evac.errors import EvacError, ResultError, note
 from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
 from evac.output.results import Results
 from evac.output.trajectory import MAGIC, read_trajectory
+from evac.phases import Phases
 from evac.simulation import Progress, Simulation
 
 if TYPE_CHECKING:
@@ -88,19 +88,20 @@ def run_into(
     EvacError
         As for `run`.
     """
-    clear_folder(folder)
-    try:
-        results = simulation.run(progress)
-    except EvacError as error:
-        note(error, simulation.warnings())
-        if simulation.step:
-            simulation.ended = simulation.ended or FAILED
-            with suppress(ResultError):  # the first failure is the one to tell
-                simulation.results().write(folder)
-        raise
-    if writing is not None:
-        writing()
-    return write_outputs(results, folder)
+    with simulation.phases.enter("output"):
+        clear_folder(folder)
+        try:
+            results = simulation.run(progress)
+        except EvacError as error:
+            note(error, simulation.warnings())
+            if simulation.step:
+                simulation.ended = simulation.ended or FAILED
+                with suppress(ResultError):  # the first failure is the one to tell
+                    simulation.results().write(folder)
+            raise
+        if writing is not None:
+            writing()
+        return write_outputs(results, folder, simulation.phases)
 
 
 def check_folder(folder: Path) -> None:
@@ -166,11 +167,19 @@ def clear_folder(folder: Path) -> None:
                 path.unlink()
 
 
-def write_outputs(results: Results, folder: Path) -> Results:
+def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
     """Write everything but the trajectory, which the run has written, to its folder.
 
-    Always summary.json, egress.csv and people.csv; egress.png where ``output.picture`` is true, the VTK
+    Always egress.csv, people.csv and summary.json; egress.png where ``output.picture`` is true, the VTK
     animation where ``output.animation`` is.
+
+    Parameters
+    ----------
+    results : Results
+    folder : Path
+        There already.
+    phases : Phases
+        The clock of the run, in its phase "output".
 
     Returns
     -------
@@ -182,16 +191,17 @@ def write_outputs(results: Results, folder: Path) -> Results:
     ResultError
         A file cannot be written.
     """
-    results.write(folder)  # first: pictures may fail
-    start = time.perf_counter()
-    if results.case.output.picture:
-        from evac.output.pictures import draw_egress
+    try:
+        results.write_tables(folder)
+        if results.case.output.picture:
+            from evac.output.pictures import draw_egress
 
-        draw_egress(results, folder / EGRESS_PICTURE_NAME)
-    if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
-        from evac.output.vtk_export import export_vtk
+            draw_egress(results, folder / EGRESS_PICTURE_NAME)
+        if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
+            from evac.output.vtk_export import export_vtk
 
-        export_vtk(read_trajectory(folder), folder)
-    results = replace(results, phases={**results.phases, "output": time.perf_counter() - start})
-    results.write(folder)
+            export_vtk(read_trajectory(folder), folder)
+    finally:  # the summary tells how long the other files took, and is there even if one of them fails
+        results = replace(results, phases=phases.seconds())
+        results.write_summary(folder)
     return results

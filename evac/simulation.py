@@ -1,8 +1,6 @@
 """The simulation: everything put together, and the loop."""
 
-import time as wall_clock
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +23,7 @@ from evac.people.groups import check_people, default_clearance, narrowest_body, 
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
+from evac.phases import Phases
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
@@ -77,8 +76,8 @@ class Simulation:
     displacement_velocity : (n, 2) float64
         Displacement of each person over the last tick, over the length of that tick, in plan [m/s]; before the first
         tick the initial velocity. The velocity that is recorded: that of the crowd is the contact model's own.
-    phases : dict of str to float
-        Wall time of each phase [s].
+    phases : Phases
+        Wall time of each phase.
     ended : str
         Why the run has ended; empty while it goes on.
     """
@@ -90,8 +89,14 @@ class Simulation:
         self.full = full
         self.seed = case.simulation.seed
         self.step = 0
-        self.phases: dict[str, float] = {}
+        self.phases = Phases()
         self.ended = ""
+        with self.phases.enter("preparation"):
+            self._make()
+
+    def _make(self) -> None:
+        """Make everything that the case names, and let the plugins prepare."""
+        case, full = self.case, self.full
         with plugin_code("evac_configure"):
             self.registry.hook.evac_configure(case=case, registry=self.registry)
         self.contact = case.make_contact_model()
@@ -108,12 +113,12 @@ class Simulation:
     def _build(self, behaviours: list[Behaviour]) -> None:
         """Make the stations of the main path, one from the other."""
         case = self.case
-        with self._phase("building"):
+        with self.phases.enter("building"):
             building = case.read_building()
             check_people(case, building)
-        with naming(case.source), self._phase("directions"):
+        with naming(case.source), self.phases.enter("directions"):
             self.scene = Scene(building, self._solve(building, behaviours), partial(self._solve, behaviours=behaviours))
-        with noting(building.warnings), self._phase("people"):
+        with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
@@ -205,22 +210,23 @@ class Simulation:
         """
         results = None
         error: BaseException | None = None
-        try:
-            while not self.ended:
-                self.advance_tick()
-                if progress is not None:
-                    people, inside = len(self.population.crowd.level), self.population.inside
-                    progress(Progress(self.time, self.case.simulation.duration, people, people - inside))
-            results = self.results()
-        except Stopped:
-            self.ended = self.ended or INTERRUPTED
-            results = self.results()
-        except BaseException as caught:
-            error = caught
-            raise
-        finally:
-            self._finish(results, error)
-        return results
+        with self.phases.enter("output"):
+            try:
+                while not self.ended:
+                    self.advance_tick()
+                    if progress is not None:
+                        people, inside = len(self.population.crowd.level), self.population.inside
+                        progress(Progress(self.time, self.case.simulation.duration, people, people - inside))
+                results = self.results()
+            except Stopped:
+                self.ended = self.ended or INTERRUPTED
+                results = self.results()
+            except BaseException as caught:
+                error = caught
+                raise
+            finally:
+                self._finish(results, error)
+        return replace(results, phases=self.phases.seconds())
 
     def advance_tick(self) -> None:
         """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last.
@@ -236,11 +242,11 @@ class Simulation:
         steps = min(settings.steps_per_tick, settings.last_step - self.step)
         per_record = round(self.case.output.every / settings.tick) * settings.steps_per_tick
         is_output = (self.step + steps) % per_record == 0
-        with self._phase("behaviours"):
+        with self.phases.enter("behaviours"):
             self._act()
         crowd = self.population.crowd
         before = crowd.position.copy()
-        with self._phase("physics"):
+        with self.phases.enter("physics"):
             events = self.engine.advance(
                 self.contact,
                 crowd,
@@ -250,15 +256,15 @@ class Simulation:
                 settings.is_explicit,
                 is_output or self.step + steps == settings.last_step or self._force_is_read,
             )
-        self.step += steps
-        self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
-        with self._phase("recording"):
+        with self.phases.enter("recording"):
+            self.step += steps
+            self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
             self.population.settle(events)
             self._watch.look_at_velocities(self.time, crowd, self.displacement_velocity)
             if is_output:
                 self._watch.look_at_forces(self.time, crowd)
                 self._record()
-        self.ended = self._ending.reason(self.step, crowd, self.fields)
+            self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
         """Return the results of what has been run so far."""
@@ -280,7 +286,7 @@ class Simulation:
             report=self.engine.contact_report(self.contact) | {"promised_overlap": self._promised_overlap},
             chatter=self._watch.chatter(),
             crushing=self._watch.crushing(),
-            phases=dict(self.phases),
+            phases=self.phases.seconds(),
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
             folder=self.folder,
@@ -319,13 +325,14 @@ class Simulation:
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the start."""
-        with self._phase("kernels"):
+        with self.phases.enter("kernels"):
             self.engine.load(self.contact)
         self._is_recording = True
-        for recorder in self.recorders:
-            with plugin_code(f"recorder {recorder.name!r}: start"):
-                recorder.start(self)
-        self._record()
+        with self.phases.enter("recording"):
+            for recorder in self.recorders:
+                with plugin_code(f"recorder {recorder.name!r}: start"):
+                    recorder.start(self)
+            self._record()
 
     def _record(self) -> None:
         for recorder in self.recorders:
@@ -402,15 +409,6 @@ class Simulation:
             generator=generator_for(self.seed, "behaviour", behaviour.name),
             tick=self.case.simulation.tick,
         )
-
-    @contextmanager
-    def _phase(self, name: str) -> Iterator[None]:
-        """Add the wall time of a phase."""
-        start = wall_clock.perf_counter()
-        try:
-            yield
-        finally:
-            self.phases[name] = self.phases.get(name, 0.0) + wall_clock.perf_counter() - start
 
 
 def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:

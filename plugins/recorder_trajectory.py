@@ -53,7 +53,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
     return {
         "title": simulation.case.title,
         "seed": simulation.seed,
-        "versions": versions(),
+        "versions": dict(versions()),
         "groups": [members.name for members in population.groups],
         "group": group.tolist(),
         "radius": population.crowd.radius.tolist(),

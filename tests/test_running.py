@@ -1,7 +1,11 @@
 """From a case to a folder: what others put there stays, and a run that fails leaves what it has."""
 
+import io
 import json
 import textwrap
+import time
+from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -218,3 +222,42 @@ def test_the_order_of_the_tables_of_groups_changes_nothing(tmp_path):
         assert run(one, tmp_path / folder).evacuated > 0
     for name in ("people.csv", "egress.csv", "trajectory.evac"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes(), name
+
+
+def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path):
+    """All but its first steps, which look at the folder; with every output, so that much of it is not the loop."""
+    case = evac.load("square_room")
+    run(case, tmp_path / "first")  # loads kernels and packages
+    start = time.perf_counter()
+    results = run(case, tmp_path / "r")
+    wall = time.perf_counter() - start
+    assert 0.95 * wall < sum(results.phases.values()) <= wall
+    written = json.loads((tmp_path / "r" / "summary.json").read_text(encoding="utf-8"))["wall_time"]
+    assert written == results.phases
+
+
+def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
+    opened = []
+
+    def noting(real):
+        def open_(file, mode="r", *rest, **options):
+            if set(mode) & set("wax+"):
+                opened.append(str(file))
+            return real(file, mode, *rest, **options)
+
+        return open_
+
+    monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
+    monkeypatch.setattr("builtins.open", noting(open))
+    results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
+    assert results.people == 20
+    written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
+    assert {"summary.json", "people.csv", "egress.png", "building.vtp"} <= {Path(path).name for path in written}
+    assert sorted(opened) == sorted(written)
+
+
+def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.output.pictures.draw_egress", Mock(side_effect=ResultError("no picture")))
+    with pytest.raises(ResultError, match="no picture"):
+        run(evac.load("square_room", {"simulation.duration": 0.1}), tmp_path / "r")
+    assert {"egress.csv", "people.csv", "summary.json"} <= {path.name for path in (tmp_path / "r").iterdir()}

@@ -3,11 +3,11 @@
 import itertools
 from collections.abc import Collection
 
-import networkx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.building.components import connected_components
 from evac.building.edges import segment_lengths, side_of
 from evac.building.elevation import elevation, level_elevation
 from evac.building.model import Building, Level
@@ -203,14 +203,14 @@ def check_exits(building: Building) -> None:
 
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[str, ...]:
     """Warn of levels from which no exit can be reached, other than those that are `closed` themselves."""
-    graph = networkx.Graph()
-    graph.add_nodes_from(range(len(building.levels)))
-    graph.add_edges_from(portal.levels for portal in building.portals if building.is_open(portal))
+    pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
+    part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     open_levels = {way.level for way in building.exits if building.is_open(way)}
     notes = []
-    for part in sorted(networkx.connected_components(graph), key=min):
-        if not part & open_levels and not part <= set(closed):
-            names = ", ".join(repr(building.levels[index].name) for index in sorted(part))
+    for number in np.unique(part):
+        members = np.flatnonzero(part == number).tolist()
+        if open_levels.isdisjoint(members) and not set(members) <= set(closed):
+            names = ", ".join(repr(building.levels[index].name) for index in members)
             notes.append(f"no exit can be reached from {names}: nobody can leave from there")
     return tuple(notes)
 

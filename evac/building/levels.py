@@ -4,13 +4,11 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import networkx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from evac.building.components import connected_components
 from evac.building.edges import EdgeTable
 from evac.building.model import Level
 from evac.building.surface import Surface
@@ -56,12 +54,9 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
     tag_of = {level: names[g] for level, g in zip(label.tolist(), group.tolist(), strict=True) if g >= 0}
     levels = [_level(surface, label, index, tag_of.get(index)) for index in range(label.max() + 1)]
 
-    neighbours = networkx.Graph()
-    neighbours.add_nodes_from(range(len(levels)))
     shared = table.partner >= 0
     pairs = np.column_stack([label[table.cell[shared]], label[table.partner[shared]]])
-    neighbours.add_edges_from(np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).tolist())
-
+    neighbours = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)  # every pair both ways round
     levels = _mark_landings(levels, neighbours, is_tagged_area)
     levels = _name_stairs(levels, neighbours)
     levels = _name_levels(levels, tag_of)
@@ -99,9 +94,7 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
 
     def components() -> IndexArray:
         joined = same_class & same_way & (group[one] == group[other])
-        links = coo_array((np.ones(joined.sum()), (one[joined], other[joined])), shape=(len(group), len(group)))
-        found: IndexArray = connected_components(links, directed=False)[1].astype(np.int64)
-        return found
+        return connected_components(len(group), np.stack([one[joined], other[joined]], axis=1))
 
     label = components()
     is_floor = np.array([name.startswith("floor:") for name in names] + [False])
@@ -161,11 +154,11 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
     )
 
 
-def _mark_landings(levels: list[Level], neighbours: networkx.Graph, is_area: BoolArray) -> list[Level]:
+def _mark_landings(levels: list[Level], neighbours: IndexArray, is_area: BoolArray) -> list[Level]:
     """Call a flat level a landing if it leads to flights only, up and down, and is no larger than they are."""
     marked = list(levels)
     for level in levels:
-        around = [levels[other] for other in neighbours[level.index]]
+        around = [levels[other] for other in neighbours[neighbours[:, 0] == level.index, 1]]
         height = level.z_min + level.z_max
         if (
             level.kind == "floor"
@@ -179,13 +172,14 @@ def _mark_landings(levels: list[Level], neighbours: networkx.Graph, is_area: Boo
     return marked
 
 
-def _name_stairs(levels: list[Level], neighbours: networkx.Graph) -> list[Level]:
+def _name_stairs(levels: list[Level], neighbours: IndexArray) -> list[Level]:
     """Number the chains of flights and landings that no tag names: ``stair 1`` has the least level."""
-    untagged = [level.index for level in levels if level.kind != "floor" and level.stair is None]
+    is_untagged = np.array([level.kind != "floor" and level.stair is None for level in levels])
+    chain = connected_components(len(levels), neighbours[is_untagged[neighbours].all(axis=1)])
     taken = {level.stair for level in levels}
     named = list(levels)
     number = 0
-    for members in sorted(networkx.connected_components(neighbours.subgraph(untagged)), key=min):
+    for members in (np.flatnonzero(chain == index) for index in np.unique(chain[is_untagged])):
         number += 1
         while f"stair {number}" in taken:
             number += 1

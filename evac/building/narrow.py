@@ -81,6 +81,7 @@ def necks(building: Building, level: Level, width: float) -> list[tuple[float, t
     """Return width [m] and plan position of each neck of `level` that a body `width` wide cannot pass."""
     width -= PRECISION  # a body as wide as the neck passes
     walls = shapely.multilinestrings(building.walls[building.wall_level == level.index].reshape(-1, 2, 2))
+    walls = shapely.line_merge(walls)  # a buffer around chains of walls is made many times as fast
     parts = _reachable(level, walls, width)
     parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
     found: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}

@@ -40,7 +40,7 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     if found is None:
         raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does")
     behaviour, scene = found
-    scene.crowd = watched = _WatchedCrowd(*scene.crowd)
+    scene.crowd = watched = _WatchedCrowd(**scene.crowd.values())
     crowd = simulation.population.crowd
     try:
         behaviour.prepare(scene)

@@ -103,7 +103,7 @@ def check_report(model: ContactModel) -> None:
         raise PluginError(
             f"{model.name}: reports {report['steps']:.0f} steps, {report['sub_steps']:.0f} sub-steps and "
             f"{report['contacts']:.0f} contacts after 200 steps of a pressed crowd; "
-            "call the kernels of evac.physics.stepping"
+            "let the step loop of evac.physics.driver make the steps"
         )
     if report["greatest_overlap"] < max(seen[:-1]) - 1e-9:
         raise PluginError(

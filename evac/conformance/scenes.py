@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from shapely.geometry import box
 
 from evac.building.model import Building, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import PluginError, SimulationError
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
+from evac.registry import Registry
 
 FloatArray = NDArray[np.float64]
 
@@ -83,7 +84,9 @@ def walked(
         A step cannot be made.
     """
     building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
-    engine = Engine(make_world(building, _fields(np.array(direction))), len(crowd.level), [])
+    engine = Engine(
+        make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers
+    )
     for first in range(0, steps, 10):
         try:
             engine.advance(model, crowd, first, 10, STEP, True, True)
@@ -133,5 +136,6 @@ def _fields(direction: FloatArray) -> Fields:
             offset=np.zeros(1, np.int64),
             direction=np.tile(direction, (4, 1)),
             travel_time=100.0 - nodes @ direction,
+            walls=NO_CELL_WALLS,
         ),
     )

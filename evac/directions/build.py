@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from evac.building.checks import measures
 from evac.building.model import FLAT, Building, Exit
@@ -15,9 +14,10 @@ from evac.directions.cellwalls import find_cell_walls
 from evac.directions.defaults import COMFORT, ORDER, SPACING
 from evac.directions.descent import Ways, add_lengths, descend, find_lowest
 from evac.directions.fields import Fields, FloatArray, PackedFields
-from evac.directions.graph import build_graph, levels_reaching
+from evac.directions.graph import levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
 from evac.directions.marching import Metric, march
+from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.strips import outward_directions
 from evac.errors import ScenarioError
@@ -84,7 +84,6 @@ def build_fields(
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
-    graph = build_graph(building)
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
     bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
@@ -95,11 +94,11 @@ def build_fields(
     parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     filled = 0
     for index, route in enumerate(routes):
-        allowed = [e for e in building.exits if not route.exits or e.name in route.exits]
+        allowed = [e for e in building.exits if route.leads_to(e.name)]
         exits = [e for e in allowed if building.is_open(e)]
         rates = _rates(route.strategy, speeds, comfort)
         direction, travel_time, lengths = _solve(grids, exits, rates, avoided, bent, order)
-        for level in sorted(levels_reaching(graph, [e.index for e in exits])):
+        for level in sorted(levels_reaching(building, exits)):
             nodes = grids.levels[level].packed
             field_of[level, index] = len(parts)
             offsets.append(filled)
@@ -249,8 +248,7 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         missing = (~pointing & reached) | (grid.sheet == NOTHING) | ((grid.sheet > OWN) & ~pointing)
         missing.ravel()[left_out - grid.offset] &= ~np.any(direction[stand_in] != 0.0, axis=1)
         if known.any():
-            nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-            own[missing] = own[tuple(nearest)][missing]
+            own[missing] = own[nearest_marked(known, missing)]
     return direction
 
 

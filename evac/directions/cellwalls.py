@@ -4,7 +4,7 @@ import numpy as np
 
 from evac.directions.fields import CellWalls, FloatArray
 from evac.directions.grids import BuildingGrids
-from evac.directions.lattice import SLACK, IndexArray, Window
+from evac.directions.lattice import SLACK, IndexArray, Window, numbers_between
 
 
 def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
@@ -22,10 +22,10 @@ def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
     walls: list[FloatArray] = [np.zeros((0, 4))]
     offset = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
     for grid in grids.levels:
-        for wall in (*grids.walls[grid.level], *grids.exit_segments(grid.level)):
-            through = _cells_of(grid.window, wall)
-            cells.append(grid.offset + through)
-            walls.append(np.broadcast_to(wall, (len(through), 4)))
+        own = np.concatenate([grids.walls[grid.level], grids.exit_segments(grid.level)])
+        number, through = _cells_of(grid.window, own)
+        cells.append(grid.offset + through)
+        walls.append(own[number])
     cell = np.concatenate(cells)
     order = np.argsort(cell, kind="stable")
     walled, first = np.unique(cell[order], return_index=True)
@@ -38,18 +38,30 @@ def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
     )
 
 
-def _cells_of(window: Window, wall: FloatArray) -> IndexArray:
-    """Return the flat indices of the first nodes of the cells that a wall (4,) passes through."""
-    ends = (wall.reshape(2, 2) - window.origin) / window.lattice.spacing
-    step = ends[1] - ends[0]
-    shares = [np.array([0.0, 1.0])]
+def _cells_of(window: Window, walls: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return numbers of walls (w, 4) and flat indices of the first nodes of the cells that each passes through.
+
+    They are in the order of the walls, then of the cells.
+    """
+    ends = (walls.reshape(-1, 2, 2) - window.origin) / window.lattice.spacing
+    step = ends[:, 1] - ends[:, 0]
+    # Where a wall starts, crosses a line of the grid and ends, as shares of its length.
+    owners = [np.arange(len(walls)), np.arange(len(walls))]
+    shares = [np.zeros(len(walls)), np.ones(len(walls))]
     for axis in (0, 1):
-        if abs(step[axis]) > SLACK:
-            low, high = np.sort(ends[:, axis])
-            shares.append((np.arange(np.ceil(low), np.floor(high) + 1) - ends[0, axis]) / step[axis])
-    stops = np.unique(np.clip(np.concatenate(shares), 0.0, 1.0))
-    middle = ends[0] + 0.5 * (stops[1:] + stops[:-1])[:, None] * step
+        oblique = np.flatnonzero(np.abs(step[:, axis]) > SLACK)
+        between = ends[oblique, :, axis]
+        owner, line = numbers_between(np.ceil(between.min(axis=1)), np.floor(between.max(axis=1)))
+        owners.append(oblique[owner])
+        shares.append((line - between[owner, 0]) / step[oblique[owner], axis])
+    owner, share = np.concatenate(owners), np.clip(np.concatenate(shares), 0.0, 1.0)
+    order = np.lexsort((share, owner))
+    owner, share = owner[order], share[order]
+    is_piece = (owner[1:] == owner[:-1]) & (share[1:] > share[:-1])
+    owner, halfway = owner[1:][is_piece], (0.5 * (share[1:] + share[:-1]))[is_piece]
+    middle = ends[owner, 0] + halfway[:, None] * step[owner]
     # Pieces along a line of the grid, and crumbs that rounding leaves at its nodes, are in no cell.
     is_in_a_cell = np.all(np.abs(middle - np.round(middle)) > SLACK, axis=1)
     ix, iy = np.floor(middle[is_in_a_cell]).astype(np.int64).T
-    return np.unique(ix * window.shape[1] + iy)
+    number, cell = np.unique(np.stack([owner[is_in_a_cell], ix * window.shape[1] + iy], axis=1), axis=0).T
+    return number, cell

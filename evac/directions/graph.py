@@ -1,10 +1,9 @@
 """The graph of levels, portals and exits: who can reach what."""
 
+from collections.abc import Iterable
 from typing import Any
 
-import networkx as nx
-
-from evac.building.model import Building
+from evac.building.model import Building, Exit
 
 
 def build_graph(building: Building) -> Any:
@@ -20,7 +19,9 @@ def build_graph(building: Building) -> Any:
         Nodes ``("level", i)`` and ``("exit", e)``; an edge for every open portal and exit, whose key
         is the link (portals first, then exits), with its ``width`` [m] and ``name``.
     """
-    graph = nx.MultiGraph()
+    import networkx  # takes 0.1 s, which a building of one level does without
+
+    graph = networkx.MultiGraph()
     graph.add_nodes_from((("level", level.index), {"name": level.name}) for level in building.levels)
     graph.add_nodes_from((("exit", exit_.index), {"name": exit_.name}) for exit_ in building.exits)
     for portal in building.portals:
@@ -34,11 +35,14 @@ def build_graph(building: Building) -> Any:
     return graph
 
 
-def levels_reaching(graph: Any, exits: list[int]) -> set[int]:
-    """Return the levels from which one of `exits` (indices) can be reached."""
-    found: set[int] = set()
-    for exit_ in exits:
+def levels_reaching(building: Building, exits: Iterable[Exit]) -> set[int]:
+    """Return the levels from which one of some open exits can be reached."""
+    found = {exit_.level for exit_ in exits}
+    if building.portals:
+        import networkx
+
         # A way leads through no other exit: exits hang on one level each, so they are ends of the graph.
-        component = nx.node_connected_component(graph, ("exit", exit_))
-        found |= {index for kind, index in component if kind == "level"}
+        graph = build_graph(building)
+        parts = [networkx.node_connected_component(graph, ("level", level)) for level in found]
+        found |= {index for part in parts for kind, index in part if kind == "level"}
     return found

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
@@ -23,6 +22,7 @@ from evac.directions.lattice import (
     walkable_nodes,
     wall_distance,
 )
+from evac.directions.masks import grown, parts_of
 from evac.directions.strips import behind, chain, free_rows
 
 #: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
@@ -241,10 +241,10 @@ class _Layers:
         shapely.prepare(line)
         x, y = window.coordinates()
         nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), self._depth(portal))
-        parts, _ = ndimage.label(nodes)
         beside = _ends_of(window.crossed_links(portal.segments, touching=True))
-        reached = np.unique(parts[beside & nodes])
-        sheet[(sheet == NOTHING) & np.isin(parts, reached[reached > 0])] = 1 + portal.index
+        part = parts_of(nodes)
+        nodes[nodes] = np.isin(part, part[beside[nodes]])
+        sheet[(sheet == NOTHING) & nodes] = 1 + portal.index
 
     def _cut_links(self, window: Window, sheet: NDArray[np.int32], level: int, portals: Sequence[Portal]) -> None:
         """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
@@ -350,9 +350,9 @@ def _distances(
         close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), chain(portal.segments), clearance)
         near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
-    edge = ndimage.binary_dilation(sheet != OWN, structure=np.ones((3, 3)), iterations=steps)
+    edge = grown(sheet != OWN, steps) & (sheet == OWN)
     strips = sheet > len(building.portals)
-    return wall_distance(window, (edge & (sheet == OWN)) | strips, np.concatenate(near_walls), clearance)
+    return wall_distance(window, edge | strips, np.concatenate(near_walls), clearance)
 
 
 def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:

@@ -75,6 +75,14 @@ class Window:
         ends = np.maximum(first, last + 1)
         return slice(first[0], ends[0]), slice(first[1], ends[1])
 
+    def around(self, lines: NDArray[Any], reach: float) -> "BoolArray":
+        """Mark the nodes in boxes around lines (l,), which hold all that are no farther from one than `reach` [m]."""
+        near = np.zeros(self.shape, dtype=np.bool_)
+        slack = reach + SLACK * self.lattice.spacing
+        for bounds in shapely.bounds(lines):
+            near[self.box(bounds[:2] - slack, bounds[2:] + slack)] = True
+        return near
+
     def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
         """Return the slices of the common nodes, in this window and in the other."""
         here, there = [], []
@@ -96,9 +104,8 @@ class Window:
         """
         links = Links(np.full(self.shape, np.nan), np.full(self.shape, np.nan))
         cells = (np.asarray(segments, dtype=np.float64).reshape(-1, 2, 2) - self.origin) / self.lattice.spacing
-        for start, end in cells:
-            for axis, table in enumerate((links.along_x, links.along_y)):
-                _mark_links(table, start, end, axis, touching)
+        for axis, table in enumerate((links.along_x, links.along_y)):
+            _mark_links(table, cells, axis, touching)
         return links
 
 
@@ -117,30 +124,39 @@ class Links:
         return self.along_y if axis else self.along_x
 
 
-def _mark_links(table: FloatArray, start: FloatArray, end: FloatArray, axis: int, touching: bool) -> None:
-    """Mark in `table` the links along `axis` that one segment (in cells) crosses."""
+def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bool) -> None:
+    """Mark in `table` the links along `axis` that segments (s, 2, 2), in cells, cross; the last one of each link."""
     across = 1 - axis
-    rise = end[across] - start[across]
-    if abs(rise) < SLACK:
-        return
-    low = max(math.ceil(min(start[across], end[across]) - SLACK), 0)
-    high = min(math.floor(max(start[across], end[across]) + SLACK), table.shape[across] - 1)
-    rows = np.arange(low, high + 1)
-    along = start[axis] + np.clip((rows - start[across]) / rise, 0.0, 1.0) * (end[axis] - start[axis])
+    segments = segments[np.abs(segments[:, 1, across] - segments[:, 0, across]) >= SLACK]
+    low = np.maximum(np.ceil(segments[:, :, across].min(axis=1) - SLACK), 0)
+    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), table.shape[across] - 1)
+    owner, rows = numbers_between(low, high)
+    start, end = segments[owner, 0], segments[owner, 1]
+    share = np.clip((rows - start[:, across]) / (end[:, across] - start[:, across]), 0.0, 1.0)
+    along = start[:, axis] + share * (end[:, axis] - start[:, axis])
     link = np.floor(along + SLACK).astype(np.int64)
     fraction = np.clip(along - link, 0.0, 1.0)
     at_node = fraction < 2.0 * SLACK
     if touching:
+        # Through a node: the links on both sides of it.
+        order = np.argsort(np.concatenate((owner, owner[at_node])), kind="stable")
         link, rows, fraction = (
-            np.concatenate((link, link[at_node] - 1)),
-            np.concatenate((rows, rows[at_node])),
-            np.concatenate((fraction, np.ones(int(at_node.sum())))),
+            np.concatenate((link, link[at_node] - 1))[order],
+            np.concatenate((rows, rows[at_node]))[order],
+            np.concatenate((fraction, np.ones(int(at_node.sum()))))[order],
         )
     else:
         link, rows, fraction = link[~at_node], rows[~at_node], fraction[~at_node]
     kept = (link >= 0) & (link < table.shape[axis] - 1)
     place = (link[kept], rows[kept]) if axis == 0 else (rows[kept], link[kept])
     table[place] = fraction[kept]
+
+
+def numbers_between(first: FloatArray, last: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the whole numbers from each of `first` (r,) to each of `last` (r,), and before them which r each is of."""
+    count = np.maximum(last - first + 1.0, 0.0).astype(np.int64)
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) + (first.astype(np.int64) - np.cumsum(count) + count)[owner]
 
 
 def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
@@ -254,7 +270,9 @@ def _ends(nodes: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
     """Return the parts (s, 4) of walls with the level on both sides: those off its outline."""
-    rest = shapely.difference(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack))
+    sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
+    shapely.prepare(outline)
+    rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)
     lines = [shapely.get_coordinates(part) for part in shapely.get_parts(rest) if part.length > slack]
     return np.array([line[[0, -1]].ravel() for line in lines], dtype=np.float64).reshape(-1, 4)
 
@@ -263,15 +281,10 @@ def wall_distance(window: Window, nodes: BoolArray, walls: FloatArray, reach: fl
     """Return the distance [m] of `nodes` from the nearest wall, `reach` where it is farther."""
     distance = np.full(window.shape, reach)
     chosen = np.flatnonzero(nodes)
-    if not len(walls) or not len(chosen) or reach == 0.0:
-        return distance
     x, y = window.coordinates()
-    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    (found, _), near = tree.query_nearest(
-        shapely.points(x.ravel()[chosen], y.ravel()[chosen]),
-        max_distance=reach,
-        return_distance=True,
-        all_matches=False,
-    )
-    distance.ravel()[chosen[found]] = near
+    points = shapely.points(x.ravel()[chosen], y.ravel()[chosen])
+    lines = shapely.linestrings(walls.reshape(-1, 2, 2))
+    # Walls are far fewer than nodes, and quicker to ask for what is near them.
+    wall, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=reach)
+    np.minimum.at(distance.ravel(), chosen[near], shapely.distance(points[near], lines[wall]))
     return distance

@@ -150,7 +150,8 @@ class _March:
         ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing
         off_posts = self.grids.clearance if rows == 0 and not self.is_plain else 0.0
         lines = shapely.multilinestrings([line for exit_ in exits for line in _middles(exit_.segments, off_posts)])
-        distance = self._distance_from(grid, lines, behind | (grid.sheet == OWN), 2.0 * ring)
+        # Farther off, phi is the spacing.
+        distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
         phi = np.minimum(distance - ring, self.spacing)
         found = self._solve(grid, phi, use, None, walkable)
@@ -164,17 +165,20 @@ class _March:
         self._lower(grid, found)
 
     def _distance_from(
-        self, grid: LevelGrid, lines: BaseGeometry, nodes: NDArray[np.bool_], seen_to: float
+        self, grid: LevelGrid, lines: BaseGeometry, behind: NDArray[np.bool_], reach: float
     ) -> FloatArray:
-        """Return the distance of nodes from lines on exits; inf for others, and for those near it but behind a wall.
+        """Return the distance of nodes from lines on exits.
 
-        Walls are looked at up to the distance `seen_to`.
+        It is that of the nodes `behind` the exits and of own nodes up to `reach` [m] from the lines; inf for all
+        others, and for own ones that a wall hides.
         """
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
+        near = grid.window.around(shapely.get_parts(lines), reach)
+        nodes = behind | (near & (grid.sheet == OWN))
         shapely.prepare(lines)
         distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
-        close = np.flatnonzero((distance <= seen_to) & (grid.sheet == OWN))
+        close = np.flatnonzero(nodes & (grid.sheet == OWN))
         building = self.grids.building
         walls = building.walls[building.wall_level == grid.level].reshape(-1, 2, 2)
         if len(close) and len(walls):

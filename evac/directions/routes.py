@@ -29,6 +29,10 @@ class Route:
         """The exits in words, such as ``"north|south"``."""
         return "|".join(self.exits) or "any exit"
 
+    def leads_to(self, name: str) -> bool:
+        """Say whether the route may end at the exit of this name."""
+        return not self.exits or name in self.exits
+
     def __str__(self) -> str:
         """Return strategy and destination, such as ``"fastest to north|south"``."""
         return f"{self.strategy} to {self.destination}"

@@ -57,8 +57,20 @@ def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
         elif isinstance(value, Intrinsic):
             lines.append(f"{name} = {value.name}")
         elif not isinstance(value, ModuleType):
-            lines.append(f"{name} = {value!r}")
+            lines.append(f"{name} = {_text_of(value)}")
     return "\n".join(lines).encode(), tuple(called)
+
+
+def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
+    """Return a text of a constant or function that is the same in every process; `above` are those that name it."""
+    function = getattr(value, "py_func", value)  # of what numba has compiled by itself
+    if hasattr(function, "__code__"):
+        above = (*above, value)
+        named = [f"{name} = {_text_of(one, above)}" for name, one in _globals_of(function) if one not in above]
+        return f"{function.__qualname__}: {_code_lines(function.__code__, function.__doc__)} with {named}"
+    if hasattr(value, "__qualname__"):
+        return f"{value.__module__}.{value.__qualname__}"
+    return repr(value)
 
 
 def _code_lines(code: CodeType, doc: str | None) -> list[str]:

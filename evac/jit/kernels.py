@@ -146,7 +146,7 @@ class Entry(Kernel):
                 kept.append(header)
                 passed.append(ctypes.addressof(header))
             elif isinstance(kind, str):
-                passed.append(value)
+                passed.append(float(value) if kind == "float64" else int(value))
             else:
                 if not isinstance(value, kind):
                     raise TypeError(f"{self.label}: {name}: {type(value).__name__}, not {kind.__name__}")

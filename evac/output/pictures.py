@@ -14,6 +14,9 @@ from evac.output.results import Results
 #: Up to so many groups get a line of their own.
 MOST_GROUPS = 12
 
+#: Width and height of a picture [inches].
+SIZE = (8.0, 5.0)
+
 
 def draw_egress(results: Results, path: Path) -> None:
     """Draw the egress curve of everybody, and of each group of several where there are not too many, to a PNG file.
@@ -38,15 +41,20 @@ def draw_egress(results: Results, path: Path) -> None:
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color="#1f2933", label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+        # Of names that are too long for the picture, the end is cut off.
+        figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
     save(figure, path)
 
 
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
-    figure = Figure(figsize=(8.0, 5.0), dpi=150, layout="constrained")
+    figure = Figure(figsize=SIZE, dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
+    # Room for the writing, since the layouts of matplotlib take as long as drawing does.
+    left, top = 0.37 + 0.09 * len(str(people)), 0.12 + 0.18 * (1 + title.count("\n"))
+    figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
     axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
     axes.set(xlabel="time [s]", ylabel="people out", ylim=(0.0, 1.06 * people))
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))

@@ -6,8 +6,9 @@ import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,12 +54,11 @@ PEOPLE_COLUMNS = (
 )
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Return the versions of Python and of the packages that can change a number of the results."""
-    found = {"python": platform.python_version()}
-    for package in NUMERICAL_PACKAGES:
-        found[package] = importlib.metadata.version(package)
-    return found
+    found = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
+    return MappingProxyType({"python": platform.python_version(), **found})
 
 
 @dataclass(frozen=True)
@@ -147,10 +147,11 @@ class Results:
     @property
     def left_by_other_exits(self) -> IntArray:
         """Rows of the people who left by another exit than their route leads to, pushed across its line for example."""
-        named = [{exit_.index for exit_ in self.building.exits if exit_.name in route.exits} for route in self.routes]
-        used, route = self.crowd.exit_used, self.crowd.route
-        other = [used[p] >= 0 and named[route[p]] and used[p] not in named[route[p]] for p in range(self.people)]
-        return np.flatnonzero(other).astype(np.int32)
+        exits = [exit_.name for exit_ in self.building.exits]
+        leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
+        out = np.flatnonzero(self.crowd.exit_used >= 0)
+        is_other = ~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]
+        return out[is_other].astype(np.int32)
 
     @property
     def exit_status(self) -> int:
@@ -195,28 +196,30 @@ class Results:
 
     def people_table(self) -> list[dict[str, Any]]:
         """Return one row per person with the columns `PEOPLE_COLUMNS`; None where somebody is not out."""
-        crowd, names = self.crowd, self.group_names()
-        table = []
-        for p in range(self.people):
-            out = bool(np.isfinite(crowd.exit_time[p]))
-            values = (
-                p,
-                names[p],
-                float(self.start_position[p, 0]),
-                float(self.start_position[p, 1]),
-                self.building.levels[self.start_level[p]].name,
-                float(crowd.radius[p]),
-                float(crowd.mass[p]),
-                float(crowd.tau[p]),
-                *crowd.speed[p].tolist(),
-                float(crowd.start_time[p]),
-                str(self.routes[crowd.route[p]]),
-                self.building.exits[crowd.exit_used[p]].name if out else None,
-                float(crowd.exit_time[p]) if out else None,
-                float(crowd.distance[p]),
-            )
-            table.append(dict(zip(PEOPLE_COLUMNS, values, strict=True)))
-        return table
+        return [dict(zip(PEOPLE_COLUMNS, row, strict=True)) for row in zip(*self._people_columns(), strict=True)]
+
+    def _people_columns(self) -> list[list[Any]]:
+        """Return the columns of the people table, in the order of `PEOPLE_COLUMNS`."""
+        crowd = self.crowd
+        levels = [level.name for level in self.building.levels]
+        routes = [str(route) for route in self.routes]
+        exits = [exit_.name for exit_ in self.building.exits]
+        out = np.isfinite(crowd.exit_time).tolist()
+        return [
+            list(range(self.people)),
+            self.group_names(),
+            *self.start_position.T.tolist(),
+            [levels[level] for level in self.start_level.tolist()],
+            crowd.radius.tolist(),
+            crowd.mass.tolist(),
+            crowd.tau.tolist(),
+            *crowd.speed.T.tolist(),
+            crowd.start_time.tolist(),
+            [routes[route] for route in crowd.route.tolist()],
+            [exits[used] if is_out else None for used, is_out in zip(crowd.exit_used.tolist(), out, strict=True)],
+            [time if is_out else None for time, is_out in zip(crowd.exit_time.tolist(), out, strict=True)],
+            crowd.distance.tolist(),
+        ]
 
     def group_names(self) -> list[str]:
         """Return the name of each person's group, empty for people of none."""
@@ -263,13 +266,36 @@ class Results:
         ResultError
             The folder or a file cannot be written.
         """
-        summary = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
-        time, number = self.egress()
         with writing("the results", folder):
             folder.mkdir(parents=True, exist_ok=True)
-            (folder / SUMMARY_NAME).write_text(summary + "\n", encoding="utf-8")
-            write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, zip(time.tolist(), number.tolist(), strict=True))
-            write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, (row.values() for row in self.people_table()))
+        self.write_tables(folder)
+        self.write_summary(folder)
+
+    def write_tables(self, folder: Path) -> None:
+        """Write egress.csv and people.csv to `folder`.
+
+        Raises
+        ------
+        ResultError
+            A file cannot be written.
+        """
+        with writing("the results", folder):
+            write_csv(
+                folder / EGRESS_NAME, EGRESS_COLUMNS, zip(*(column.tolist() for column in self.egress()), strict=True)
+            )
+            write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, zip(*self._people_columns(), strict=True))
+
+    def write_summary(self, folder: Path) -> None:
+        """Write summary.json to `folder`.
+
+        Raises
+        ------
+        ResultError
+            The file cannot be written.
+        """
+        text = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
+        with writing("the results", folder):
+            (folder / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
 
     def _stuck_places(self) -> list[dict[str, Any]]:
         return [

@@ -4,15 +4,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from evac.building.elevation import elevation
 from evac.building.model import Building
 from evac.errors import ResultError
 from evac.output.files import ANIMATION_NAME, BUILDING_NAME, FRAMES, FRAMES_FOLDER, frame_name, writing
+from evac.output.polydata import PolyData, write_polydata
 from evac.output.trajectory import Frame, Trajectory
 
 #: Values of the building's cell array ``kind``.
@@ -43,43 +40,36 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
         (folder / FRAMES_FOLDER).mkdir(parents=True, exist_ok=True)
         for stale in folder.glob(FRAMES):
             stale.unlink()
-        _write(building_polydata(trajectory.building), folder / BUILDING_NAME)
-        names = vtkStringArray()
-        names.SetName("group_names")
-        for group in trajectory.groups:
-            names.InsertNextValue(group)
+        write_polydata(building_polydata(trajectory.building), folder / BUILDING_NAME)
         for k in range(len(trajectory)):
-            people = people_polydata(trajectory, trajectory.frame(k))
-            people.GetFieldData().AddArray(names)
-            _write(people, folder / frame_name(k))
+            write_polydata(people_polydata(trajectory, trajectory.frame(k)), folder / frame_name(k))
         path = folder / ANIMATION_NAME
         path.write_text(_pvd(trajectory.time), encoding="utf-8")
     return path
 
 
-def people_polydata(trajectory: Trajectory, frame: Frame) -> vtkPolyData:
+def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
     """Return the people of one frame as points with arrays; heights are true."""
-    data = vtkPolyData()
-    data.SetPoints(_points(np.column_stack([frame["position"], frame["z"]])))
-    data.SetVerts(_cells(np.arange(len(frame["person"]))[:, None]))
     person = frame["person"]
-    arrays = {
-        "person": person,
-        "group": trajectory.group[person],
-        "level": frame["level"],
-        "speed": frame["speed"].astype(np.float32),
-        "velocity": frame["velocity"].astype(np.float32),
-        "contact_force": frame["contact_force"].astype(np.float32),
-        "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
-        "radius": trajectory.radius[person].astype(np.float32),
-    }
-    for name, values in arrays.items():
-        data.GetPointData().AddArray(_array(name, values))
-    data.GetPointData().SetActiveScalars("speed")
-    return data
+    return PolyData(
+        points=np.column_stack([frame["position"], frame["z"]]),
+        vertices=np.arange(len(person))[:, None],
+        point_arrays={
+            "person": person,
+            "group": trajectory.group[person],
+            "level": frame["level"],
+            "speed": frame["speed"].astype(np.float32),
+            "velocity": frame["velocity"].astype(np.float32),
+            "contact_force": frame["contact_force"].astype(np.float32),
+            "crowd_pressure": frame["crowd_pressure"].astype(np.float32),
+            "radius": trajectory.radius[person].astype(np.float32),
+        },
+        texts={"group_names": trajectory.groups},
+        shown="speed",
+    )
 
 
-def building_polydata(building: Building) -> vtkPolyData:
+def building_polydata(building: Building) -> PolyData:
     """Return floors, flights and landings as triangles; walls, exits and closed portals as lines on their level.
 
     Cell arrays: ``level`` and ``kind`` (row of `KINDS`); field arrays ``level_names`` and ``kind_names``. A closed
@@ -94,24 +84,19 @@ def building_polydata(building: Building) -> vtkPolyData:
             for index in portal.levels:
                 lines.append(("closed portal", portal.segments, np.full(len(portal.segments), index)))
     ends = np.concatenate([segments_in_space(building, segments, level) for _, segments, level in lines]).reshape(-1, 3)
-    triangles = np.concatenate([level.triangles for level in building.levels])
-    count = len(building.vertices)
-    data = vtkPolyData()
-    data.SetPoints(_points(np.concatenate([building.vertices, ends])))
-    data.SetLines(_cells(count + np.arange(len(ends)).reshape(-1, 2)))
-    data.SetPolys(_cells(triangles))
     level = [on for _, _, on in lines] + [np.full(len(item.triangles), item.index) for item in building.levels]
     kind_of = [np.full(len(segments), KINDS.index(kind)) for kind, segments, _ in lines]
     kind_of += [np.full(len(item.triangles), KINDS.index(item.kind)) for item in building.levels]
-    data.GetCellData().AddArray(_array("level", np.concatenate(level).astype(np.int32)))
-    data.GetCellData().AddArray(_array("kind", np.concatenate(kind_of).astype(np.int32)))
-    for name, words in (("level_names", [item.name for item in building.levels]), ("kind_names", KINDS)):
-        column = vtkStringArray()
-        column.SetName(name)
-        for word in words:
-            column.InsertNextValue(word)
-        data.GetFieldData().AddArray(column)
-    return data
+    return PolyData(
+        points=np.concatenate([building.vertices, ends]),
+        lines=len(building.vertices) + np.arange(len(ends)).reshape(-1, 2),
+        polygons=np.concatenate([item.triangles for item in building.levels]),
+        cell_arrays={
+            "level": np.concatenate(level).astype(np.int32),
+            "kind": np.concatenate(kind_of).astype(np.int32),
+        },
+        texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
+    )
 
 
 def segments_in_space(
@@ -121,39 +106,6 @@ def segments_in_space(
     ends = segments.reshape(-1, 2)
     z = elevation(building, np.repeat(level, 2).astype(np.int32), ends)
     return np.column_stack([ends, z]).reshape(-1, 2, 3)
-
-
-def _points(positions: NDArray[np.float64]) -> vtkPoints:
-    """Return points in float64: float32 is too coarse far from the origin."""
-    points = vtkPoints()
-    points.SetData(numpy_to_vtk(np.ascontiguousarray(positions), deep=True))
-    return points
-
-
-def _cells(corners: NDArray[np.integer]) -> vtkCellArray:
-    count, size = corners.shape
-    offsets = np.arange(0, count * size + 1, size)
-    cells = vtkCellArray()
-    cells.SetData(
-        numpy_to_vtkIdTypeArray(offsets, deep=True),
-        numpy_to_vtkIdTypeArray(corners.ravel().astype(np.int64), deep=True),
-    )
-    return cells
-
-
-def _array(name: str, values: NDArray[np.generic]) -> object:
-    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-    array.SetName(name)
-    return array
-
-
-def _write(data: vtkPolyData, path: Path) -> None:
-    writer = vtkXMLPolyDataWriter()
-    writer.SetFileName(str(path))
-    writer.SetInputData(data)
-    writer.SetCompressorTypeToNone()
-    if not writer.Write():
-        raise ResultError(f"{path}: VTK cannot write the file; see that there is room, or write somewhere else")
 
 
 def _pvd(times: NDArray[np.float64]) -> str:

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import KDTree
+import shapely
 
 from evac.people.population import Group
 from evac.physics.state import Crowd
@@ -68,8 +67,9 @@ def overlapping(crowd: Crowd) -> tuple[int, float]:
     for level in np.unique(crowd.level[crowd.level >= 0]):
         rows = np.flatnonzero(crowd.level == level)
         position, radius = crowd.position[rows], crowd.radius[rows]
-        near: NDArray[np.int64] = KDTree(position).query_pairs(2.0 * float(radius.max()), output_type="ndarray")
-        one, other = near[:, 0], near[:, 1]
+        points = shapely.points(position)
+        near = shapely.STRtree(points).query(points, predicate="dwithin", distance=2.0 * float(radius.max()))
+        one, other = near[:, near[0] < near[1]]
         overlap = radius[one] + radius[other] - np.hypot(*(position[one] - position[other]).T)
         pairs += int((overlap > ROUNDING).sum())
         deepest = max(deepest, float(overlap.max(initial=0.0)))

@@ -1,13 +1,14 @@
 """Whether everybody gets out by the directions they will follow: a walk along them, and the connected ground."""
 
+import itertools
 import math
 from typing import TYPE_CHECKING, Any
 
-import networkx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.building.components import connected_components
 from evac.building.model import Building
 from evac.building.narrow import CLOSED
 from evac.directions.fields import Fields
@@ -146,19 +147,22 @@ def _unreachable(
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
     """Say whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
     parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
-    graph = networkx.Graph()
-    graph.add_nodes_from((level, k) for level, own in enumerate(parts) for k in range(len(own)))
+    # Nodes are the parts of all levels, then the exits.
+    first = np.cumsum([0, *map(len, parts)])
+    exit_node = first[-1] + np.arange(len(building.exits))
+    pairs: list[tuple[int, int]] = []
     for portal in building.portals:
         if building.is_open(portal):
-            one, other = (_parts_at(parts[level], portal.segments) for level in portal.levels)
-            graph.add_edges_from(((portal.levels[0], a), (portal.levels[1], b)) for a in one for b in other)
+            one, other = (first[level] + _parts_at(parts[level], portal.segments) for level in portal.levels)
+            pairs += itertools.product(one, other)
     for way in building.exits:
         if building.is_open(way):
-            beside = _parts_at(parts[way.level], way.segments)
-            graph.add_edges_from((("exit", way.index), (way.level, k)) for k in beside)
-    component = {node: number for number, nodes in enumerate(networkx.connected_components(graph)) for node in nodes}
-    ends = [
-        {component.get(("exit", way.index)) for way in building.exits if not route.exits or way.name in route.exits}
+            beside = first[way.level] + _parts_at(parts[way.level], way.segments)
+            pairs += itertools.product(beside, [exit_node[way.index]])
+    nodes = int(first[-1]) + len(building.exits)
+    component = connected_components(nodes, np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    leads_out = [
+        np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
         for route in fields.routes
     ]
     found = np.zeros(len(crowd.level), dtype=np.bool_)
@@ -166,16 +170,17 @@ def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.b
         here = np.flatnonzero(crowd.level == level)
         nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
         found[here] = [
-            component[level, k] in ends[route] for k, route in zip(nearest.tolist(), crowd.route[here], strict=True)
+            leads_out[route][first[level] + k]
+            for k, route in zip(nearest.tolist(), crowd.route[here].tolist(), strict=True)
         ]
     return found
 
 
-def _parts_at(parts: NDArray[Any], segments: FloatArray) -> list[int]:
+def _parts_at(parts: NDArray[Any], segments: FloatArray) -> NDArray[np.int64]:
     """Return which parts of a level a portal or exit is on."""
     line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), CLOSED, cap_style="flat")
     shared = shapely.length(shapely.intersection(shapely.boundary(parts), line))
-    return [int(k) for k in np.flatnonzero(shared > SHARED)]
+    return np.flatnonzero(shared > SHARED)
 
 
 @kernel

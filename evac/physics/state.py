@@ -1,6 +1,6 @@
 """What kernels work on, by owner: every array and number under a name, passed by reference."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +58,17 @@ class Crowd(Struct):
     exit_used: Ints
     distance: Floats
     contact_force: Floats
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse to replace an array: everybody who was given the crowd would keep the old one.
+
+        Raises
+        ------
+        AttributeError
+        """
+        if name in self.kinds and self.__dict__.get(name, value) is not value:
+            raise AttributeError(f"crowd.{name} cannot be replaced; write into the array, as in crowd.{name}[:] = ...")
+        super().__setattr__(name, value)
 
 
 def make_crowd(

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from evac.building.welding import weld_points
+from evac.building.welding import close_pairs, weld_points
 
 
 def test_close_points_become_the_least_of_them():
@@ -39,3 +40,21 @@ def test_the_column_of_a_cad_program_is_not_welded_away(mesh, read):
             mesh.face(corner[quarter], (x[i + 1], y[i + 1], 0.0), corner[(quarter + 1) % 4])
     (level,) = read(mesh, need_exit=False).levels
     assert level.polygon.area == pytest.approx(16.0 - np.pi * 0.1**2, abs=1e-4)
+
+
+@pytest.mark.parametrize("origin", [0.0, 5e6])
+@pytest.mark.parametrize("kind", ["cloud", "walls", "lattice"])
+def test_close_pairs_are_those_of_a_tree_in_space(kind, origin):
+    """Also of points upon each other in plan, and of points exactly at the distance."""
+    generator = np.random.default_rng(3)
+    if kind == "cloud":
+        points = generator.uniform(0.0, 1.0, (3000, 3))
+    elif kind == "walls":
+        points = np.column_stack([generator.integers(0, 4, 3000), np.zeros(3000), generator.uniform(0.0, 30.0, 3000)])
+    else:
+        points = np.stack(np.meshgrid(*[np.arange(8.0) / 16.0] * 3), axis=-1).reshape(-1, 3)
+    points = points + origin
+    expected = cKDTree(points).query_pairs(0.0625, output_type="ndarray")
+    assert len(expected) > 1000
+    found = close_pairs(points, 0.0625)
+    np.testing.assert_array_equal(found, expected[np.lexsort(expected.T[::-1])])

@@ -16,8 +16,15 @@ def test_closed_links_are_left_out(drawing):
     graph = build_graph(building)
     assert graph.edges[("level", 0), ("level", 1), 0]["width"] == 2.0
     assert graph.edges[("level", 2), ("exit", 1), 3]["name"] == "east"
-    assert levels_reaching(graph, [1]) == {0, 1, 2}
-    graph = build_graph(replace(building, closed=frozenset({0, 3})))
-    assert levels_reaching(graph, [0]) == {0}
-    assert levels_reaching(graph, [0, 1]) == {0}
-    assert levels_reaching(graph, []) == set()
+    assert levels_reaching(building, building.exits[1:]) == {0, 1, 2}
+    assert levels_reaching(building, []) == set()
+    building = replace(building, closed=frozenset({0}))
+    assert levels_reaching(building, building.exits[:1]) == {0}
+    assert levels_reaching(building, building.exits[1:]) == {1, 2}
+
+
+def test_a_building_of_one_level_needs_no_graph(drawing):
+    drawing.level((0, 0, 2, 2))
+    drawing.exit("west", 0, (0, 0), (0, 2))
+    building = drawing.build()
+    assert levels_reaching(building, building.exits) == {0}

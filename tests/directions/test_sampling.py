@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 
 
@@ -24,6 +24,7 @@ def fields(travel_time, direction=None):
             offset=np.array([0], dtype=np.int64),
             direction=np.asarray(direction, dtype=float).reshape(-1, 2),
             travel_time=travel_time.ravel(),
+            walls=NO_CELL_WALLS,
         ),
     )
 

@@ -1,3 +1,6 @@
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -28,6 +31,37 @@ def test_each_group_has_its_own_curve(results, tmp_path, monkeypatch):
         "high": [[0.0, 20.0], [0, 0]],
         "everybody": [[0.0, 4.0, 9.0, 20.0], [0, 1, 2, 2]],
     }
+
+
+@pytest.mark.parametrize("people", [5, 136, 99_999])
+@pytest.mark.parametrize("words", [1, 12, 60])
+@pytest.mark.parametrize("groups", [1, 2, 12])
+def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, words, groups):
+    drawn = []
+    monkeypatch.setattr("evac.output.pictures.save", lambda figure, path: drawn.append(figure))
+    rows = np.array([0, 1])
+    many = replace(
+        results,
+        crowd=results.crowd._replace(exit_time=np.linspace(1.0, 9.0, people), level=np.full(people, -1)),
+        groups=[SimpleNamespace(name=f"group {k} with a name", rows=rows) for k in range(groups)],
+        case=SimpleNamespace(title="evacuation " * words),
+    )
+    draw_egress(many, tmp_path / "egress.png")
+    (figure,) = drawn
+    inner = figure.get_tightbbox()
+    assert inner.x0 > 0.0
+    assert inner.y0 > 0.0
+    assert inner.x1 < figure.get_figwidth()
+    assert inner.y1 < figure.get_figheight()
+    assert np.ptp(figure.axes[0].get_position(), axis=0).min() > 0.5
+
+
+def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("evac.output.pictures.save", lambda figure, path: drawn.append(figure))
+    long = [SimpleNamespace(name="n" * 300, rows=np.array([0, 1])) for _ in range(2)]
+    draw_egress(replace(results, groups=long), tmp_path / "egress.png")
+    assert drawn[0].axes[0].get_position().x1 == 0.5
 
 
 def test_unwritable_place_is_named(results, tmp_path):

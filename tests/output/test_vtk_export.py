@@ -5,6 +5,7 @@ import pyvista
 from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.header import building_to_json
+from evac.output.polydata import write_polydata
 from evac.output.trajectory import TrajectoryWriter, read_trajectory
 from evac.output.vtk_export import KINDS, building_polydata, export_vtk
 
@@ -77,8 +78,9 @@ def test_building_has_its_levels_and_walls_at_their_heights(exported):
     assert area == pytest.approx(2 * 2.0 * 5.0)
 
 
-def test_closed_exits_and_portals_are_kinds_of_their_own(building):
-    data = pyvista.wrap(building_polydata(close_links(building, ["door", "portal 3"])))
+def test_closed_exits_and_portals_are_kinds_of_their_own(building, tmp_path):
+    write_polydata(building_polydata(close_links(building, ["door", "portal 3"])), tmp_path / "closed.vtp")
+    data = pyvista.read(tmp_path / "closed.vtp")
     kind, names = data.cell_data["kind"], data.field_data["kind_names"].tolist()
     assert np.bincount(kind).tolist() == [6, 4, 0, 16, 0, 1, 2]
     assert names[5:] == ["closed exit", "closed portal"]

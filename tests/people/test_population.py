@@ -95,7 +95,7 @@ def test_what_a_group_draws_depends_on_seed_and_group_alone(make_case, house, fi
         assert np.array_equal(getattr(first, name)[20:], getattr(other, name)[:20]), name
         assert not np.array_equal(getattr(first, name)[:20], getattr(first, name)[20:]), name
     again = build_population(make_case(group("a"), group("b")), house, fields(), seed=1).crowd
-    for name, array in first._asdict().items():
+    for name, array in first.values().items():
         assert np.array_equal(array, getattr(again, name), equal_nan=True), name
     assert not np.array_equal(first.mass, build_population(make_case(group("a")), house, fields(), seed=2).crowd.mass)
 

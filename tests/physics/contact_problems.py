@@ -1,21 +1,71 @@
-"""Contact problems made by hand, and the solvers and the residual as Python can call them."""
+"""Contact problems made by hand, and their solution and residual as Python can call them."""
 
 import numpy as np
 
-from evac.jit import kernel
-from evac.physics.engine import make_contacts
-from evac.physics.solvers import residual, solve
+from evac.jit import Pairs, kernel
+from evac.physics.allocation import make_contacts, make_problem, make_state
+from evac.physics.engine import pack_forces
+from evac.physics.percussions import pack, solve_once
+from evac.physics.rows import row_residual
+from evac.physics.state import State
+from evac.physics.world import make_world
+from tests.physics.scenes import SOLVERS, make_building, uniform_fields
+
+WORLD = make_world(make_building(), uniform_fields())
 
 
 @kernel
-def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit):
-    n = inverse_mass.shape[0]
-    return solve(method, n, inverse_mass, free, velocity, contacts, compliance, tangential, tolerance, limit)
+def do_solve(
+    state: State,
+    solver: int,
+    free: Pairs,
+    velocity: Pairs,
+    compliance: float,
+    tangential: float,
+    tolerance: float,
+    limit: int,
+) -> None:
+    solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit)
 
 
 @kernel
-def find_residual(velocity, contacts, compliance, tangential):
-    return residual(velocity, contacts, compliance, tangential)
+def do_pack(state: State, free: Pairs, compliance: float, tangential: float) -> None:
+    pack(state, free, compliance, tangential)
+
+
+@kernel
+def residual_of_packed(state: State, velocity: Pairs) -> float:
+    problem = state.problem
+    for i in range(problem.bodies):
+        problem.velocity[i, 0] = velocity[i, 0] / problem.inverse_root[i]
+        problem.velocity[i, 1] = velocity[i, 1] / problem.inverse_root[i]
+    return row_residual(problem)
+
+
+def make_problem_state(inverse_mass, contacts):
+    """Return a state of bodies with these inverse masses [1/kg], and so many contacts, which are to be filled in."""
+    people = len(inverse_mass)
+    state = make_state(WORLD, people, pack_forces([]))
+    state.bodies.inside = people
+    state.bodies.inverse_mass[:] = inverse_mass
+    state.contacts = make_contacts(contacts)
+    state.contacts.number = contacts
+    state.problem = make_problem(people, contacts)
+    return state
+
+
+def run_solver(solver, state, free, velocity, compliance, tangential, tolerance, limit):
+    """Solve by the solver of a name, from the percussions in the contacts; return (iterations, residual [m/s])."""
+    state.problem.iterations = 0
+    address = SOLVERS[solver].solve.address
+    do_solve(state, address, free, velocity, compliance, tangential, tolerance, limit)
+    return state.problem.iterations, state.problem.residual
+
+
+def find_residual(state, velocity, compliance, tangential):
+    """Return the residual of the percussions in the contacts with velocities that need not belong to them [m/s]."""
+    do_pack(state, velocity, compliance, tangential)
+    return residual_of_packed(state, velocity)
 
 
 def ring(people=100, seed=1):
@@ -30,8 +80,8 @@ def ring(people=100, seed=1):
     normal = np.concatenate([-out, chord / np.hypot(*chord.T)[:, None]])
     normal[-1] *= -1.0  # between the last and the first
     order = random.permutation(len(body))
-    contacts = make_contacts(people, len(body))
-    contacts.count[0] = len(body)
+    state = make_problem_state(np.full(people, 1.0 / 80.0), len(body))
+    contacts = state.contacts
     contacts.body[:], contacts.other[:], contacts.normal[:] = body[order], other[order], normal[order]
     contacts.omega[:] = 2.0 / 80.0
-    return contacts, random.normal(0.0, 1.5, (people, 2))
+    return state, random.normal(0.0, 1.5, (people, 2))

@@ -6,14 +6,18 @@ import numpy as np
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level, Portal
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.physics.state import Crowd, make_crowd
 from evac.physics.engine import Engine
+from evac.physics.state import make_crowd
 from evac.physics.world import make_world
+from evac.registry import Registry
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
+
+#: The registered solvers, by name.
+SOLVERS = Registry().solvers
 
 
 def flat_level(index, bounds):
@@ -67,6 +71,7 @@ def uniform_fields(levels=1, *directions, extent=20.0):
             offset=4 * np.arange(len(direction)),
             direction=np.repeat(direction, 4, axis=0),
             travel_time=100.0 - (direction @ node.T).ravel(),
+            walls=NO_CELL_WALLS,
         ),
     )
 
@@ -74,7 +79,7 @@ def uniform_fields(levels=1, *directions, extent=20.0):
 def make_engine(crowd, building=None, fields=None, forces=(), full=False):
     building = building or make_building()
     fields = fields or uniform_fields(len(building.levels))
-    return Engine(make_world(building, fields), len(crowd.level), list(forces), full)
+    return Engine(make_world(building, fields), len(crowd.level), list(forces), full, solvers=SOLVERS)
 
 
 def walk(model, crowd, steps, h=0.01, engine=None, explicit=True, report=False, tick=10, **scene):
@@ -102,6 +107,7 @@ def fields_towards(point, levels=1, extent=12.0, spacing=0.5):
             offset=np.zeros(1, np.int64),
             direction=-away / np.maximum(distance, 1e-9)[:, None],
             travel_time=distance,
+            walls=NO_CELL_WALLS,
         ),
     )
 
@@ -131,10 +137,6 @@ def random_crowd(number, low, high, seed=1, gap=0.0, **settings):
         "speed": random.uniform(1.2, 2.0, number),
     }
     return make_crowd(places, **(given | settings))
-
-
-def copy_crowd(crowd):
-    return Crowd(*(array.copy() for array in crowd))
 
 
 def precise_models():

@@ -3,23 +3,26 @@
 import numpy as np
 import pytest
 
-from evac.jit import kernel
+from evac.jit import Ints, Pairs, kernel
 from evac.physics.cells import fill_cells
 
 
 @kernel
-def fill(n, position, level, size, start, cell_of, slots):
-    return fill_cells(n, position, level, size, start, cell_of, slots)
+def fill(
+    n: int, position: Pairs, level: Ints, size: float, start: Ints, cell_of: Ints, slots: Ints, shape: Ints
+) -> None:
+    shape[0], shape[1] = fill_cells(n, position, level, size, start, cell_of, slots)
 
 
 def filled(position, level, size, room):
     """Return the numbers of cells, the cell of each person, and the people of each cell."""
     n = len(position)
     start, cell_of, slots = np.full(room + 1, -7, np.int32), np.full(n, -7, np.int32), np.full(n, -7, np.int32)
-    shape = fill(n, np.array(position, dtype=float), np.array(level, np.int32), size, start, cell_of, slots)
+    shape = np.zeros(2, np.int32)
+    fill(n, np.array(position, dtype=float), np.array(level, np.int32), size, start, cell_of, slots, shape)
     cells = shape[0] * shape[1]
     assert start[0] == 0
-    return shape, cell_of.tolist(), [slots[start[c] : start[c + 1]].tolist() for c in range(cells)]
+    return tuple(shape), cell_of.tolist(), [slots[start[c] : start[c + 1]].tolist() for c in range(cells)]
 
 
 def test_people_stand_in_their_cells_in_rising_order():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.physics.state import make_crowd
-from evac.physics.engine import make_contacts, make_events, make_lists
+from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
+from evac.physics.state import Events, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -34,11 +34,13 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
         crowd = make_crowd(start[:, :2], start[:, 2:], speed=1.5)
         engine = make_engine(crowd, building, forces=[SocialForce()])
         if is_scarce:
-            engine.lists, engine.contacts, engine.events = make_lists(n, 1, 1), make_contacts(n, 1), make_events(1)
+            engine.state.lists, engine.state.events = make_lists(n, 1, 1), allocate(Events, 1)
+            make_room_for_contacts(engine.state, 1)
         crossings = []
         for first in range(0, 6, tick):
             events = engine.advance(model, crowd, first, tick, 0.01, True, True)
-            crossings += [tuple(array[k] for array in events[1:]) for k in range(events.count[0])]
+            columns = (events.row, events.kind, events.link, events.time)
+            crossings += [tuple(column[k] for column in columns) for k in range(events.number)]
         report = engine.report()
         del report["list_builds"]  # those of a step that ran out of room are not built again
         found.append((crowd, crossings, report))

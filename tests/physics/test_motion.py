@@ -23,7 +23,7 @@ def test_all_links_on_a_path_are_crossed_in_their_order():
     crowd = make_crowd([(2.75, 1.0)], [(7.0, 0.0)], radius=0.2, tau=FREE)
     engine = make_engine(crowd, building, uniform_fields(3))
     events = engine.advance(Nsm1(), crowd, 0, 1, 0.5, True, False)
-    assert events.count[0] == 3
+    assert events.number == 3
     assert (events.kind[:3].tolist(), events.link[:3].tolist()) == ([0, 0, 1], [0, 1, 2])
     np.testing.assert_allclose(events.time[:3], np.array([1.25, 2.25, 3.25]) / 7.0, rtol=1e-14)
     assert crowd.level[0] == -1
@@ -36,7 +36,7 @@ def test_a_link_that_lies_behind_when_its_level_is_entered_is_not_crossed():
     crowd = make_crowd([(2.75, 1.0)], [(7.0, 0.0)], radius=0.2, tau=FREE)
     engine = make_engine(crowd, building, uniform_fields(2))
     events = engine.advance(Nsm1(), crowd, 0, 1, 0.5, True, False)
-    assert events.link[: events.count[0]].tolist() == [0]
+    assert events.link[: events.number].tolist() == [0]
     assert crowd.level[0] == 1
 
 

@@ -4,22 +4,24 @@ import numpy as np
 import pytest
 
 from evac.jit import kernel
+from evac.physics.allocation import SKIN, grown, make_room_for_contacts
 from evac.physics.contacts import find_contacts
-from evac.physics.engine import SKIN
-from evac.physics.neighbours import OK, build_lists
-from evac.physics.stepping import gather
+from evac.physics.driver import gather, list_inside
+from evac.physics.neighbours import build_lists
+from evac.physics.state import Bodies, Lists, State, World
+from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import make_building, make_engine, random_crowd
 
 
 @kernel
-def build(world, bodies, lists):
+def build(world: World, bodies: Bodies, lists: Lists) -> int:
     return build_lists(world, bodies, lists)
 
 
 @kernel
-def find(world, bodies, lists, contacts):
-    return find_contacts(world, bodies, lists, contacts)
+def find(state: State) -> int:
+    return find_contacts(state)
 
 
 def scene(seed, number=80):
@@ -27,9 +29,16 @@ def scene(seed, number=80):
     ends = random.uniform(-6.0, 6.0, (30, 2))
     walls = np.hstack([ends, ends + random.uniform(-3.0, 3.0, (30, 2))])
     crowd = random_crowd(number, (-6, -6), (6, 6), seed=seed)
-    engine = make_engine(crowd, make_building(walls=walls))
-    gather(engine.world, crowd, engine.bodies, engine.lists, engine.contacts)
-    return engine
+    state = make_engine(crowd, make_building(walls=walls)).state
+    gather(state, crowd, list_inside(state.world, crowd, state.bodies))
+    return state
+
+
+def build_with_room(state):
+    """Build the lists, in arrays that are made longer until they fit."""
+    lists = state.lists
+    while build(state.world, state.bodies, lists) != OK:
+        lists.pair_body, lists.wall_item = grown(lists.pair_body), grown(lists.wall_item)
 
 
 def distance_to_walls(point, walls):
@@ -41,37 +50,32 @@ def distance_to_walls(point, walls):
 @pytest.mark.parametrize("reach", [0.0, 0.3, 1.7])
 @pytest.mark.parametrize("seed", range(4))
 def test_lists_are_those_of_brute_force(seed, reach):
-    engine = scene(seed)
-    bodies, lists = engine.bodies, engine.lists
-    lists.span[0] = lists.span[2] = reach
-    while build(engine.world, bodies, lists) != OK:
-        lists = engine.lists = lists._replace(
-            pair_body=np.zeros(2 * len(lists.pair_body), np.int32),
-            wall_item=np.zeros(2 * len(lists.wall_item), np.int32),
-        )
-    n = int(bodies.count[0])
+    state = scene(seed)
+    bodies, lists = state.bodies, state.lists
+    lists.pair_reach = lists.wall_reach = reach
+    build_with_room(state)
+    n = bodies.inside
     for i in range(n):
         gap = np.hypot(*(bodies.position[:n] - bodies.position[i]).T) - bodies.radius[:n] - bodies.radius[i]
         expected = [j for j in np.flatnonzero(gap < reach + SKIN) if j > i]
         assert lists.pair_body[lists.pair_start[i] : lists.pair_start[i + 1]].tolist() == expected
-        gap = distance_to_walls(bodies.position[i], engine.world.wall) - bodies.radius[i]
+        gap = distance_to_walls(bodies.position[i], state.world.wall) - bodies.radius[i]
         expected = np.flatnonzero(gap < reach + SKIN).tolist()
         assert lists.wall_item[lists.wall_start[i] : lists.wall_start[i + 1]].tolist() == expected
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_contacts_of_bodies_are_those_of_brute_force(seed):
-    engine = scene(seed)
-    bodies, contacts = engine.bodies, engine.contacts
-    n = int(bodies.count[0])
+    state = scene(seed)
+    bodies, contacts = state.bodies, state.contacts
+    n = bodies.inside
     bodies.reach[:n] = np.random.default_rng(seed).uniform(0.0, 0.1, n)
-    engine.lists.span[0] = 0.2
-    while build(engine.world, bodies, engine.lists) != OK:
-        engine.lists = engine.lists._replace(pair_body=np.zeros(2 * len(engine.lists.pair_body), np.int32))
-    assert find(engine.world, bodies, engine.lists, contacts) == OK
+    state.lists.pair_reach = 0.2
+    build_with_room(state)
+    assert find(state) == OK
     found = [
         (int(contacts.body[c]), int(contacts.other[c]), contacts.gap[c])
-        for c in range(contacts.count[0])
+        for c in range(contacts.number)
         if contacts.other[c] >= 0
     ]
     expected = []
@@ -91,12 +95,8 @@ def test_full_lists_grow_and_change_nothing():
         crowd = random_crowd(40, (0, 0), (4, 4), seed=2)
         engine = make_engine(crowd, make_building(walls=[(4, 0, 4, 4), (0, 0, 4, 0), (4, 4, 0, 4)]))
         if small:
-            one = np.zeros(1, np.int32)
-            engine.lists = engine.lists._replace(pair_body=one, wall_item=one.copy())
-            engine.contacts = type(engine.contacts)(
-                *(a if n in ("count", "near", "rows", "groups") else a[:1].copy()
-                  for n, a in zip(engine.contacts._fields, engine.contacts, strict=True))
-            )  # fmt: skip
+            engine.state.lists.pair_body, engine.state.lists.wall_item = np.zeros((2, 1), np.int32)
+            make_room_for_contacts(engine.state, 1)
         for first in range(0, 200, 10):
             engine.advance(Dem(), crowd, first, 10, 0.01, True, False)
         outcomes.append(crowd.position)
@@ -109,7 +109,7 @@ def test_full_lists_grow_and_change_nothing():
 def test_the_same_people_in_another_order_move_alike():
     crowd = random_crowd(30, (0, 0), (4, 4), seed=2)
     shuffle = np.random.default_rng(1).permutation(30)
-    other = type(crowd)(*(array[shuffle].copy() for array in crowd))
+    other = crowd.replace(**{name: array[shuffle] for name, array in crowd.values().items()})
     building = make_building(walls=[(4, 0, 4, 4)])
     for people in (crowd, other):
         engine = make_engine(people, building)

@@ -5,11 +5,10 @@ import pytest
 
 from evac.directions.fields import Fields
 from evac.physics.state import make_crowd
-from evac.physics.solvers import SOLVERS
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
-from tests.physics.scenes import make_building, make_engine, uniform_fields, walk
+from tests.physics.scenes import SOLVERS, make_building, make_engine, uniform_fields, walk
 
 FREE = 1e30  # a relaxation time so long that nothing drives
 TIGHT = {"velocity_tolerance": 1e-12, "iterations": 200000}

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from evac.physics.state import make_crowd
+from evac.physics.state import copy_of, make_crowd
 from evac.physics.world import set_open
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import (
-    copy_crowd,
     fields_towards,
     make_building,
     make_engine,
@@ -48,7 +47,7 @@ def cut_floor(slant):
 def test_a_cut_floor_is_the_uncut_floor(model, forces, slant):
     """Thirty people cross the seam and jam on it, before a door 0.4 m behind."""
     whole = random_crowd(30, (2.5, 0), (5.3, 4), seed=7)
-    cut = copy_crowd(whole)
+    cut = copy_of(whole)
     cut.level[:] = whole.position[:, 0] > 5.0 + slant * (whole.position[:, 1] - 2.0) / 2.0
     engines = [
         make_engine(whole, whole_floor(), fields_towards((5.8, 2.0)), forces),
@@ -58,7 +57,7 @@ def test_a_cut_floor_is_the_uncut_floor(model, forces, slant):
     for first in range(0, 100, 10):
         for engine, crowd in zip(engines, (whole, cut), strict=True):
             events = engine.advance(model, crowd, first, 10, 0.01, True, True)
-        crossed += int(events.count[0])
+        crossed += int(events.number)
         np.testing.assert_allclose(cut.position, whole.position, rtol=0, atol=1e-12)
         seam = 5.0 + slant * (cut.position[:, 1] - 2.0) / 2.0
         np.testing.assert_array_equal(cut.level, cut.position[:, 0] > seam)
@@ -121,12 +120,12 @@ def test_levels_and_those_out_add_up_to_everybody(model):
     for step in range(700):
         before = crowd.level.copy()
         events = engine.advance(model, crowd, step, 1, 0.01, True, False)
-        kinds, rows = events.kind[: events.count[0]], events.row[: events.count[0]]
+        kinds, rows = events.kind[: events.number], events.row[: events.number]
         out += int((kinds == 1).sum())
         assert np.bincount(crowd.level + 1, minlength=3).sum() == 30
         assert (crowd.level == -1).sum() == out
         np.testing.assert_array_equal(np.flatnonzero(crowd.level != before), np.unique(rows))
-        times = events.time[: events.count[0]]
+        times = events.time[: events.number]
         assert ((times >= 0.01 * step - 1e-12) & (times <= 0.01 * (step + 1) + 1e-12)).all()
     assert out > 10
 
@@ -139,7 +138,7 @@ def test_crossing_times_are_interpolated_and_the_position_is_continuous():
         events = engine.advance(Nsm1(), crowd, step, 1, 0.01, True, False)
         if crowd.level[0] >= 0:
             assert crowd.position[0, 0] == pytest.approx(4.0 + 0.015 * (step + 1), abs=1e-10)
-        seen += [(int(events.kind[k]), int(events.link[k]), events.time[k]) for k in range(events.count[0])]
+        seen += [(int(events.kind[k]), int(events.link[k]), events.time[k]) for k in range(events.number)]
     assert [event[:2] for event in seen] == [(0, 0), (1, 1)]
     np.testing.assert_allclose([event[2] for event in seen], [1 / 1.5, 5 / 1.5], rtol=0, atol=1e-10)
 
@@ -152,7 +151,7 @@ def test_pushed_back_over_a_portal_and_over_it_again():
         if step % 20 == 0 and step:
             crowd.velocity[0, 0] *= -1.0
         events = engine.advance(Nsm1(), crowd, step, 1, 0.01, True, False)
-        links += list(events.link[: events.count[0]])
+        links += list(events.link[: events.number])
         assert crowd.level[0] == (crowd.position[0, 0] > 5.0)
     assert links == [0, 0, 0]
 
@@ -160,7 +159,7 @@ def test_pushed_back_over_a_portal_and_over_it_again():
 def test_a_closed_portal_lets_nobody_through():
     crowd = make_crowd([(4.0, 2.0)], [(1.5, 0.0)], tau=1e30, radius=0.2)
     engine = make_engine(crowd, cut_floor(0.0), uniform_fields(2))
-    engine.world.link_open[0] = 0
+    engine.state.world.link_open[0] = 0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.level[0] == 0
 
@@ -174,7 +173,7 @@ def test_a_closed_portal_keeps_forces_out(closed):
     crowd = make_crowd([(3.75, 1.0), (5.25, 1.0)], level=[0, 2], mass=80.0, tau=1e30)
     engine = make_engine(crowd, building, uniform_fields(3), [SocialForce(range=0.3)])
     if closed is not None:
-        set_open(engine.world, closed, False)
+        set_open(engine.state.world, closed, False)
     walk(Nsm1(), crowd, 1, engine=engine)
     gained = 0.01 * 1000.0 * np.exp(-1.1 / 0.3) / 80.0 if closed is None else 0.0
     np.testing.assert_allclose(crowd.velocity, [(-gained, 0.0), (gained, 0.0)], rtol=1e-12)

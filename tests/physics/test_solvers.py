@@ -4,33 +4,30 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from evac.jit import kernel
-from evac.physics.engine import make_contacts
-from evac.physics.rows import AX, BX, law, pack, row_energy
-from evac.physics.solvers import INELASTIC, SOLVERS, constraint_norm
-from tests.physics.contact_problems import find_residual, ring, run_solver
+from evac.jit import Floats, kernel
+from evac.physics import state as structs
+from evac.physics.rows import AX, BX, INELASTIC, law, row_energy
+from evac_plugins.solver_gradient import constraint_norm
+from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, ring, run_solver
+from tests.physics.scenes import SOLVERS
 
 DISSIPATION = [0.0, 10.0, 1e3, 1e5]
 
 
 @kernel
-def find_norm(contacts, inverse_mass, free):
-    bodies = inverse_mass.shape[0]
-    n = pack(contacts, bodies, inverse_mass, free, INELASTIC, 0.0)
-    return constraint_norm(contacts.rows, n, bodies)
+def find_norm(rows: structs.Problem) -> float:
+    return constraint_norm(rows)
 
 
 @kernel
-def find_slopes(contacts, inverse_mass, free, compliance, x, slopes, laws):
-    n = pack(contacts, inverse_mass.shape[0], inverse_mass, free, compliance, 0.0)
-    for r in range(n):
-        slopes[r] = (row_energy(contacts.rows, r, x + 1e-4) - row_energy(contacts.rows, r, x - 1e-4)) / 2e-4
-        i, j = contacts.rows.body[r], contacts.rows.other[r]
-        velocity = contacts.rows.velocity
+def find_slopes(rows: structs.Problem, x: float, slopes: Floats, laws: Floats) -> None:
+    for r in range(rows.size):
+        slopes[r] = (row_energy(rows, r, x + 1e-4) - row_energy(rows, r, x - 1e-4)) / 2e-4
+        i, j = rows.body[r], rows.other[r]
         for k in range(2):  # a row is a unit vector: these have the velocity minus the slope along it
-            velocity[i, k] = -slopes[r] * contacts.rows.data[r, AX + k]
-            velocity[j, k] = -slopes[r] * contacts.rows.data[r, BX + k]
-        laws[r] = x + law(contacts.rows, r, x, contacts.rows.rigid[0] == 1)
+            rows.velocity[i, k] = -slopes[r] * rows.data[r, AX + k]
+            rows.velocity[j, k] = -slopes[r] * rows.data[r, BX + k]
+        laws[r] = x + law(rows, r, x, rows.rigid == 1)
 
 
 class Problem:
@@ -58,8 +55,8 @@ class Problem:
         self.omega = np.diag(self.delassus).copy()
         self.bias = random.uniform(0.0, 0.5, c) if biased else np.zeros(c)
         self.velocity_before = self.gradient @ random.normal(0.0, 1.5, 2 * n)
-        self.contacts = make_contacts(n, c)
-        self.contacts.count[0] = c
+        self.state = make_problem_state(1.0 / self.mass, c)
+        self.contacts = self.state.contacts
         for name, values in (
             ("body", body), ("other", other), ("normal", self.normal), ("omega", self.omega),
             ("bias", self.bias), ("velocity_before", self.velocity_before),
@@ -69,10 +66,7 @@ class Problem:
     def solve(self, solver, dissipation=0.0, tolerance=1e-11, limit=400000):
         velocity = np.zeros_like(self.free)
         compliance = 2.0 / dissipation if dissipation else INELASTIC
-        iterations, found = run_solver(
-            SOLVERS.index(solver), 1.0 / self.mass, self.free, velocity, self.contacts,
-            compliance, 0.0, tolerance, limit,
-        )  # fmt: skip
+        iterations, found = run_solver(solver, self.state, self.free, velocity, compliance, 0.0, tolerance, limit)
         assert found <= tolerance
         assert iterations > 0
         return velocity, self.contacts.percussion.copy()
@@ -83,7 +77,7 @@ class Problem:
         self.tangents[:, ::2], self.tangents[:, 1::2] = -self.gradient[:, 1::2], self.gradient[:, ::2]
         self.tangential_before = tangential_before
         self.contacts.sticky[:] = 1
-        self.contacts.work[:, 2] = tangential_before
+        self.contacts.slide_before[:] = tangential_before
 
     def reference(self, dissipation=0.0, tangential=0.0):
         """Return the velocities as the point nearest to the free ones under the constraints.
@@ -169,22 +163,18 @@ def test_sliding_contacts_are_the_minimum_too(solver, tangential, dissipation):
         problem.slide(np.random.default_rng(seed + 10).normal(0.0, 1.5, len(problem.omega)))
         velocity = np.zeros_like(problem.free)
         compliance = 2.0 / dissipation if dissipation else INELASTIC
-        _, found = run_solver(
-            SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
-            compliance, tangential, 1e-11, 400000,
-        )  # fmt: skip
+        _, found = run_solver(solver, problem.state, problem.free, velocity, compliance, tangential, 1e-11, 400000)
         assert found <= 1e-11
-        assert find_residual(velocity, problem.contacts, compliance, tangential) <= 1.001e-11
+        assert find_residual(problem.state, velocity, compliance, tangential) <= 1.001e-11
         np.testing.assert_allclose(velocity, problem.reference(dissipation, tangential), rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("limit", [5, 17, 70])
 def test_velocities_belong_to_the_percussions_wherever_a_solve_ends(solver, limit):
-    contacts, free = ring(40)
-    velocity = np.zeros_like(free)
-    inverse_mass = np.full(len(free), 1.0 / 80.0)
-    _, found = run_solver(SOLVERS.index(solver), inverse_mass, free, velocity, contacts, 2e-3, 0.0, 1e-14, limit)
+    state, free = ring(40)
+    contacts, velocity = state.contacts, np.zeros_like(free)
+    _, found = run_solver(solver, state, free, velocity, 2e-3, 0.0, 1e-14, limit)
     expected = free.copy()
     for body, other, normal, percussion in zip(
         contacts.body, contacts.other, contacts.normal, contacts.percussion, strict=True
@@ -192,15 +182,16 @@ def test_velocities_belong_to_the_percussions_wherever_a_solve_ends(solver, limi
         expected[body] += percussion * normal / 80.0
         expected[other] -= percussion * normal / 80.0
     np.testing.assert_allclose(velocity, expected, rtol=0, atol=1e-11)
-    assert found == pytest.approx(find_residual(velocity, contacts, 2e-3, 0.0), rel=1e-6, abs=1e-12)
+    assert found == pytest.approx(find_residual(state, velocity, 2e-3, 0.0), rel=1e-6, abs=1e-12)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("dissipation", [0.0, 1e3])
 def test_a_solve_forgets_what_another_one_left(solver, dissipation):
     fresh, used = Problem(3), Problem(3)
-    for array in (*used.contacts.rows, *used.contacts.groups):
-        array[...] = np.nan if array.dtype == np.float64 else 1
+    for array in used.state.problem.values().values():
+        if isinstance(array, np.ndarray):
+            array[...] = np.nan if array.dtype == np.float64 else 1
     for one, other in zip(fresh.solve(solver, dissipation), used.solve(solver, dissipation), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -210,9 +201,7 @@ def test_numbers_that_are_none_are_no_solution(solver):
     problem = Problem(0)
     problem.free[0, 0] = np.nan
     velocity = np.zeros_like(problem.free)
-    _, found = run_solver(
-        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts, INELASTIC, 0.0, 1e-6, 50
-    )
+    _, found = run_solver(solver, problem.state, problem.free, velocity, INELASTIC, 0.0, 1e-6, 50)
     assert np.isinf(found)
 
 
@@ -223,7 +212,8 @@ def test_the_energy_of_a_row_falls_as_the_law_says(dissipation, x):
     problem = Problem(3)
     compliance = 2.0 / dissipation if dissipation else INELASTIC
     slopes, laws = np.zeros_like(problem.omega), np.zeros_like(problem.omega)
-    find_slopes(problem.contacts, 1.0 / problem.mass, problem.free, compliance, x, slopes, laws)
+    do_pack(problem.state, problem.free, compliance, 0.0)
+    find_slopes(problem.state.problem, x, slopes, laws)
     np.testing.assert_allclose(laws, x, rtol=0, atol=1e-6)
 
 
@@ -242,7 +232,7 @@ def test_residual_is_its_definition(dissipation):
         problem.contacts.percussion[:] = np.random.default_rng(seed).exponential(40.0, len(problem.omega))
         velocity = problem.free + 0.1
         compliance = 2.0 / dissipation if dissipation else INELASTIC
-        found = find_residual(velocity, problem.contacts, compliance, 0.0)
+        found = find_residual(problem.state, velocity, compliance, 0.0)
         assert found == pytest.approx(problem.law(velocity, problem.contacts.percussion, dissipation), rel=1e-12)
         assert found > 0.1
 
@@ -252,10 +242,7 @@ def test_a_warm_start_from_the_answer_needs_no_iteration(solver):
     problem = Problem(2)
     first, _ = problem.solve(solver, 1e3, tolerance=1e-10)
     velocity = np.zeros_like(first)
-    iterations, _ = run_solver(
-        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
-        2e-3, 0.0, 1e-9, 100,
-    )  # fmt: skip
+    iterations, _ = run_solver(solver, problem.state, problem.free, velocity, 2e-3, 0.0, 1e-9, 100)
     assert iterations == 0
     np.testing.assert_allclose(velocity, first, rtol=0, atol=1e-9)
 
@@ -264,10 +251,7 @@ def test_a_warm_start_from_the_answer_needs_no_iteration(solver):
 def test_what_did_not_converge_says_so(solver):
     problem = Problem(3)
     velocity = np.zeros_like(problem.free)
-    iterations, found = run_solver(
-        SOLVERS.index(solver), 1.0 / problem.mass, problem.free, velocity, problem.contacts,
-        INELASTIC, 0.0, 1e-14, 1,
-    )  # fmt: skip
+    iterations, found = run_solver(solver, problem.state, problem.free, velocity, INELASTIC, 0.0, 1e-14, 1)
     assert iterations == 1
     assert found > 1e-14
     assert found == pytest.approx(problem.law(velocity, problem.contacts.percussion, 0.0), rel=1e-9)
@@ -276,12 +260,10 @@ def test_what_did_not_converge_says_so(solver):
 @pytest.mark.parametrize("seed", [2, 3])
 def test_overlaps_are_parted_to_rounding(seed):
     """From rest the energy starts at zero, where no rise is small beside it."""
-    contacts, free = ring(60, seed)
-    contacts.bias[:] = -np.random.default_rng(2).uniform(0.0, 0.1, len(contacts.bias))
+    state, free = ring(60, seed)
+    state.contacts.bias[:] = -np.random.default_rng(2).uniform(0.0, 0.1, len(state.contacts.bias))
     velocity = np.zeros_like(free)
-    inverse_mass = np.full(len(free), 1.0 / 80.0)
-    code = SOLVERS.index("accelerated_sweeps")
-    iterations, found = run_solver(code, inverse_mass, 0.0 * free, velocity, contacts, INELASTIC, 0.0, 1e-11, 3000)
+    iterations, found = run_solver("accelerated_sweeps", state, 0.0 * free, velocity, INELASTIC, 0.0, 1e-11, 3000)
     assert found <= 1e-11
     assert iterations < 1000
 
@@ -289,7 +271,8 @@ def test_overlaps_are_parted_to_rounding(seed):
 def test_uzawa_bound_is_the_greatest_eigenvalue():
     for seed in range(10):
         problem = Problem(seed)
-        found = find_norm(problem.contacts, 1.0 / problem.mass, problem.free)
+        do_pack(problem.state, problem.free, INELASTIC, 0.0)
+        found = find_norm(problem.state.problem)
         exact = np.linalg.eigvalsh(problem.gradient @ problem.gradient.T)[-1]
         assert 0.97 * exact <= found <= exact * (1 + 1e-12)  # rho is 0.95 of the bound, so below it
 
@@ -301,9 +284,9 @@ def test_tangential_law():
     tangent = np.array([-problem.normal[0, 1], problem.normal[0, 0]])
     first, second = contacts.body[0], contacts.other[0]
     before = 0.8
-    contacts.sticky[0], contacts.work[0, 2] = 1, before
+    contacts.sticky[0], contacts.slide_before[0] = 1, before
     velocity = np.zeros((2, 2))
-    run_solver(1, 1.0 / problem.mass, problem.free, velocity, contacts, INELASTIC, 300.0, 1e-12, 1000)
+    run_solver("gauss_seidel", problem.state, problem.free, velocity, INELASTIC, 300.0, 1e-12, 1000)
     after = tangent @ (velocity[first] - velocity[second])
     assert contacts.friction[0] == pytest.approx(-300.0 * (before + after) / 2.0, rel=1e-9)
     free = tangent @ (problem.free[first] - problem.free[second])

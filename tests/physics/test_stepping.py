@@ -44,7 +44,7 @@ def test_a_cut_step_counts_its_parts_and_its_work_once():
 
 def test_a_crossing_before_a_cut_is_no_event():
     crowd, events, _, _ = cut_twice((2.994, 1.5))
-    assert events.count[0] == 1
+    assert events.number == 1
     assert (events.row[0], events.kind[0], events.link[0]) == (1, 1, 0)
     assert events.time[0] == pytest.approx(0.004, abs=1e-12)
     np.testing.assert_array_equal(crowd.level, [0, -1])

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.physics.state import make_crowd
+from evac.physics.state import copy_of, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import (
-    copy_crowd,
     cut_wall,
     fields_towards,
     make_building,
@@ -36,7 +35,7 @@ def test_a_wall_cut_every_tenth_of_a_metre_is_the_uncut_wall(model, forces):
     walls = [(-8, 0, 8, 0)]
     fields = uniform_fields(1, (0.8, -0.6))
     whole = random_crowd(6, (-3, 0.05), (-1, 1.2), seed=2)
-    start, cut = copy_crowd(whole), copy_crowd(whole)
+    start, cut = copy_of(whole), copy_of(whole)
     walk(model, whole, 150, building=make_building(walls=walls), fields=fields, forces=forces)
     walk(model, cut, 150, building=make_building(walls=cut_wall(*walls[0], 160)), fields=fields, forces=forces)
     np.testing.assert_allclose(cut.position, whole.position, rtol=0, atol=1e-12)
@@ -62,7 +61,7 @@ def test_a_diagonal_wall_cut_in_pieces_is_the_uncut_wall(model):
     walls = [(-4, -3, 4, 3)]
     fields = uniform_fields(1, (1.0, 0.0))
     whole = make_crowd([(-2, 0), (-2.5, 0.5), (-3, -1.2)], radius=[0.2, 0.22, 0.25], speed=1.5, tau=0.3)
-    cut = copy_crowd(whole)
+    cut = copy_of(whole)
     walk(model, whole, 150, building=make_building(walls=walls), fields=fields)
     walk(model, cut, 150, building=make_building(walls=cut_wall(*walls[0], 100)), fields=fields)
     np.testing.assert_allclose(cut.position, whole.position, rtol=0, atol=1e-12)
@@ -109,7 +108,7 @@ def test_a_crossing_that_a_model_cannot_prevent_cuts_the_step():
 def test_a_jam_at_a_door_stays_inside_its_walls(model):
     walls = [(0, 0, 4, 0), (4, 0, 4, 1.2), (4, 1.8, 4, 3), (4, 3, 0, 3), (0, 3, 0, 0)]
     crowd = random_crowd(25, (0, 0), (4, 3), seed=5)
-    start = copy_crowd(crowd)
+    start = copy_of(crowd)
     engine = make_engine(crowd, make_building(walls=walls), fields_towards((4.5, 1.5)))
     for first in range(0, 300, 10):
         engine.advance(model, crowd, first, 10, 0.01, True, False)
@@ -123,10 +122,10 @@ def test_a_jam_at_a_door_stays_inside_its_walls(model):
 def test_an_open_wall_is_not_there():
     crowd = make_crowd([(-1.0, 0.0)], radius=0.2, tau=0.2, speed=1.5)
     engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]))
-    engine.world.wall_open[0] = 1
+    engine.state.world.wall_open[0] = 1
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.position[0, 0] > 1.0
-    engine.world.wall_open[0] = 0
+    engine.state.world.wall_open[0] = 0
     crowd.position[0, 0] = -1.0
     walk(Nsm1(), crowd, 200, engine=engine)
     assert crowd.position[0, 0] == pytest.approx(-0.2, abs=2e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evac.behaviour import BehaviourScene
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
 from evac.physics.state import make_crowd
@@ -29,6 +29,7 @@ def corridor_fields():
             offset=np.array([0, len(x)], dtype=np.int64),
             direction=np.zeros((2 * len(x), 2)),
             travel_time=np.concatenate([LENGTH - x, x]),
+            walls=NO_CELL_WALLS,
         ),
     )
 

@@ -9,12 +9,11 @@ from evac.errors import ScenarioError, SimulationError
 from evac.evidence.scaling import halls
 from evac.evidence.scaling.walks import Walk
 from evac.parameters import Parameter
-from evac.physics.state import make_crowd
 from evac.physics.contact_model import BorderScene, ContactModel
+from evac.physics.state import copy_of, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import (
-    copy_crowd,
     cut_wall,
     fields_towards,
     kinetic_energy,
@@ -247,7 +246,7 @@ def test_the_model_in_numpy_is_the_compiled_one(forces):
     walls = [(0, 0, 4, 0), (4, 0, 4, 1.1), (4, 1.9, 4, 3), (4, 3, 0, 3), *cut_wall(0, 3, 0, 0, 4)]
     building = make_building(walls=walls, exits=[(0, (4.5, 0, 4.5, 3))])
     compiled = random_crowd(20, (0, 0), (4, 3), seed=3)
-    written = copy_crowd(compiled)
+    written = copy_of(compiled)
     reports = []
     for model, crowd in ((Dem(), compiled), (NumpyDem(), written)):
         engine = make_engine(crowd, building, fields_towards((5.5, 1.5)), forces)

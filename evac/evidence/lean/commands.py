@@ -39,7 +39,7 @@ def report_output(evidence: Evidence, repeats: int) -> None:
         "output",
         rows,
         f"Time of the output of the square room; medians of {fresh} fresh processes and of {repeats} runs in this one, "
-        "which has loaded matplotlib and VTK.",
+        "which has loaded matplotlib.",
     )
 
 

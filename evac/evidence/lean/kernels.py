@@ -102,7 +102,7 @@ def compiled(name: str, overrides: Mapping[str, Any], full: bool) -> dict[str, A
 
     def timed(entry: Entry, symbol: str) -> bytes:
         start = time.process_time()
-        code = compile_entry(entry, symbol)
+        code: bytes = compile_entry(entry, symbol)
         found[entry.label] = time.process_time() - start, len(code)
         return code
 

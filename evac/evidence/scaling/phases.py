@@ -1,7 +1,7 @@
 """Kernels that repeat one phase of a step on a crowd as it stands, to time the phases apart."""
 
 from evac.jit import kernel
-from evac.physics.contacts import find_contacts, set_velocity_before
+from evac.physics.contacts import find_contacts
 from evac.physics.drive import drive, drive_overdamped, set_desired
 from evac.physics.driver import conclude, cut, open_step
 from evac.physics.neighbours import build_lists
@@ -24,7 +24,6 @@ def repeat_search(state: State, repeats: int) -> int:
     status = OK
     for _ in range(repeats):
         status = find_contacts(state)
-        set_velocity_before(state.bodies, state.contacts)
     return status
 
 

@@ -1,0 +1,50 @@
+"""Wall time of a run, phase by phase."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+#: Phases in the order in which they begin. A run spends in "preparation" what is none of the stations that follow, in
+#: "kernels" the time in which compiled code is loaded or compiled, and in "output" everything that is shown or written.
+PHASES = (
+    "preparation",
+    "building",
+    "directions",
+    "people",
+    "kernels",
+    "behaviours",
+    "physics",
+    "recording",
+    "output",
+)
+
+
+class Phases:
+    """A clock that charges every moment to one phase: to the one that was entered last and is not left yet."""
+
+    def __init__(self) -> None:
+        self._seconds = dict.fromkeys(PHASES, 0.0)
+        self._entered: list[str] = []
+        self._charged = 0.0  # time up to which everything is charged [s]
+
+    @contextmanager
+    def enter(self, name: str) -> Iterator[None]:
+        """Charge what follows to the phase `name`, one of `PHASES`, but for the phases entered within."""
+        self._charge()
+        self._entered.append(name)
+        try:
+            yield
+        finally:
+            self._charge()
+            self._entered.pop()
+
+    def seconds(self) -> dict[str, float]:
+        """Return the wall time of each phase so far [s], in the order of `PHASES`."""
+        self._charge()
+        return dict(self._seconds)
+
+    def _charge(self) -> None:
+        now = time.perf_counter()
+        if self._entered:
+            self._seconds[self._entered[-1]] += now - self._charged
+        self._charged = now

@@ -1,0 +1,23 @@
+import networkx
+import numpy as np
+import pytest
+
+from evac.building.components import connected_components
+
+
+@pytest.mark.parametrize(("count", "links"), [(1, 0), (7, 0), (50, 20), (50, 60), (2000, 1500), (2000, 20000)])
+def test_components_are_those_of_networkx(count, links):
+    pairs = np.random.default_rng(links).integers(0, count, (links, 2))
+    graph = networkx.Graph()
+    graph.add_nodes_from(range(count))
+    graph.add_edges_from(pairs.tolist())
+    expected = np.empty(count, dtype=np.int64)
+    for number, nodes in enumerate(sorted(networkx.connected_components(graph), key=min)):
+        expected[list(nodes)] = number
+    np.testing.assert_array_equal(connected_components(count, pairs), expected)
+
+
+def test_a_long_chain_in_any_order_is_one_component():
+    order = np.random.default_rng(1).permutation(100_000)
+    pairs = np.stack([order[:-1], order[1:]], axis=1)
+    assert not connected_components(len(order), pairs).any()
