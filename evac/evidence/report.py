@@ -40,7 +40,7 @@ Result = TypeVar("Result")
 Row = Mapping[str, Any]
 
 #: Packages whose versions matter to what comes out, and those that only some evidence uses: named where loaded.
-PACKAGES = ("evac", "numpy", "scipy", "numba", "scikit-fmm", "shapely", "matplotlib")
+PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
 OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "pyvista", "vtk")
 
 #: Files of a checkout that decide what comes out.

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -17,6 +18,7 @@ from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_proble
 from evac.evidence.accuracy.reference import FloatArray, gradient_matrix
 from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds_to
 from evac.evidence.report import Evidence
+from evac.physics.percussions import interleaved
 from evac.registry import Registry
 
 #: Residual to which the pushing contacts are found [m/s], and the iterations that it may take.
@@ -102,7 +104,7 @@ def _counted(problem: ContactProblem, goal: float, default: str) -> dict[str, fl
 def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArray, FloatArray]:
     """Return A (k, k) sparse and y (k,) of the contacts that push, and what turns residuals y - A x into m/s (k,).
 
-    Rigid contacts obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0, each divided by the root of its diagonal.
+    They are in the order of sweeps. Rigid contacts obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0, each divided by the root of its diagonal.
     """
     problem.start(False)
     problem.solve(solver, SURE, ENOUGH)
@@ -112,7 +114,8 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
     after = gradient @ problem.velocity.ravel()
     spring = law.dissipation * np.maximum(0.0, -0.5 * (after + before))
     elastic = (spring > 0.0) & (after + bias > contacts.omega[:c] * (percussion - spring))
-    pushing = percussion > 0.0
+    order = sweep_order(c)
+    pushing = order[percussion[order] > 0.0]
     compliance = np.where(elastic, law.compliance, 0.0)[pushing]
     omega = contacts.omega[:c][pushing]
     root = np.sqrt(omega + compliance)
@@ -121,6 +124,11 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
     matrix = (held @ held.T + sparse.diags(compliance / root**2)).tocsc()
     right = -(gradient @ problem.free.ravel() + np.where(elastic, before, bias))[pushing] / root
     return matrix, right, omega / root
+
+
+def sweep_order(contacts: int) -> NDArray[np.intp]:
+    """Return the numbers of so many contacts in the order in which solvers sweep over them."""
+    return np.argsort([interleaved(contact, contacts) for contact in range(contacts)])
 
 
 def least_sweeps(matrix: Any, right: FloatArray, scale: FloatArray, residual: float) -> int:

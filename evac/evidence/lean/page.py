@@ -239,10 +239,11 @@ def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -
     )
     evidence.text(
         f"""A field is forced in by a behaviour that offers its route to nobody. Forces and behaviours are named by the
-        case without being needed, and compared with a run that has the fields of all strategies. The tests of every
-        body for walls, portals and exits on its path are switched on in the compiled step, together with NSM2's
-        tangential law; at K_T = {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair
-        speeds, and a contact solve in a step without contacts, cannot be forced in."""
+        case without being needed, and compared with a run that has the fields of all strategies. Kernels that the step
+        loop does not need, or not yet, are loaded before the run. The tests of every body for walls, portals and exits
+        on its path are switched on in the compiled step, together with NSM2's tangential law; at K_T =
+        {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair speeds, and a contact
+        solve in a step without contacts, cannot be forced in."""
     )
     caption = "What each part adds when forced in; the file has the extremes."
     columns = ("scene", "model", "part forced in", "set-up [ms]", "loop [%]", "same bits")
