@@ -104,7 +104,8 @@ def _counted(problem: ContactProblem, goal: float, default: str) -> dict[str, fl
 def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArray, FloatArray]:
     """Return A (k, k) sparse and y (k,) of the contacts that push, and what turns residuals y - A x into m/s (k,).
 
-    They are in the order of sweeps. Rigid contacts obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0, each divided by the root of its diagonal.
+    They are in the order of sweeps. Rigid contacts obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0, each divided by
+    the root of its diagonal.
     """
     problem.start(False)
     problem.solve(solver, SURE, ENOUGH)
