@@ -11,15 +11,10 @@ import numpy as np
 
 from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
-from evac.evidence.accuracy.snapshots import door_crowd, with_own_doors
-from evac.evidence.models import make_engine
+from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
-from evac.physics.engine import Engine
-from evac.physics.state import Crowd, copy_of
-from evac.physics.status import OK
-from evac.physics.world import set_open
 from evac.registry import Registry
 
 #: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
@@ -88,8 +83,8 @@ def run(evidence: Evidence) -> None:
 
 def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
     """Return the row of each setting."""
-    start = _start(people, seed)
-    return [measure(setting, start) for setting in settings(float(start[1].mass.min()), is_quick)]
+    start = standing_crowd("settled", people, seed)
+    return [measure(setting, start) for setting in settings(float(start.crowd.mass.min()), is_quick)]
 
 
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
@@ -115,47 +110,24 @@ def settings(lightest: float, is_quick: bool) -> list[Setting]:
     return found
 
 
-def _start(people: int, seed: int) -> tuple[Engine, Crowd]:
-    """Return the crowd before its first step, the door closed."""
-    still = _Still()
-    crowd = door_crowd("settled", people, seed, still)
-    crowd.crowd.contact_force[:] = 0.0
-    return crowd.engine, crowd.crowd
-
-
-class _Still(ContactModel):
-    """Nobody moves: leaves the crowd where it starts."""
-
-    name = "still"
-
-    def advance(self, engine: Engine) -> int:
-        """Make no step."""
-        engine.state.clock.now = engine.state.clock.last
-        return OK
-
-
-def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
+def measure(setting: Setting, start: DoorCrowd) -> dict[str, Any]:
     """Run a setting from the same start; return its row."""
-    crowd = copy_of(start[1])
-    world = with_own_doors(start[0].state.world)
-    engine = make_engine(world, len(crowd.level))
+    crowd = start.copy()
     per_tick = round(TICK / setting.step)
-    engine.load(setting.model)
+    crowd.engine.load(setting.model)
     begin = time.perf_counter()
-    made = 0
     outcome = FINISHED
     for tick in range(round((CLOSED + OPEN) / TICK)):
         if tick == round(CLOSED / TICK):
-            set_open(world, 0, True)
+            crowd.open_door(True)
         try:
-            engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+            crowd.walk(setting.model, per_tick, setting.step)
         except SimulationError as error:
             outcome = f"stopped: {error}"
             break
-        made += per_tick
-    walked = max(made, 1) * setting.step
+    walked = max(crowd.step, 1) * setting.step
     span = time.perf_counter() - begin
-    report = engine.report()
+    report = crowd.engine.report()
     return {
         "model": setting.label,
         "varied": setting.knob,
@@ -163,7 +135,7 @@ def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
         "h [s]": setting.step,
         "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
         "time per simulated second [s]": span / walked,
-        "out": int(np.sum(crowd.level < 0)),
+        "out": int(np.sum(crowd.crowd.level < 0)),
         "unconverged steps": int(report["unconverged_steps"]),
         "outcome": outcome,
     }

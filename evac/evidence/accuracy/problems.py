@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
-from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd, with_own_doors
-from evac.evidence.models import COARSE, make_engine
+from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
+from evac.evidence.models import COARSE
 from evac.jit import kernel
 from evac.physics.contact_model import ContactModel
 from evac.physics.percussions import solve_once
 from evac.physics.rows import INELASTIC
 from evac.physics.solver import Solver
-from evac.physics.state import Contacts, FloatArray, State, copy_of
-from evac.physics.world import set_open
+from evac.physics.state import Contacts, FloatArray, State
 from evac.registry import Registry
 
 #: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.
@@ -159,27 +158,14 @@ def default_solver(registry: Registry) -> str:
 
 def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:
     """Return crowds at a door by kind: arriving, settled against the closed door, and 0.05 s after it opened."""
-    rough = registry.get("contact_model", "nsm1")(**COARSE)
-    made = {
-        kind: _walked_on(door_crowd(kind, people, seed, rough), SETTLING_STEPS, registry)
-        for kind in ("arriving", "settled")
-    }
-    made["opened"] = _opened(made["settled"], registry)
+    nsm1 = registry.get("contact_model", "nsm1")
+    made = {kind: door_crowd(kind, people, seed, nsm1(**COARSE)) for kind in ("arriving", "settled")}
+    for crowd in made.values():
+        crowd.walk(nsm1(), SETTLING_STEPS)
+    made["opened"] = made["settled"].copy("opened")
+    made["opened"].open_door(True)
+    made["opened"].walk(nsm1(), 5)
     return made
-
-
-def _walked_on(crowd: DoorCrowd, steps: int, registry: Registry) -> DoorCrowd:
-    """Make some more steps with NSM1 as it is shipped."""
-    crowd.engine.advance(registry.get("contact_model", "nsm1")(), crowd.crowd, crowd.step, steps, STEP, False, False)
-    return DoorCrowd(crowd.kind, crowd.engine, crowd.crowd, crowd.step + steps)
-
-
-def _opened(settled: DoorCrowd, registry: Registry) -> DoorCrowd:
-    """Return a copy of a settled crowd 0.05 s after its door has opened."""
-    crowd = copy_of(settled.crowd)
-    engine = make_engine(with_own_doors(settled.engine.state.world), len(crowd.level))
-    set_open(engine.state.world, 0, True)
-    return _walked_on(DoorCrowd("opened", engine, crowd, settled.step), 5, registry)
 
 
 def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> ContactProblem:
@@ -200,10 +186,9 @@ def _keys(contacts: Contacts) -> list[tuple[int, int]]:
 
 def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
     """Return the state after some steps made in one tick from a snapshot, which stays as it is."""
-    crowd = copy_of(snapshot.crowd)
-    engine = make_engine(snapshot.engine.state.world, len(crowd.level))
-    engine.advance(model, crowd, snapshot.step, steps, STEP, False, False)
-    return engine.state
+    crowd = snapshot.copy()
+    crowd.walk(model, steps)
+    return crowd.engine.state
 
 
 def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:
