@@ -100,7 +100,7 @@ def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: seconds of set-up and of the loop, and the arrays of every tick."""
+    """One run: CPU time of set-up and of the loop [s], and the arrays of every tick."""
 
     setup: float
     loop: float
@@ -190,15 +190,15 @@ def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, An
 
 def trial(case: Any, part: Part) -> Trial:
     """Run a case tick by tick with a part forced in."""
-    start = time.perf_counter()
+    start = time.process_time()
     simulation = Simulation(case, full=part.full)
     force(simulation, part.loop)
-    ready = time.perf_counter()
+    ready = time.process_time()
     spent, states = 0.0, []
     while not simulation.ended:
-        tick = time.perf_counter()
+        tick = time.process_time()
         simulation.advance_tick()
-        spent += time.perf_counter() - tick
+        spent += time.process_time() - tick
         crowd = simulation.population.crowd
         states.append({name: getattr(crowd, name).copy() for name in COMPARED})
     return Trial(ready - start, spent, states)
@@ -233,9 +233,9 @@ def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -
     evidence.heading(PARTS)
     evidence.text(
         f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
-        in turns ({rounds}). A cost is the median difference to the run without the part in the same round, which
-        noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte
-        by byte."""
+        in turns ({rounds}). A cost is the median difference of CPU time to the run without the part in the same
+        round, which noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte by
+        byte."""
     )
     evidence.text(
         f"""A field is forced in by a behaviour that offers its route to nobody. Forces and behaviours are named by the
