@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
@@ -16,7 +17,6 @@ from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world, set_open
 
-FloatArray = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.evidence.models import MODELS, make_engine, make_model
 from evac.people.distributions import generator_for
@@ -25,7 +26,6 @@ from evac.simulation import Simulation
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-FloatArray = NDArray[np.float64]
 
 #: A run is stopped and counted apart when nobody got out for so long [s].
 GAP = 10.0

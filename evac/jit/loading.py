@@ -7,7 +7,7 @@ from typing import Any
 from llvmlite import binding as llvm
 
 from evac.jit.digest import digest_of
-from evac.jit.kernels import Entry
+from evac.jit.kernels import INTERPRETED, Entry
 from evac.jit.processor import Processor
 from evac.jit.store import Store, cache_root
 
@@ -41,7 +41,9 @@ def load(entry: Entry, symbol: str, code: bytes) -> None:
 
 
 def addresses_of(entries: Sequence[Entry], progress: Callable[[int, int], None] | None = None) -> None:
-    """Load the machine code of entries, and compile what is not on disk."""
+    """Load the machine code of entries, and compile what is not on disk; where nothing is compiled, do nothing."""
+    if INTERPRETED:
+        return
     processor = Processor.host()
     missing = []
     for entry in entries:

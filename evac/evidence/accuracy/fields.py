@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from evac.arrays import FloatArray
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.accuracy.data import order_of
 from evac.evidence.accuracy.plans import PLANS, Plan
-from evac.evidence.accuracy.reference import FloatArray
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported

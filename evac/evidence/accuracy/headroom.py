@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from evac.arrays import FloatArray, IndexArray
 from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_problem, default_solver, snapshots
-from evac.evidence.accuracy.reference import FloatArray, gradient_matrix
+from evac.evidence.accuracy.reference import gradient_matrix
 from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds_to
 from evac.evidence.report import Evidence
 from evac.physics.percussions import interleaved
@@ -127,7 +127,7 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
     return matrix, right, omega / root
 
 
-def sweep_order(contacts: int) -> NDArray[np.intp]:
+def sweep_order(contacts: int) -> IndexArray:
     """Return the numbers of so many contacts in the order in which solvers sweep over them."""
     return np.argsort([interleaved(contact, contacts) for contact in range(contacts)])
 

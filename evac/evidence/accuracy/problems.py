@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE
@@ -14,7 +15,7 @@ from evac.physics.contact_model import ContactModel
 from evac.physics.percussions import solve_once
 from evac.physics.rows import INELASTIC
 from evac.physics.solver import Solver
-from evac.physics.state import Contacts, FloatArray, State
+from evac.physics.state import Contacts, State
 from evac.registry import Registry
 
 #: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.

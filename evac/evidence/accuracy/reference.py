@@ -12,12 +12,12 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 #: Walls may be touched by this much on the way, so that ways along walls and round corners count as free [m].

@@ -14,9 +14,9 @@ import shapely
 from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
+from evac.arrays import FloatArray
 from evac.building.model import Building
 from evac.directions.build import BEND
-from evac.evidence.accuracy.reference import FloatArray
 from evac.jit import FloatGrid, kernel
 
 #: Spacing of the grid [m].

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 from evac.evidence import scenes
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
-from evac.evidence.scenes import Bounds, FloatArray, Scene
+from evac.evidence.scenes import Bounds, Scene
 from evac.evidence.stability.maps import Cell, cell_rows
 from evac.evidence.stability.trial import (
     REFUSED,

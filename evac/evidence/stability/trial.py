@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 from evac.evidence import models
-from evac.evidence.scenes import FloatArray, Scene
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import Crowd

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
@@ -17,7 +18,6 @@ from evac.evidence.verdicts import reported
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
-FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 
 #: Rows of desks in a column, as the case lists its pupils.

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
@@ -16,8 +16,6 @@ from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-
-FloatArray = NDArray[np.float64]
 
 EXTENT = 10.0  # m
 STEP = 0.01  # s, of both figures

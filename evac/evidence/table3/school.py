@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
-
-FloatArray = NDArray[np.float64]
 
 #: The two variants, and what each changes in the shipped case.
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
