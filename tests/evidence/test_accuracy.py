@@ -23,26 +23,20 @@ from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import MET
-from evac.registry import Registry
 
 SOLVERS = tuple(plugins().solvers)
 
 
 @pytest.fixture(scope="module")
-def registry():
-    return Registry()
-
-
-@pytest.fixture(scope="module")
-def crowds(registry):
-    return snapshots(40, 1, registry)
+def crowds():
+    return snapshots(40, 1)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_solvers_agree_with_the_independent_reference(crowds, registry, law, solver):
+def test_solvers_agree_with_the_independent_reference(crowds, law, solver):
     pytest.importorskip("clarabel")
-    problem = contact_problem(crowds["settled"], law, registry)
+    problem = contact_problem(crowds["settled"], law)
     truth = problem.reference()
     problem.start(False)
     _, found = problem.solve(solver, 1e-9, 500_000)
@@ -55,8 +49,8 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     """Seconds by solver and crowd, made up: the default takes 1 s, Gauss-Seidel 20 to 40, Uzawa 50."""
     seconds = {"accelerated_sweeps": 1.0, "uzawa": 50.0}
     crowds = iter(np.repeat([20.0, 25.0, 31.0, 35.0, 40.0], 2 * len(LAWS)))
-    monkeypatch.setattr(targets, "snapshots", lambda people, seed, registry: {"settled": 0, "arriving": 0})
-    monkeypatch.setattr(targets, "contact_problem", lambda crowd, law, registry: law)
+    monkeypatch.setattr(targets, "snapshots", lambda people, seed: {"settled": 0, "arriving": 0})
+    monkeypatch.setattr(targets, "contact_problem", lambda crowd, law: law)
     monkeypatch.setattr(targets, "seconds_to", lambda problem, solver, goal: seconds.get(solver) or next(crowds))
     evidence = Evidence("accuracy", tmp_path)
     targets.run(evidence)
@@ -73,7 +67,7 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     assert sum(row["verdict"] == MET for row in rows) == 2 * len(LAWS)
 
 
-def test_people_in_rows_touch_and_every_solver_is_timed_on_them(registry, tmp_path, monkeypatch):
+def test_people_in_rows_touch_and_every_solver_is_timed_on_them(tmp_path, monkeypatch):
     """Some of the contacts push, and every solver is timed or said to have been given its time."""
     monkeypatch.setattr(rows_part, "LAWS", LAWS[:2])
     evidence = Evidence("accuracy", tmp_path, quick=True)
@@ -87,8 +81,8 @@ def test_people_in_rows_touch_and_every_solver_is_timed_on_them(registry, tmp_pa
         assert 0.0 < times[row["first"]] == min(times.values())  # two can be equal to three digits
 
 
-def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, registry):
-    problem = contact_problem(crowds["settled"], LAWS[0], registry)
+def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds):
+    problem = contact_problem(crowds["settled"], LAWS[0])
     first = {}
     for is_warm in (False, True):
         problem.start(is_warm)
@@ -96,14 +90,14 @@ def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, reg
     assert first[True] < 0.5 * first[False]
 
 
-def test_the_contact_problem_is_the_one_that_the_model_solved(crowds, registry):
+def test_the_contact_problem_is_the_one_that_the_model_solved(crowds):
     """The percussions that the model left in its contacts satisfy the problem's law to the model's tolerance."""
-    problem = contact_problem(crowds["settled"], LAWS[0], registry)
+    problem = contact_problem(crowds["settled"], LAWS[0])
     held = problem.contacts.percussion[: problem.size].copy()
     problem.start(False)
     problem.contacts.percussion[: problem.size] = held
     _, found = problem.solve("gauss_seidel", 1e300, 1)
-    assert found <= 1.001 * LAWS[0].make(registry).values()["velocity_tolerance"]
+    assert found <= 1.001 * LAWS[0].make().values()["velocity_tolerance"]
 
 
 def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
@@ -114,8 +108,8 @@ def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
     assert not np.array_equal(settled.crowd.position, opened.crowd.position)
 
 
-def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds, registry):
-    problem = contact_problem(crowds["settled"], LAWS[1], registry)
+def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds):
+    problem = contact_problem(crowds["settled"], LAWS[1])
     truth = np.zeros_like(problem.free)
     rows = measure(problem, truth, "accelerated_sweeps", False, 0.05)
     assert all(row["residual"] <= row["tolerance"] for row in rows[:-1])
@@ -173,18 +167,18 @@ def test_the_error_is_compared_with_the_residual_where_the_reference_can_tell():
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
-def test_every_problem_can_be_walked(registry, problem):
+def test_every_problem_can_be_walked(problem):
     before = problem.scene(0.0).crowd.position
-    after, _ = walked(problem, registry.get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
+    after, _ = walked(problem, plugins().get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
     assert np.isfinite(after).all()
     assert np.abs(after - before).max() > 1e-3
 
 
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.exact], ids=lambda problem: problem.name)
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant[0])
-def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant):
+def test_exact_solutions_are_what_small_steps_tend_to(problem, variant):
     _, plugin, parameters = variant
-    model = registry.get("contact_model", plugin)(**parameters)
+    model = plugins().get("contact_model", plugin)(**parameters)
     errors = []
     for step in (0.004, 0.001):
         found, _ = walked(problem, model, 0.0, step, "exponential")

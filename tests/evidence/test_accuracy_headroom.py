@@ -7,12 +7,11 @@ from scipy import sparse
 from evac.evidence.accuracy import headroom
 from evac.evidence.accuracy.headroom import least_sweeps, pushing_system, sweep_order
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots
-from evac.registry import Registry
 
 
 @pytest.fixture(scope="module")
 def settled():
-    return snapshots(40, 1, Registry())["settled"]
+    return snapshots(40, 1)["settled"]
 
 
 def chain(n):
@@ -61,7 +60,7 @@ def test_sweeps_are_those_that_least_squares_over_all_combinations_need(residual
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
 def test_percussions_found_solve_the_system_of_the_contacts_that_push(settled, law):
-    problem = contact_problem(settled, law, Registry())
+    problem = contact_problem(settled, law)
     matrix, right, scale = pushing_system(problem, "gauss_seidel")
     c = problem.size
     percussion = problem.contacts.percussion[:c]
@@ -77,7 +76,7 @@ def test_percussions_found_solve_the_system_of_the_contacts_that_push(settled, l
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
 def test_no_solver_by_sweeps_needs_fewer_than_the_best_combination(settled, law):
-    problem = contact_problem(settled, law, Registry())
+    problem = contact_problem(settled, law)
     residual = 1e-7
     best = least_sweeps(*pushing_system(problem, "gauss_seidel"), residual)
     for solver in ("gauss_seidel", "accelerated_sweeps"):
@@ -87,7 +86,7 @@ def test_no_solver_by_sweeps_needs_fewer_than_the_best_combination(settled, law)
 
 def test_sweeps_are_counted_to_the_residual_that_the_goal_means(settled):
     """A goal of 1e-7 m is 1e-5 m/s under NSM1, whose step is 0.01 s."""
-    problem = contact_problem(settled, LAWS[0], Registry())
+    problem = contact_problem(settled, LAWS[0])
     found = headroom._counted(problem, 1e-7, "accelerated_sweeps")
     assert found["best: sweeps"] == least_sweeps(*pushing_system(problem, "gauss_seidel"), 1e-5)
     problem.start(False)

@@ -19,7 +19,6 @@ from evac.evidence.accuracy.reference import gradient_matrix
 from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds_to
 from evac.evidence.report import Evidence
 from evac.physics.percussions import interleaved
-from evac.registry import Registry
 
 #: Residual to which the pushing contacts are found [m/s], and the iterations that it may take.
 SURE, ENOUGH = 1e-11, 100_000
@@ -51,15 +50,14 @@ def run(evidence: Evidence) -> None:
 
 def _rows(people: int, crowds: int, first_seed: int) -> list[dict[str, Any]]:
     """Return the row of each target for the ratio to Gauss-Seidel, under each law."""
-    registry = Registry()
-    default = default_solver(registry)
-    made = [snapshots(people, seed, registry) for seed in range(first_seed, first_seed + crowds)]
+    default = default_solver()
+    made = [snapshots(people, seed) for seed in range(first_seed, first_seed + crowds)]
     rows = []
     for kind, goal, solver, least in LEAST_RATIOS:
         if solver != "gauss_seidel":
             continue
         for law in LAWS:
-            found = [_counted(contact_problem(crowd[kind], law, registry), goal, default) for crowd in made]
+            found = [_counted(contact_problem(crowd[kind], law), goal, default) for crowd in made]
             rows.append({"problem": f"{kind}, {law.label}, to {goal:g} {law.unit}", **_row(found, default, least)})
     return rows
 

@@ -12,10 +12,10 @@ import numpy as np
 from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
 from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
-from evac.registry import Registry
 
 #: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
 CLOSED, OPEN = 3.0, 2.0
@@ -89,8 +89,7 @@ def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
 
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
     """Return the models with what is varied."""
-    registry = Registry()
-    get = registry.get
+    get = plugins().get
     found = []
     for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
         step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))

@@ -11,7 +11,6 @@ from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem
 from evac.evidence.accuracy.snapshots import STEP
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import at_least
-from evac.registry import Registry
 
 #: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.
 INERTIAL = Law("NSM1 inertial, equal masses", "nsm1")
@@ -58,12 +57,11 @@ def run(evidence: Evidence) -> None:
 
 def _rows(people: int, seed: int) -> list[dict[str, Any]]:
     """Return the row of each crowd and law."""
-    registry = Registry()
     rows = []
-    for kind, crowd in snapshots(people, seed, registry).items():
+    for kind, crowd in snapshots(people, seed).items():
         crowd.crowd.mass[:] = crowd.crowd.mass.mean()
         for law in (INERTIAL, OVERDAMPED):
-            problem = contact_problem(crowd, law, registry)
+            problem = contact_problem(crowd, law)
             rows.append({"people": people, "crowd": kind, "law": law.label, **compare(problem)})
     return rows
 
@@ -110,7 +108,7 @@ def compare(problem: ContactProblem) -> dict[str, Any]:
 
 def _solved(problem: ContactProblem, truth: FloatArray, goal: float, *, is_warm: bool) -> tuple[float, float]:
     """Return the median time of a solve by the default solver to a residual `goal` [m], and its error [m]."""
-    settings = problem.law.make(Registry()).values()
+    settings = problem.law.make().values()
     spans = []
     for _ in range(REPEATS):
         problem.start(is_warm)

@@ -1,6 +1,5 @@
 """The contact problems that solvers are compared on: what a model solves in one step of a crowd at a door."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,14 +8,12 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
-from evac.evidence.models import COARSE
+from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
 from evac.physics.contact_model import ContactModel
 from evac.physics.percussions import solve_once
 from evac.physics.rows import INELASTIC
-from evac.physics.solver import Solver
 from evac.physics.state import Contacts, State
-from evac.registry import Registry
 
 #: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.
 STEPS_BEFORE = 5
@@ -52,12 +49,12 @@ class Law:
         """Unit of that error."""
         return "m" if self.model == "nsm1" else "m/s"
 
-    def make(self, registry: Registry) -> ContactModel:
+    def make(self) -> ContactModel:
         """Return the contact model, solved to its default tolerance."""
         parameters: dict[str, Any] = {"variant": self.variant}
         if self.model == "nsm2":
             parameters = {"normal_dissipation": self.dissipation}
-        model: ContactModel = registry.get("contact_model", self.model)(**parameters)
+        model: ContactModel = plugins().get("contact_model", self.model)(**parameters)
         return model
 
 
@@ -81,14 +78,11 @@ class ContactProblem:
         ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
     warm : (c,) [N s]
         Percussions found in the step before, where a contact was there already.
-    solvers : mapping of str to type
-        The registered solvers.
     """
 
     law: Law
     state: State
     warm: FloatArray
-    solvers: Mapping[str, type[Solver]]
 
     @property
     def size(self) -> int:
@@ -124,7 +118,7 @@ class ContactProblem:
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
-        address = self.solvers[solver].solve.address
+        address = plugins().solvers[solver].solve.address
         return run_solver(self.state, address, self.law.compliance, tolerance, limit), self.state.problem.residual
 
     def reference(self, precision: float = PRECISION) -> FloatArray:
@@ -152,14 +146,14 @@ def run_solver(state: State, solver: int, compliance: float, tolerance: float, l
     return state.problem.iterations
 
 
-def default_solver(registry: Registry) -> str:
+def default_solver() -> str:
     """Return the solver that NSM1 and NSM2 are shipped with."""
-    return str(registry.get("contact_model", "nsm1").declared()["solver"].default)
+    return str(plugins().get("contact_model", "nsm1").declared()["solver"].default)
 
 
-def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:
+def snapshots(people: int, seed: int) -> dict[str, DoorCrowd]:
     """Return crowds at a door by kind: arriving, settled against the closed door, and 0.05 s after it opened."""
-    nsm1 = registry.get("contact_model", "nsm1")
+    nsm1 = plugins().get("contact_model", "nsm1")
     made = {kind: door_crowd(kind, people, seed, nsm1(**COARSE)) for kind in ("arriving", "settled")}
     for crowd in made.values():
         crowd.walk(nsm1(), SETTLING_STEPS)
@@ -169,15 +163,15 @@ def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd
     return made
 
 
-def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> ContactProblem:
+def contact_problem(snapshot: DoorCrowd, law: Law) -> ContactProblem:
     """Return the contact problem of a law in the sixth of its steps from a snapshot, as the model itself poses it."""
-    model = law.make(registry)
+    model = law.make()
     before = _after(snapshot, model, STEPS_BEFORE).contacts
     known = dict(zip(_keys(before), before.percussion[: before.number], strict=True))
     # An engine of its own: nothing in it can come from the steps that the model has made already.
     state = _after(snapshot, model, STEPS_BEFORE + 1)
     warm = np.array([known.get(key, 0.0) for key in _keys(state.contacts)], dtype=np.float64)
-    return ContactProblem(law, state, warm, registry.solvers)
+    return ContactProblem(law, state, warm)
 
 
 def _keys(contacts: Contacts) -> list[tuple[int, int]]:

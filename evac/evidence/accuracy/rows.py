@@ -5,10 +5,9 @@ from typing import Any
 from evac.evidence.accuracy.problems import LAWS, contact_problem, default_solver
 from evac.evidence.accuracy.snapshots import door_crowd
 from evac.evidence.accuracy.targets import CAP, seconds_to
-from evac.evidence.models import COARSE
+from evac.evidence.models import COARSE, plugins
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import all_of
-from evac.registry import Registry
 
 #: Residuals, in the unit of the law.
 GOALS = (1e-4, 1e-6)
@@ -23,7 +22,7 @@ def run(evidence: Evidence) -> None:
     """Add every solver under every law on people in rows who close up to the page."""
     people = QUICK_PEOPLE if evidence.quick else PEOPLE
     rows = evidence.measured("solvers_rows", lambda: _rows(people, evidence.seed))
-    ahead = sum(row["first"] == default_solver(Registry()) for row in rows)
+    ahead = sum(row["first"] == default_solver() for row in rows)
     evidence.verdict(all_of("Default solver is the first on crowds in rows", ahead, len(rows), SECTION))
     evidence.heading(SECTION)
     evidence.table(
@@ -37,13 +36,12 @@ def run(evidence: Evidence) -> None:
 
 def _rows(people: int, seed: int) -> list[dict[str, Any]]:
     """Return the times of all solvers under each law to each residual."""
-    registry = Registry()
-    crowd = door_crowd("in rows", people, seed, registry.get("contact_model", "nsm1")(**COARSE))
+    crowd = door_crowd("in rows", people, seed, plugins().get("contact_model", "nsm1")(**COARSE))
     rows: list[dict[str, Any]] = []
     for law in LAWS:
-        problem = contact_problem(crowd, law, registry)
+        problem = contact_problem(crowd, law)
         for goal in GOALS:
-            spans = {solver: seconds_to(problem, solver, goal) for solver in registry.solvers}
+            spans = {solver: seconds_to(problem, solver, goal) for solver in plugins().solvers}
             shown = {
                 solver: f"> {1e3 * CAP:.3g}" if span > 0.9 * CAP else f"{1e3 * span:.3g}"
                 for solver, span in spans.items()

@@ -31,9 +31,9 @@ from evac.evidence.accuracy.problems import (
     velocity_error,
 )
 from evac.evidence.accuracy.reference import PRECISION
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.evidence.verdicts import all_of, reported
-from evac.registry import Registry
 
 #: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -70,7 +70,7 @@ def run(evidence: Evidence) -> None:
     """Add part a to the page."""
     stages = QUICK if evidence.quick else FULL
     rows = evidence.measured("solvers", lambda: _all_rows(stages, evidence.seed))
-    default = default_solver(Registry())
+    default = default_solver()
     races = race_rows(rows, default)
     wins = win_rows(races, solvers_of(rows), default)
     factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
@@ -129,16 +129,15 @@ def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], defa
 
 def _all_rows(stages: Sequence[Stage], seed: int) -> list[Row]:
     """Return the solves of all sizes."""
-    registry = Registry()
-    return [row for stage in stages for row in _stage_rows(stage, seed, registry)]
+    return [row for stage in stages for row in _stage_rows(stage, seed)]
 
 
-def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
+def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
     """Measure all solvers on all problems of one size."""
     rows = []
-    crowds = snapshots(stage.people, seed, registry)
+    crowds = snapshots(stage.people, seed)
     for kind, law in PROBLEMS:
-        problem = contact_problem(crowds[kind], law, registry)
+        problem = contact_problem(crowds[kind], law)
         start = time.perf_counter()
         truth = problem.reference()
         duration = time.perf_counter() - start
@@ -156,7 +155,7 @@ def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, A
                 "reference run [s]": reference_time(3),
             }
         )
-        for solver in registry.solvers:
+        for solver in plugins().solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
                 for row in measure(problem, truth, solver, first == "warm", cap, stage.tolerances_for(law)):

@@ -9,7 +9,6 @@ from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_proble
 from evac.evidence.accuracy.solvers import affordable, median_solve
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import MET, all_of, at_least, at_most
-from evac.registry import Registry
 
 PEOPLE = 4_000
 
@@ -51,13 +50,12 @@ def run(evidence: Evidence) -> None:
 
 def _rows(first_seed: int) -> list[dict[str, Any]]:
     """Return the row of each target: bound, median over crowds, extremes and verdict."""
-    registry = Registry()
-    default = default_solver(registry)
+    default = default_solver()
     measured: dict[tuple[str, str, float], list[float]] = {}
     for seed in range(first_seed, first_seed + CROWDS):
-        crowds = snapshots(PEOPLE, seed, registry)
+        crowds = snapshots(PEOPLE, seed)
         for law in LAWS:
-            problems = {kind: contact_problem(crowds[kind], law, registry) for kind in ("settled", "arriving")}
+            problems = {kind: contact_problem(crowds[kind], law) for kind in ("settled", "arriving")}
             for kind, goal, solver, least in LEAST_RATIOS:
                 problem = problems[kind]
                 ratio = seconds_to(problem, solver, goal) / seconds_to(problem, default, goal)

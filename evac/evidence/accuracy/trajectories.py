@@ -11,12 +11,12 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.evidence.accuracy.orders import CLOSE, DRIVES, EXACT, draw, drives_compared, order_rows, orders_off
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene, one_direction, room
 from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import make_crowd
-from evac.registry import Registry
 from evac.scenario.tolerance import ERROR_PER_PATH
 
 #: Everything is solved as far as it goes: what is left is the error of the step.
@@ -117,13 +117,12 @@ def run(evidence: Evidence) -> None:
 
 def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[dict[str, Any]]:
     """Return the rows of all problems and models."""
-    registry = Registry()
     steps = [LARGEST / 2**k for k in range(halvings)]
     return [
         row
         for problem in PROBLEMS
         for label, plugin, parameters in VARIANTS
-        for row in measure(problem, label, plugin, parameters, shifts, steps, finest, registry)
+        for row in measure(problem, label, plugin, parameters, shifts, steps, finest)
     ]
 
 
@@ -140,10 +139,9 @@ def measure(
     shifts: Sequence[float],
     steps: Sequence[float],
     finest: float,
-    registry: Registry,
 ) -> list[dict[str, Any]]:
     """Return a row per drive and step: error over all shifts, run time."""
-    model = registry.get("contact_model", plugin)(**parameters)
+    model = plugins().get("contact_model", plugin)(**parameters)
     truths = []
     for shift in shifts:
         if problem.exact is not None:

@@ -144,7 +144,7 @@ class Cost:
 
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
-    """Time some ticks of a walk, Python's part included.
+    """Take the CPU time of some ticks of a walk, Python's part included.
 
     Raises
     ------
@@ -155,9 +155,9 @@ def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
     before = walk.engine.report()
     for _ in range(ticks):
         inside = walk.inside
-        start = time.perf_counter()
+        start = time.process_time()
         walk.advance(model)
-        spans.append((time.perf_counter() - start) / walk.per_tick)
+        spans.append((time.process_time() - start) / walk.per_tick)
         per_person.append(spans[-1] / max(inside, 1))
     after = walk.engine.report()
     steps = ticks * walk.per_tick
