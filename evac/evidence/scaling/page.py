@@ -255,8 +255,8 @@ def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[in
         f"""Free crowds walk for the time in the table. Jammed ones walk until, {STARTED:g} s or later, half of them
         are slower than {100.0 * JAMMED:.0f} % of their desired speed, at most for {LONGEST:g} s or until
         {100.0 * WALKED_OUT:.0f} % are out, and {SETTLING * TICK:g} s more; NSM1 is solved to
-        {COARSE["gap_tolerance"]:g} m only before these last {SETTLING * TICK:g} s. Then the CPU time of ticks of {TICK:g} s is
-        taken on one core, with Python's part: {ticks}. Spread is the slowest over the fastest tick."""
+        {COARSE["gap_tolerance"]:g} m only before these last {SETTLING * TICK:g} s. Then the CPU time of ticks of
+        {TICK:g} s is taken on one core, with Python's part: {ticks}. Spread is the slowest over the fastest tick."""
     )
     evidence.text(
         f"""Where the column "walk ended by" says "longest time" the crowd did not jam, because its bodies give way:
