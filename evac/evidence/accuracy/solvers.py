@@ -95,7 +95,7 @@ def run(evidence: Evidence) -> None:
         evidence.plot(
             f"solvers_{stage.people}",
             partial(draw, stage, found),
-            f"{stage.people} people: true error over the time of one solve, cold (full lines) and warm (dashed)."
+            f"{stage.people} people: true error over the CPU time of one solve, cold (full lines) and warm (dashed)."
             " Dotted: the time of the reference, whose error is below the axis.",
         )
     goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
@@ -138,9 +138,9 @@ def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
     crowds = snapshots(stage.people, seed)
     for kind, law in PROBLEMS:
         problem = contact_problem(crowds[kind], law)
-        start = time.perf_counter()
+        start = time.process_time()
         truth = problem.reference()
-        duration = time.perf_counter() - start
+        duration = time.process_time() - start
         head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
         rows.append(
             {
@@ -191,13 +191,13 @@ def measure(
 
 
 def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
-    """Return the number of iterations that take about `cap` seconds; also compiles."""
+    """Return the number of iterations that take about `cap` seconds of CPU time; also compiles."""
     few, spans = 20, {}
     for iterations in (few, few, 5 * few):  # the first compiles; what a solve costs before its iterations drops out
         problem.start(False)
-        start = time.perf_counter()
+        start = time.process_time()
         problem.solve(solver, 0.0, iterations)
-        spans[iterations] = time.perf_counter() - start
+        spans[iterations] = time.process_time() - start
     each = max(spans[5 * few] - spans[few], 1e-6) / (4 * few)
     return max(few, int(cap / each))
 
@@ -205,13 +205,13 @@ def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
 def median_solve(
     problem: ContactProblem, solver: str, is_warm: bool, tolerance: float, limit: int
 ) -> tuple[float, int, float]:
-    """Return median time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
+    """Return median CPU time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
     spans: list[float] = []
     while len(spans) < 5 and sum(spans) < 0.05:
         problem.start(is_warm)
-        start = time.perf_counter()
+        start = time.process_time()
         iterations, found = problem.solve(solver, tolerance, limit)
-        spans.append(time.perf_counter() - start)
+        spans.append(time.process_time() - start)
     return float(np.median(spans)), iterations, found
 
 
@@ -246,7 +246,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
             axis.tick_params(labelsize=7)
         axes[r, 0].set_ylabel(f"error [{here[0]['unit']}]", fontsize=8)
     for axis in axes[-1]:
-        axis.set_xlabel("time of one solve [ms]", fontsize=8)
+        axis.set_xlabel("CPU time of one solve [ms]", fontsize=8)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
     return figure
