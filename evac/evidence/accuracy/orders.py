@@ -97,7 +97,7 @@ def draw(rows: Sequence[Row], across: str) -> Any:
         axis.set_title(name, fontsize=9)
     axes[0, 0].set_ylim(bottom=0.1 * EXACT)
     for axis in axes[-1]:
-        axis.set_xlabel("h [s]" if across == "h [s]" else "run time [s]")
+        axis.set_xlabel("h [s]" if across == "h [s]" else "CPU time [s]")
     for axis in axes[:, 0]:
         axis.set_ylabel("error of positions [m]")
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8)
