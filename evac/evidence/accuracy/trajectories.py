@@ -176,8 +176,9 @@ def measure(
 
 
 def walked(problem: Problem, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
-    """Return the positions at the end (n, 2) [m] and the time it took [s]."""
+    """Return the positions at the end (n, 2) [m] and the CPU time that it took [s]."""
     engine, crowd = problem.scene(shift).start()
+    engine.load(model)
     steps = round(problem.duration / step)
     start = time.process_time()
     # Ticks far apart: a person keeps its place in the list of bodies, and the warm start its memory.

@@ -54,7 +54,7 @@ def run(evidence: Evidence) -> None:
     evidence.write_page(
         "Table 3 of the paper, and the figures around it",
         "Examined: whether the published flows of Table 3, figures 2 and 3, the blocked classroom and the egress of the"
-        " school come out again. Nothing is tuned to the published values.",
+        " school come out again, with nothing tuned to the published values.",
     )
 
 
