@@ -175,7 +175,8 @@ class Engine:
         return found
 
     def _drive(self, model: ContactModel) -> Entry:
-        return drive_overdamped if model.overdamped else drive
+        chosen: Entry = drive_overdamped if model.overdamped else drive
+        return chosen
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the parts of the step loop that a scene may not need: name, whether in, why."""
