@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, SimulationError, plugin_code
 from evac.jit import AddressCall, Entry, call_pair_force
 from evac.jit.loading import addresses_of
@@ -22,7 +23,7 @@ from evac.physics.allocation import (
     make_warm_start,
 )
 from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.drive import add_forces
+from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
 from evac.physics.rows import call_solver
@@ -113,11 +114,13 @@ class Engine:
 
     def _gather(self, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, sorted by travel time, row breaking ties; return how many they are."""
-        bodies = self.state.bodies
-        inside = driver.list_inside(self.state.world, crowd, bodies)
-        bodies.row[:inside] = bodies.row[:inside][np.argsort(bodies.key[:inside], kind="stable")]
-        driver.gather(self.state, crowd, inside)
-        return int(inside)
+        rows = np.flatnonzero(crowd.level >= 0)
+        travel_time = np.empty(len(rows))
+        place = crowd.position[rows], crowd.level[rows], crowd.route[rows]
+        sample_travel_times(self.state.world.fields, *place, travel_time)
+        self.state.bodies.row[: len(rows)] = rows[np.argsort(travel_time, kind="stable")]
+        driver.gather(self.state, crowd, len(rows))
+        return len(rows)
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
         """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
@@ -141,6 +144,7 @@ class Engine:
         parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
+        parts.drive = self._drive(model).address
         parts.forces = add_forces.address if self._forces else 0
         for k, force in enumerate(self._forces):
             state.forces.address[k] = force.pair.address
@@ -157,7 +161,7 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        found = [driver.list_inside, driver.gather, driver.scatter]
+        found = [sample_travel_times, driver.gather, driver.scatter, self._drive(model)]
         if model.law is None:
             found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
         else:
@@ -169,6 +173,10 @@ class Engine:
         if self._forces:
             found += [add_forces, *(force.pair for force in self._forces)]
         return found
+
+    def _drive(self, model: ContactModel) -> Entry:
+        chosen: Entry = drive_overdamped if model.overdamped else drive
+        return chosen
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the parts of the step loop that a scene may not need: name, whether in, why."""

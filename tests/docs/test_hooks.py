@@ -153,7 +153,7 @@ def test_evac_configure(plugin):
                 raise ScenarioError(f"not with {case.contact.model}")
         """
     )
-    with pytest.raises(evac.ScenarioError, match="not with nsm2"):
+    with pytest.raises(evac.ScenarioError, match="nsm2"):
         evac.Simulation(evac.load("square_room", plugin_files=[path]))
 
 

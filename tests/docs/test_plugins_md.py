@@ -99,7 +99,7 @@ def test_a_step_at_which_a_packing_is_unstable_is_refused(plugin_files):
         {"contact.model": "dem_numpy", "simulation.step": 0.02, "simulation.tick": 0.1},
         plugin_files=[plugin_files["dem_numpy.py"]],
     )
-    with pytest.raises(evac.ScenarioError, match="too long for contact model 'dem_numpy'"):
+    with pytest.raises(evac.ScenarioError, match=r"simulation.step: .*'dem_numpy'"):
         evac.Simulation(case)
 
 
