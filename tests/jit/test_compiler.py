@@ -39,10 +39,9 @@ def needed_by(code):
 
 
 def shipped_entries():
-    """Return the entries of all modules but those of evidence, which no run needs."""
     for package in (evac, evac_plugins):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not module.name.startswith(("evac.evidence", "evac.__main__")):
+            if not module.name.startswith("evac.__main__"):
                 importlib.import_module(module.name)
     modules = [module for name, module in sys.modules.items() if name.partition(".")[0] in ("evac", "evac_plugins")]
     found = {value.label: value for module in modules for value in vars(module).values() if isinstance(value, Entry)}
