@@ -276,8 +276,8 @@ def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[in
         and 1/{FINER} of the step. Memory is that of all arrays that grow with the people; the direction grid is
         in the file, which has more columns than the table."""
     )
-    columns = ("people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step")
-    columns += ("spread", "iterations per step", "bytes per person")
+    columns = ["people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step"]
+    columns += ["spread", "iterations per step", "bytes per person"]
     formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "h [s]": "g"}
     evidence.table("scaling", rows, "Time and memory; medians.", formats, columns)
     caption = "Time per person-step against the number of people; a refusal has no point."
