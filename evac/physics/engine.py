@@ -150,7 +150,8 @@ class Engine:
             state.forces.address[k] = force.pair.address
         if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
-            self._load_part(model, status.NEEDS_SEPARATION)
+            if model.separates:
+                self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
 
     @property
