@@ -1,13 +1,21 @@
 """What a scene needs: each part that can be left out, in or out, and why. Leaving out changes no bit."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from evac.behaviour import Behaviour, BehaviourScene
+from evac.directions.descent import add_lengths, descend
 from evac.directions.routes import STRATEGIES, Route
+from evac.directions.sampling import sample_travel_times
 from evac.errors import plugin_code
+from evac.jit import Entry
+from evac.jit.kernels import entries_of
 from evac.people.groups import routes_of
+from evac.people.placement import PLACING
+from evac.people.ways import walk_all
+from evac.physics.engine import entries_of_loop
 from evac.physics.force import Force
 
 if TYPE_CHECKING:
@@ -60,6 +68,27 @@ def needed_behaviours(
             if full or behaviour.is_needed(scene):
                 needed.append((behaviour, scene))
     return needed
+
+
+def set_up_kernels() -> list[Entry]:
+    """Return the kernels that the directions and people of a scene need."""
+    return [descend, add_lengths, sample_travel_times, *PLACING, walk_all]
+
+
+def run_kernels(
+    case: "Case",
+    building: "Building",
+    model: "ContactModel",
+    forces: Sequence[Force],
+    behaviours: Sequence[Behaviour],
+    full: bool,
+) -> list[Entry]:
+    """Return the kernels that a run will need, as far as is known before directions are computed."""
+    has_seams = full or len(building.levels) > 1
+    with plugin_code(f"contact model {model.name!r}: kernels"):
+        loop = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
+    modules = dict.fromkeys(sys.modules[type(behaviour).__module__] for behaviour in behaviours)
+    return [*set_up_kernels(), *loop, *(entry for module in modules for entry in entries_of(module))]
 
 
 def explain(

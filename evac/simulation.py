@@ -16,6 +16,7 @@ from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
+from evac.jit.loading import addresses_of
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
@@ -28,7 +29,15 @@ from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.plan import Part, explain, needed_behaviours, needed_forces, needed_routes
+from evac.plan import (
+    Part,
+    explain,
+    needed_behaviours,
+    needed_forces,
+    needed_routes,
+    run_kernels,
+    set_up_kernels,
+)
 from evac.registry import Registry
 from evac.scene import Scene
 
@@ -58,6 +67,11 @@ class Simulation:
     full : bool
         Do even what the scene does not need; gives the same bits, slower.
 
+    will_run : bool
+        False for a look at what is ready before the first step: kernels of the step loop are then not loaded yet.
+    compiling : callable, optional
+        Called with the number of kernels that have been compiled and of all that must be, if any.
+
     Raises
     ------
     EvacError
@@ -82,7 +96,15 @@ class Simulation:
         Why the run has ended; empty while it goes on.
     """
 
-    def __init__(self, case: "Case", folder: Path | None = None, full: bool = False) -> None:
+    def __init__(
+        self,
+        case: "Case",
+        folder: Path | None = None,
+        full: bool = False,
+        *,
+        will_run: bool = True,
+        compiling: Callable[[int, int], None] | None = None,
+    ) -> None:
         self.case = case
         self.registry: Registry = case.registry
         self.folder = folder
@@ -92,9 +114,9 @@ class Simulation:
         self.phases = Phases()
         self.ended = ""
         with self.phases.enter("preparation"):
-            self._make()
+            self._make(will_run, compiling)
 
-    def _make(self) -> None:
+    def _make(self, will_run: bool, compiling: Callable[[int, int], None] | None) -> None:
         """Make everything that the case names, and let the plugins prepare."""
         case, full = self.case, self.full
         with plugin_code("evac_configure"):
@@ -104,18 +126,21 @@ class Simulation:
         self._is_recording = False
         forces, behaviours = case.make_forces(), case.make_behaviours()
         self.forces = needed_forces(forces, full)
-        self._build(behaviours)
+        with self.phases.enter("building"):
+            building = case.read_building()
+            check_people(case, building)
+        with self.phases.enter("kernels"):
+            model = (self.contact, self.forces, behaviours, full)
+            addresses_of(run_kernels(case, building, *model) if will_run else set_up_kernels(), compiling)
+        self._build(building, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
         with plugin_code("evac_prepare"):
             self.registry.hook.evac_prepare(simulation=self)
 
-    def _build(self, behaviours: list[Behaviour]) -> None:
-        """Make the stations of the main path, one from the other."""
+    def _build(self, building: Building, behaviours: list[Behaviour]) -> None:
+        """Make the stations of the main path that follow the building, one from the other."""
         case = self.case
-        with self.phases.enter("building"):
-            building = case.read_building()
-            check_people(case, building)
         with naming(case.source), self.phases.enter("directions"):
             self.scene = Scene(building, self._solve(building, behaviours), partial(self._solve, behaviours=behaviours))
         with noting(building.warnings), self.phases.enter("people"):

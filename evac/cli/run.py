@@ -54,8 +54,8 @@ def execute(arguments: argparse.Namespace) -> int:
         folder = arguments.out or default_folder(case)
         check_folder(folder)
         display.phase("reading the building, computing directions")
-        simulation = Simulation(case, folder, arguments.full)
-        display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
+        simulation = Simulation(case, folder, arguments.full, compiling=display.compiling)
+        display.phase("first tick")
         with _Interrupt(display) as progress:
 
             def writing() -> None:

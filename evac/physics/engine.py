@@ -149,18 +149,7 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        found = [driver.list_inside, driver.gather, driver.scatter]
-        if model.law is None:
-            found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
-        else:
-            found += [driver.advance, model.law]
-        if isinstance(model, SolvedContactModel):
-            found.append(self._solver(model).solve)
-        if self.has_seams:
-            found.append(reaches)
-        if self._forces:
-            found += [add_forces, *(force.pair for force in self._forces)]
-        return found
+        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the parts of the step loop that a scene may not need: name, whether in, why."""
@@ -178,16 +167,7 @@ class Engine:
         return found
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
-        """Return the solver that a model names, or the one that tries again."""
-        name = model.solver
-        for _ in range(1 + stronger):
-            if name not in self._solvers:
-                raise PluginError(
-                    f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(self._solvers))}"
-                )
-            found = self._solvers[name]
-            name = found.stronger
-        return found
+        return solver_of(model, self._solvers, stronger)
 
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load what a step has been found to need."""
@@ -280,6 +260,43 @@ class Engine:
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
+
+
+def entries_of_loop(
+    model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
+) -> list[Entry]:
+    """Return the kernels that the step loop of a run is known to need."""
+    found = [driver.list_inside, driver.gather, driver.scatter]
+    if model.law is None:
+        found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
+    else:
+        found += [driver.advance, model.law]
+    if isinstance(model, SolvedContactModel):
+        found.append(solver_of(model, solvers).solve)
+        if full:
+            found += [solver_of(model, solvers, stronger=True).solve, separate]
+    if has_seams:
+        found.append(reaches)
+    if forces:
+        found += [add_forces, *(force.pair for force in forces)]
+    return found
+
+
+def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
+    """Return the solver that a model names, or the one that tries again.
+
+    Raises
+    ------
+    PluginError
+        If it is not registered.
+    """
+    name = model.solver
+    for _ in range(1 + stronger):
+        if name not in solvers:
+            raise PluginError(f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(solvers))}")
+        found = solvers[name]
+        name = found.stronger
+    return found
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:
