@@ -3,9 +3,12 @@
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
-from evac.errors import EvacError
+from evac.errors import CacheWarning, EvacError
 
 #: Exit status of bad input, and of what Ctrl-C stopped.
 BAD_INPUT = 2
@@ -19,6 +22,7 @@ COMMANDS = {
     "check": "evac.cli.check",
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
+    "cache": "evac.cli.cache",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
     "evidence": "evac.cli.evidence",
@@ -29,7 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Execute one command and return the exit status: 0, 2 for bad input, 3 for people left, 130 if interrupted."""
     arguments = parser().parse_args(argv)
     try:
-        status: int = arguments.execute(arguments)
+        with _cache_warnings():
+            status: int = arguments.execute(arguments)
     except EvacError as error:
         print("\n".join([f"evac: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return BAD_INPUT
@@ -37,6 +42,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("evac: interrupted", file=sys.stderr)
         return INTERRUPTED_STATUS
     return status
+
+
+@contextmanager
+def _cache_warnings() -> Iterator[None]:
+    """Show what the library warns of as commands show other warnings; those of other libraries stay as they are."""
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if issubclass(category, CacheWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            before(message, category, *place)
+
+    with warnings.catch_warnings():
+        before, warnings.showwarning = warnings.showwarning, show
+        yield
 
 
 def parser() -> argparse.ArgumentParser:

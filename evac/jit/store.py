@@ -11,6 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from evac.errors import CacheWarning
+
 #: How files of this format begin; those of others begin with the first word as well.
 _MAGIC = b"evac kernel 1\n"
 _ANY_MAGIC = b"evac kernel "
@@ -23,10 +25,6 @@ UNUSED = 90 * 86400.0
 
 #: Files that are written belong to an interrupted process if they are older [s].
 _ABANDONED = 3600.0
-
-
-class CacheWarning(UserWarning):
-    """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
 def cache_root() -> Path | None:
