@@ -9,6 +9,7 @@ import json
 import pkgutil
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -123,5 +124,6 @@ def all_entries() -> "list[Entry]":
     for module in pkgutil.walk_packages(evac.__path__, "evac."):
         if module.name.split(".")[1] not in ("__main__", "cli", "conformance", "evidence"):
             importlib.import_module(module.name)
-    found = [entry for module in list(sys.modules.values()) for entry in entries_of(module)]
+    modules = [module for module in sys.modules.values() if isinstance(module, ModuleType)]
+    found = [entry for module in modules for entry in entries_of(module)]
     return sorted(dict.fromkeys(found), key=lambda entry: entry.label)
