@@ -11,10 +11,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from evac.assembly import read_building as read_building
     from evac.behaviour import Behaviour as Behaviour
     from evac.behaviour import BehaviourScene as BehaviourScene
+    from evac.building.importer import Importer as Importer
     from evac.building.model import Building as Building
-    from evac.building.reading import read_building as read_building
+    from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.ensemble import Ensemble as Ensemble
     from evac.ensemble import run_many as run_many
     from evac.errors import BuildingError as BuildingError
@@ -50,6 +52,7 @@ _HOMES = {
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
     "Force": "evac.physics.force",
+    "Importer": "evac.building.importer",
     "Parameter": "evac.parameters",
     "PluginError": "evac.errors",
     "Progress": "evac.simulation",
@@ -61,10 +64,11 @@ _HOMES = {
     "Simulation": "evac.simulation",
     "SimulationError": "evac.errors",
     "Solver": "evac.physics.solver",
+    "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
     "load": "evac.scenario.loading",
-    "read_building": "evac.building.reading",
+    "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",
     "run": "evac.running",
     "run_many": "evac.ensemble",

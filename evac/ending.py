@@ -1,4 +1,4 @@
-"""How a run ends: with everybody out, when its duration is over, or when nobody gets nearer to an exit any more."""
+"""How a run ends: with everybody out, when its duration is over, or when nobody makes progress towards an exit."""
 
 from typing import TYPE_CHECKING
 
@@ -22,10 +22,10 @@ FAILED = "failed"
 #: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
 PROGRESS = 0.25
 
-#: Who is inside when a run ends, and has made no progress for so long, is stuck [s].
+#: People inside when a run ends who have made no progress for this long are stuck [s].
 STANDING = 10.0
 
-#: How often progress is looked at [s].
+#: Time between two checks of the progress [s].
 PROGRESS_EVERY = 1.0
 
 
@@ -41,7 +41,7 @@ class Ending:
     while another route is followed, so that alternating between routes counts only until each has been tried. Gains
     below the least time are added up, and their sum counts once it exceeds `PROGRESS`; `PROGRESS` is taken from the
     sum in every `no_progress` (or `STANDING`, where that is longer), so that the creep of a blocked crowd does not
-    count. People who have yet to set off count as making progress, and are measured from where they set off.
+    count. People who have not started count as making progress, and are measured from where they start.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ class Ending:
 
     def __init__(self, settings: "SimulationSettings", people: int, routes: int) -> None:
         self._settings = settings
-        self._steps_per_look = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
-        seconds_per_look = self._steps_per_look * settings.step
-        self._forgotten = PROGRESS * seconds_per_look / max(settings.no_progress, STANDING)  # of the gain, at a look
+        self._steps_per_check = max(1, round(PROGRESS_EVERY / settings.tick)) * settings.steps_per_tick
+        seconds_per_check = self._steps_per_check * settings.step
+        self._decay = PROGRESS * seconds_per_check / max(settings.no_progress, STANDING)  # of the gain, per check [s]
         self._least = np.full((routes, people), np.inf)  # least remaining travel time on each route [s]
         self._gained = np.zeros(people)  # below the least remaining travel time, since the last progress [s]
         self._progress_at = np.zeros(people)  # time of the last progress [s]
@@ -77,14 +77,21 @@ class Ending:
             return EVERYBODY_OUT
         if step >= self._settings.last_step:
             return DURATION_OVER
-        if step % self._steps_per_look == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
+        if step % self._steps_per_check == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
             return NO_PROGRESS
         return ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
-        """Return the rows of who is inside after `step` steps and has made no progress for `STANDING` or `no_progress`.
+        """Return the rows of people who are inside and make no progress.
 
-        Who has yet to set off is not stuck.
+        That is, who have made none for `STANDING`, or for `no_progress` where that is less. People who have not started
+        are not stuck.
+
+        Parameters
+        ----------
+        step : int
+            Steps made.
+        crowd : Crowd
         """
         time = step * self._settings.step
         standing = time - self._progress_at >= min(STANDING, self._settings.no_progress)
@@ -99,14 +106,14 @@ class Ending:
         self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
-        """Say whether nobody has made progress or got out for `no_progress`."""
+        """Return whether nobody has made progress or got out for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
         place = crowd.route[inside], inside
         remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
         waits = crowd.start_time[inside] > time
         with np.errstate(invalid="ignore"):  # inf less inf where no way leads out: no gain
             gain = np.fmax(self._least[place] - remaining, 0.0)
-        gained = np.maximum(self._gained[inside] - self._forgotten, 0.0) + gain
+        gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain
         progresses = waits | (gained > PROGRESS)
         self._least[place] = np.where(waits, remaining, np.minimum(self._least[place], remaining))
         self._gained[inside] = np.where(progresses, 0.0, gained)

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
 from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
@@ -26,7 +26,6 @@ from evac.simulation import Simulation
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-FloatArray = NDArray[np.float64]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

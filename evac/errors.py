@@ -14,7 +14,7 @@ class BuildingError(EvacError):
 
 
 class ScenarioError(EvacError):
-    """A case.toml or an override is wrong; names the file, the dotted key and the way out."""
+    """A case.toml or an override is wrong; names the file, the dotted key and how to fix it."""
 
 
 class PluginError(EvacError):

@@ -8,7 +8,7 @@ import pluggy
 
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
-    from evac.building.model import Building
+    from evac.building.importer import Importer
     from evac.output.recorder import Recorder
     from evac.output.results import Results
     from evac.physics.contact_model import ContactModel
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from evac.registry import Registry
     from evac.scenario.case import Case
     from evac.simulation import Simulation
+
+#: Version of the plugin interface. A plugin's module states the one that it was written for as ``evac_interface``;
+#: docs/plugins.md, section "Interface versions", lists what changed in each.
+INTERFACE = 2
 
 hookspec = pluggy.HookspecMarker("evac")
 hookimpl = pluggy.HookimplMarker("evac")
@@ -48,13 +52,13 @@ def evac_recorders() -> "Sequence[type[Recorder]]":  # type: ignore[empty-body]
 
 
 @hookspec
+def evac_importers() -> "Sequence[type[Importer]]":  # type: ignore[empty-body]
+    """Return importer classes, which read files of buildings."""
+
+
+@hookspec
 def evac_building_cases() -> Sequence[Path]:  # type: ignore[empty-body]
     """Return folders that hold a case.toml; the folder's name is the case's name."""
-
-
-@hookspec(firstresult=True)
-def evac_read_building(path: Path, options: Mapping[str, Any]) -> "Building | None":
-    """Read a building file of a format of your own, or return None to leave it to the next."""
 
 
 @hookspec

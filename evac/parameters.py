@@ -10,7 +10,7 @@ from evac.errors import PluginError, ScenarioError
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
-    """Return the way out of an unknown name: the closest known ones, or all of them."""
+    """Return a hint for an unknown name: the closest known one, or all of them."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
@@ -52,7 +52,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """What is allowed, in words: the choices, or the bounds; empty for anything of the type."""
+        """Description of the values that are allowed: the choices, or the bounds; empty for anything of the type."""
         if self.choices:
             return ", ".join(self.choices)
         low = (

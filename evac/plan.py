@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from evac.behaviour import Behaviour, BehaviourScene
+from evac.directions.build import build_fields
 from evac.directions.descent import add_lengths, descend
+from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
 from evac.errors import plugin_code
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
-from evac.people.groups import routes_of
+from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
 from evac.people.placement import PLACING
 from evac.people.ways import walk_all
 from evac.physics.engine import entries_of_loop
@@ -46,6 +48,21 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     if full:
         wanted.extend(Route((), strategy) for strategy in STRATEGIES)
     return tuple(dict.fromkeys(wanted))
+
+
+def solve_fields(case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool) -> Fields:
+    """Return the directions of a building for the routes that somebody can take, as the case wants them."""
+    settings = case.directions
+    return build_fields(
+        building,
+        needed_routes(case, behaviours, full),
+        spacing=settings.spacing,
+        clearance=default_clearance(case) if settings.clearance is None else settings.clearance,
+        narrowest=narrowest_body(case),
+        speeds=reference_speeds(case),
+        comfort=settings.comfort,
+        order=settings.order,
+    )
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:

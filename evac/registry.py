@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,20 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 from evac import hookspecs
-from evac.errors import PluginError, plugin_code
-from evac.parameters import did_you_mean
+from evac.contract import BASES, check_class, check_module, is_a, kind_of
+from evac.errors import BuildingError, PluginError, plugin_code
+from evac.parameters import Configurable, did_you_mean
 
 if TYPE_CHECKING:
-    from evac.building.model import Building
+    from evac.building.importer import Importer
+
+#: Modules of the built-in importers; enough to read a building alone.
+BUILTIN_IMPORTERS = (
+    "evac_plugins.import_meshio",
+    "evac_plugins.import_obj",
+    "evac_plugins.import_off",
+    "evac_plugins.import_ply",
+)
 
 #: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
 BUILTIN_PLUGINS = (
@@ -36,6 +45,7 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_route_choice",
     "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
+    *BUILTIN_IMPORTERS,
     "evac_plugins.cases",
 )
 
@@ -46,21 +56,9 @@ KINDS = {
     "force": "evac_forces",
     "behaviour": "evac_behaviours",
     "recorder": "evac_recorders",
+    "importer": "evac_importers",
     "case": "evac_building_cases",
 }
-
-
-#: Module and name of the class that each kind derives from; loaded when something of the kind is registered.
-BASES = {
-    "contact_model": ("evac.physics.contact_model", "ContactModel"),
-    "solver": ("evac.physics.solver", "Solver"),
-    "force": ("evac.physics.force", "Force"),
-    "behaviour": ("evac.behaviour", "Behaviour"),
-    "recorder": ("evac.output.recorder", "Recorder"),
-}
-
-#: Names that would hide a key of their section.
-RESERVED = {("contact_model", "model")}
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ class Provenance:
 
 
 class Registry:
-    """Everything a case can name: contact models, forces, behaviours, recorders and shipped cases.
+    """Everything a case can name: contact models, forces, behaviours, recorders, importers and shipped cases.
 
     Parameters
     ----------
@@ -99,7 +97,7 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
-    contact_models, solvers, forces, behaviours, recorders : dict of str to class
+    contact_models, solvers, forces, behaviours, recorders, importers : dict of str to class
         By name; to be read only.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -123,6 +121,7 @@ class Registry:
         self.forces: dict[str, type[Any]] = self._tables["force"]
         self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
         self.recorders: dict[str, type[Any]] = self._tables["recorder"]
+        self.importers: dict[str, type[Any]] = self._tables["importer"]
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
@@ -146,7 +145,7 @@ class Registry:
         Parameters
         ----------
         kind : str
-            ``"contact_model"``, ``"force"``, ``"behaviour"``, ``"recorder"`` or ``"case"``.
+            ``"contact_model"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"`` or ``"case"``.
 
         Raises
         ------
@@ -190,38 +189,29 @@ class Registry:
             self._enter(kind, cls, plugin)
             self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
 
-    def read_building(self, path: Path, *, need_exit: bool = True, **options: Any) -> "Building":
-        """Return the building in a file, read by the first plugin that takes it, or as `evac.read_building` does.
+    def importer_for(self, path: Path, without: Collection[str] = ()) -> "type[Importer]":
+        """Return the importer of a file by the ending of its name; of several, the one registered last.
 
         Parameters
         ----------
         path : Path
-        need_exit : bool
-            Whether evac itself refuses a building that nobody can leave.
-        **options
-            What a case says under ``[building]``, for plugins and evac alike.
-
-        Returns
-        -------
-        Building
+        without : collection of str
+            Names of importers that are switched off.
 
         Raises
         ------
-        PluginError
-            A plugin fails, or returns something else than a building.
         BuildingError
-            The file cannot be used.
+            None reads such files; the message lists the endings that are read.
         """
-        from evac.building.model import Building
-        from evac.building.reading import read_building
-
-        with plugin_code(f"{path}: evac_read_building"):
-            building = self.hook.evac_read_building(path=path, options=options)
-        if building is None:
-            return read_building(path, need_exit=need_exit, **options)
-        if not isinstance(building, Building):
-            raise PluginError(f"{path}: a plugin's evac_read_building returned {type(building).__name__}, no Building")
-        return building
+        used: list[type[Importer]] = [cls for name, cls in self.importers.items() if name not in without]
+        for cls in reversed(used):
+            if path.name.lower().endswith(cls.suffixes):
+                return cls
+        known = sorted({suffix for cls in used for suffix in cls.suffixes})
+        raise BuildingError(
+            f"{path}: cannot read files ending in {path.suffix.lower()!r}; use one of {', '.join(known)}, or a plugin "
+            "with an importer"
+        )
 
     def calls(self, hook: str, **given: Any) -> list[tuple[str, Callable[[], Any]]]:
         """Return each plugin that has a hook, and the call of it, for hooks that fail one by one.
@@ -241,9 +231,15 @@ class Registry:
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
-    def providers(self, used: Iterable[tuple[str, str]]) -> list[str]:
-        """Return name and version of the plugins that provide what is used, by (kind, name), or hook into every run."""
-        owners = {self._owners[key] for key in used}
+    def providers(self, used: Iterable[Configurable]) -> list[str]:
+        """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
+
+        Parameters
+        ----------
+        used : iterable of Configurable
+            Contact model, forces, behaviours, recorders, importer.
+        """
+        owners = {self._owners[kind_of(type(one)), one.name] for one in used}
         always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - set(KINDS.values())
         for hook in always:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
@@ -269,7 +265,7 @@ class Registry:
     def _register(self, module: ModuleType, provenance: Provenance) -> None:
         """Check `module` against the contract, register it and enter what it provides in the tables."""
         plugin = provenance.plugin
-        self._check_hooks(module, plugin)
+        check_module(self._manager, module, plugin)
         try:
             self._manager.register(module, name=plugin)
             self._manager.check_pending()
@@ -288,23 +284,6 @@ class Registry:
             for item in answer:
                 self._enter(kind, item, plugin)
 
-    def _check_hooks(self, module: ModuleType, plugin: str) -> None:
-        """Refuse hooks that the contract does not have, functions that forgot to say they are one, and none at all."""
-        known = [name for name in vars(hookspecs) if name.startswith("evac_")]
-        hooks = 0
-        for name, item in vars(module).items():
-            found = self._manager.parse_hookimpl_opts(module, name)
-            marked = found is not None
-            hooks += marked
-            if found is not None and (found.get("wrapper") or found.get("hookwrapper")):
-                raise PluginError(f"plugin {plugin}: {name} is a wrapper of hooks; evac calls none, take it off")
-            if marked and name not in known:
-                raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
-            if name in known and not marked and inspect.isfunction(item):
-                raise PluginError(f"plugin {plugin}: {name} is not marked; put @hookimpl of evac.hookspecs above it")
-        if not hooks:
-            raise PluginError(f"plugin {plugin}: has no hook and would change nothing; it may have {', '.join(known)}")
-
     def _enter(self, kind: str, item: Any, plugin: str) -> None:
         """Enter one class or folder in its table, checked."""
         word = kind.replace("_", " ")
@@ -314,7 +293,7 @@ class Registry:
                 raise PluginError(f"plugin {plugin}: folder {item} of a case has no case.toml")
             name = item.name
         else:
-            if not _is_a(kind, item):
+            if not is_a(kind, item):
                 raise PluginError(
                     f"plugin {plugin}: {KINDS[kind]} returned {item!r}; it must derive from evac.{BASES[kind][1]}"
                 )
@@ -327,40 +306,6 @@ class Registry:
             )
         self._owners[kind, name] = plugin
         self._tables[kind][name] = item
-
-
-def check_class(cls: Any, plugin: str) -> str:
-    """Refuse a class that is of no kind, is not finished, or has no name that a case could use; return its kind.
-
-    Parameters
-    ----------
-    cls : type
-    plugin : str
-        Where it comes from, for the message.
-
-    Raises
-    ------
-    PluginError
-        Naming the class and what it lacks.
-    """
-    kind = next((kind for kind in BASES if _is_a(kind, cls)), None)
-    if kind is None:
-        bases = ", ".join(base for _, base in BASES.values())
-        raise PluginError(f"plugin {plugin}: {cls!r} is none of {bases}; derive it from one")
-    missing = sorted(getattr(cls, "__abstractmethods__", ()))
-    if missing:
-        raise PluginError(f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs")
-    name = getattr(cls, "name", "")
-    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
-        raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")
-    if (kind, name) in RESERVED:
-        raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; take another")
-    return kind
-
-
-def _is_a(kind: str, item: Any) -> bool:
-    module, base = BASES[kind]
-    return isinstance(item, type) and issubclass(item, getattr(importlib.import_module(module), base))
 
 
 def _module_of(path: Path, text: bytes) -> ModuleType:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac import assembly
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
-from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
@@ -20,7 +20,7 @@ from evac.jit.loading import addresses_of
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
-from evac.people.groups import check_people, default_clearance, narrowest_body, reference_speeds
+from evac.people.groups import check_people
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
@@ -34,9 +34,9 @@ from evac.plan import (
     explain,
     needed_behaviours,
     needed_forces,
-    needed_routes,
     run_kernels,
     set_up_kernels,
+    solve_fields,
 )
 from evac.registry import Registry
 from evac.scene import Scene
@@ -121,13 +121,13 @@ class Simulation:
         case, full = self.case, self.full
         with plugin_code("evac_configure"):
             self.registry.hook.evac_configure(case=case, registry=self.registry)
-        self.contact = case.make_contact_model()
-        self.recorders = case.make_recorders()
+        self.contact = assembly.make_contact_model(case)
+        self.recorders = assembly.make_recorders(case)
         self._is_recording = False
-        forces, behaviours = case.make_forces(), case.make_behaviours()
+        forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = needed_forces(forces, full)
         with self.phases.enter("building"):
-            building = case.read_building()
+            building = assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
             model = (self.contact, self.forces, behaviours, full)
@@ -142,7 +142,8 @@ class Simulation:
         """Make the stations of the main path that follow the building, one from the other."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            self.scene = Scene(building, self._solve(building, behaviours), partial(self._solve, behaviours=behaviours))
+            solve = partial(solve_fields, case, behaviours=behaviours, full=self.full)
+            self.scene = Scene(building, solve(building), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
@@ -178,9 +179,8 @@ class Simulation:
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
-        cutoffs = dict(
-            zip((force.name for force in self.forces), self.engine.state.forces.cutoff.tolist(), strict=True)
-        )
+        names = [force.name for force in self.forces]
+        cutoffs = dict(zip(names, self.engine.state.forces.cutoff.tolist(), strict=True))
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         loop = self.engine.explain(self.contact)
@@ -198,7 +198,7 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]: always step times h, never summed up."""
+        """Simulated time [s]: step times h."""
         return self.step * self.case.simulation.step
 
     def warnings(self) -> tuple[str, ...]:
@@ -394,9 +394,8 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [("contact_model", self.contact.name), *(("force", force.name) for force in self.forces)]
-        used += [("behaviour", behaviour.name) for behaviour, _ in self.behaviours]
-        return self.registry.providers([*used, *(("recorder", recorder.name) for recorder in self.recorders)])
+        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
+        return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:
         """Let the behaviours act on factors set back to neutral; after a change of the scene, all of them."""
@@ -413,27 +412,10 @@ class Simulation:
                 behaviour.act(scene.crowd, self.time)
             check_written(behaviour, crowd, len(self.fields.routes), self.time)
 
-    def _solve(self, building: Building, behaviours: list[Behaviour]) -> Fields:
-        case, settings = self.case, self.case.directions
-        return build_fields(
-            building,
-            needed_routes(case, behaviours, self.full),
-            spacing=settings.spacing,
-            clearance=default_clearance(case) if settings.clearance is None else settings.clearance,
-            narrowest=narrowest_body(case),
-            speeds=reference_speeds(self.case),
-            comfort=settings.comfort,
-            order=settings.order,
-        )
-
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
-        return BehaviourScene(
-            crowd=crowd_for(behaviour, self.population.crowd),
-            scene=self.scene,
-            groups=self.population.groups_for(behaviour.name),
-            generator=generator_for(self.seed, "behaviour", behaviour.name),
-            tick=self.case.simulation.tick,
-        )
+        crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
+        generator = generator_for(self.seed, "behaviour", behaviour.name)
+        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick)
 
 
 def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:

@@ -268,6 +268,9 @@ def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
     return True
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Return the behaviour of this module."""

@@ -5,15 +5,13 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import IntArray
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.errors import naming
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter
 from evac.people.distributions import Distribution, parse
-
-IntArray = NDArray[np.int32]
 
 
 class ResponseTime(Behaviour):
@@ -96,6 +94,9 @@ class ResponseTime(Behaviour):
         for index, area in enumerate(areas):
             place[shapely.contains_xy(area.polygon, x, y) & (level == area.level) & (place >= len(areas))] = index
         return place
+
+
+evac_interface = 2
 
 
 @hookimpl

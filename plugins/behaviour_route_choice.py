@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.behaviour import Behaviour, BehaviourScene
-from evac.directions.fields import Fields, FloatArray
+from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.errors import PluginError, ScenarioError
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.state import Crowd
-
-IntArray = NDArray[np.int32]
 
 #: Slack of times, which are sums of steps [s].
 INSTANT = 1e-9
@@ -234,6 +233,9 @@ def _words(key: str, value: Any) -> tuple[str, ...]:
     if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
         raise PluginError(f"{key}: expected a list of words, got {value!r}")
     return tuple(dict.fromkeys(value))
+
+
+evac_interface = 2
 
 
 @hookimpl

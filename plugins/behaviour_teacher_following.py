@@ -249,6 +249,9 @@ def count_vain(memory, g, seen, vain, remaining, spent):  # type: ignore[no-unty
         memory[g, vain] += spent
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Return the behaviour of this module."""

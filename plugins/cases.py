@@ -6,6 +6,8 @@ from pathlib import Path
 
 from evac.hookspecs import hookimpl
 
+evac_interface = 2
+
 
 @hookimpl
 def evac_building_cases() -> Sequence[Path]:

@@ -219,6 +219,9 @@ class Dem(ContactModel):
         }
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

@@ -133,6 +133,9 @@ class Nsm1(SolvedContactModel):
         )
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

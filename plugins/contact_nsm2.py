@@ -198,6 +198,9 @@ class Nsm2(SolvedContactModel):
         }
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_contact_models() -> Sequence[type[ContactModel]]:
     """Register the model."""

@@ -58,6 +58,9 @@ class SocialForce(Force):
         return np.array([self.strength, self.range, self.anisotropy, isotropic, self.cutoff()])
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_forces() -> Sequence[type[Force]]:
     """Register the force."""

@@ -61,6 +61,9 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
     }
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_recorders() -> Sequence[type[Recorder]]:
     """Return the recorder of trajectories."""

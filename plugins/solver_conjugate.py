@@ -336,6 +336,9 @@ class ConjugateFaces(Solver):
     stronger = "conjugate_sweeps"
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_solvers() -> Sequence[type[Solver]]:
     """Register the solvers of this module."""

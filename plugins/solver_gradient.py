@@ -179,6 +179,9 @@ class AcceleratedGradient(Solver):
     solve = accelerated_gradient
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_solvers() -> Sequence[type[Solver]]:
     """Register the solvers of this module."""

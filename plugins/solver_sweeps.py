@@ -183,6 +183,9 @@ class AcceleratedSweeps(Solver):
     solve = accelerated_sweeps
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_solvers() -> Sequence[type[Solver]]:
     """Register the solvers of this module."""

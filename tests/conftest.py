@@ -6,7 +6,8 @@ from evac.registry import Registry
 
 PLUGIN = """
     from evac.hookspecs import hookimpl
-    from evac import Behaviour, ContactModel, Force, Parameter
+    evac_interface = 2
+    from evac import Behaviour, ContactModel, Force, Importer, Parameter
 
     class Soft(ContactModel):
         name = "soft"
@@ -33,6 +34,14 @@ PLUGIN = """
         name = "follow"
         group_keys = ("leader",)
 
+    class Drawn(Importer):
+        name = "drawn"
+        suffixes = (".obj", ".msh")
+        unit = Parameter("m", "unit of lengths", choices=("m", "mm"))
+
+        def read(self, path):
+            raise ValueError("nothing is drawn")
+
     @hookimpl
     def evac_contact_models():
         return [Soft, Hard]
@@ -44,6 +53,10 @@ PLUGIN = """
     @hookimpl
     def evac_behaviours():
         return [Wait, Follow]
+
+    @hookimpl
+    def evac_importers():
+        return [Drawn]
 """
 
 

@@ -50,7 +50,7 @@ def test_no_runs_and_no_workers_are_refused(case):
 def test_a_run_that_fails_tells_its_seed(tmp_path):
     path = tmp_path / "odd.py"
     path.write_text(
-        "from evac import Behaviour, hookimpl\n"
+        "from evac import Behaviour, hookimpl\nevac_interface = 2\n"
         "class Odd(Behaviour):\n"
         '    """Fails."""\n'
         "    name = 'odd'\n"

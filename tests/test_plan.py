@@ -5,6 +5,7 @@ import textwrap
 import numpy as np
 import pytest
 
+from evac.assembly import make_forces
 from evac.directions.routes import STRATEGIES, Route
 from evac.errors import PluginError
 from evac.plan import needed_forces, needed_routes
@@ -78,7 +79,7 @@ def test_a_route_is_needed_where_somebody_takes_it():
 
 def test_forces_without_strength_are_not_needed():
     case = load_case("square_room", {"forces.social.strength": 0.0})
-    forces = case.make_forces()
+    forces = make_forces(case)
     assert needed_forces(forces, False) == []
     assert needed_forces(forces, True) == forces
 
@@ -92,6 +93,7 @@ def test_full_is_told_as_it_was_done():
 
 ODD = """
     from evac import Behaviour, ContactModel, hookimpl
+    evac_interface = 2
 
     class Odd(Behaviour):
         '''Fails where it is asked.'''

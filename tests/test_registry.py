@@ -1,15 +1,18 @@
 import sys
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from evac.errors import PluginError
+from evac.errors import BuildingError, PluginError
+from evac.hookspecs import INTERFACE
 from evac.physics.contact_model import ContactModel
 from evac.registry import BUILTIN_PLUGINS, KINDS, Registry
 
 SPRING = """
     from evac.hookspecs import hookimpl
+    evac_interface = 2
     from evac.parameters import Parameter
     from evac.physics.contact_model import ContactModel
 
@@ -81,6 +84,7 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
         "kernels.py",
         """
         from evac.hookspecs import hookimpl
+        evac_interface = 2
         from evac.jit import kernel
 
         @hookimpl
@@ -133,15 +137,71 @@ def test_a_kernel_in_a_file_is_compiled_and_cached(tmp_path, monkeypatch):
          ["A.name 'model' is a key of its section"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
          ["folder /nowhere of a case has no case.toml"]),
+        ("from evac import Importer, hookimpl\n"
+         "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
+         "@hookimpl\ndef evac_importers():\n    return [A]\n",
+         ["A.suffixes must be a tuple of endings in lower case", "not '.a'"]),
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
-    path = tmp_path / "broken.py"
-    path.write_text(text, encoding="utf-8")
+    path = written(tmp_path, "broken.py", "evac_interface = 2\n" + text)
     with pytest.raises(PluginError) as caught:
         bare(path)
     for word in [str(path), *words]:
         assert word in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ("", ["does not state", "Interface versions", f"evac_interface = {INTERFACE}"]),
+        ("evac_interface = 1", ["version 1", f"version {INTERFACE}", "Interface versions"]),
+        (f"evac_interface = {INTERFACE + 1}", [f"version {INTERFACE + 1}", f"version {INTERFACE}", "later evac"]),
+        ("evac_interface = '2'", ["whole number", "'2'"]),
+    ],
+)
+def test_a_plugin_of_another_interface_is_refused_by_name(tmp_path, stated, words):
+    path = written(tmp_path, "spring.py", textwrap.dedent(SPRING).replace(f"evac_interface = {INTERFACE}", stated))
+    with pytest.raises(PluginError) as caught:
+        bare(path)
+    for word in [str(path), *words]:
+        assert word in str(caught.value)
+
+
+def test_the_interface_is_told_before_a_hook_that_it_no_longer_has(tmp_path):
+    text = "from evac import hookimpl\nevac_interface = 1\n@hookimpl\ndef evac_read_building(path):\n    return None\n"
+    with pytest.raises(PluginError, match="Interface versions"):
+        bare(written(tmp_path, "old.py", text))
+
+
+IMPORTER = """
+    from evac import Importer, hookimpl
+
+    evac_interface = 2
+
+    class {name}(Importer):
+        '''Nothing.'''
+        name = "{word}"
+        suffixes = (".plan", ".plan.txt")
+
+        def read(self, path):
+            raise ValueError("nothing")
+
+    @hookimpl
+    def evac_importers():
+        return [{name}]
+"""
+
+
+def test_the_importer_registered_last_reads_a_file(tmp_path):
+    one, other = (
+        written(tmp_path, f"{word}.py", IMPORTER.format(name=word.title(), word=word)) for word in ("one", "other")
+    )
+    registry = bare(one, other)
+    assert registry.importer_for(Path("House.PLAN.TXT")) is registry.importers["other"]
+    assert registry.importer_for(Path("house.plan"), without=["other"]) is registry.importers["one"]
+    with pytest.raises(BuildingError, match=r"house\.dxf: .*'\.dxf'.*\.plan, \.plan\.txt"):
+        registry.importer_for(Path("house.dxf"))
 
 
 def test_a_module_that_failed_is_not_kept(tmp_path):
@@ -210,7 +270,7 @@ def test_a_class_is_registered_by_itself():
     (row,) = registry.describe()
     assert (row["source"], row["origin"]) == ("class", __name__)
     assert [item["name"] for item in row["provides"]] == ["spring"]
-    (provider,) = registry.providers([("contact_model", "spring")])
+    (provider,) = registry.providers([Spring()])
     assert "Spring" in provider
     with pytest.raises(PluginError, match="contact model 'spring' is registered twice"):
         registry.add_class(type("Other", (ContactModel,), {"name": "spring"}))

@@ -45,12 +45,13 @@ def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
 def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
     text = """
         from evac import ContactModel, hookimpl
+        evac_interface = 2
 
         class Failing(ContactModel):
             '''Fails at once.'''
             name = "failing"
 
-            def run(self, engine, clock):
+            def own(self, people, world):
                 raise ValueError("oops")
 
         @hookimpl
@@ -65,6 +66,7 @@ def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path)
 def test_a_promise_that_is_no_length_is_named(tmp_path):
     text = """
         from evac import ContactModel, hookimpl
+        evac_interface = 2
 
         class Vague(ContactModel):
             '''Promises nothing that can be compared.'''
@@ -84,6 +86,7 @@ def test_a_promise_that_is_no_length_is_named(tmp_path):
 
 FORCES = """
     from evac import Force, hookimpl
+    evac_interface = 2
     from evac.jit import pair_force
 
     @pair_force
@@ -155,6 +158,7 @@ def test_a_plan_knows_what_a_behaviour_does_at_ticks():
 
 RANDOM = """
     from evac import Behaviour, hookimpl
+    evac_interface = 2
 
     class One(Behaviour):
         '''Draws a factor for everybody at each tick.'''
@@ -204,6 +208,7 @@ def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):
 def test_every_plugin_is_told_of_the_end(tmp_path):
     text = """
         from evac import hookimpl
+        evac_interface = 2
 
         @hookimpl
         def evac_finish(simulation):

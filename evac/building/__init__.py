@@ -1,1 +1,1 @@
-"""Mesh file to frozen `Building`: see ``evac.building.reading.read_building``."""
+"""Surface mesh to frozen `Building`: see ``evac.building.build.build_building``."""

@@ -5,15 +5,13 @@ from collections.abc import Collection
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.building.components import connected_components
 from evac.building.edges import segment_lengths, side_of
 from evac.building.elevation import elevation, level_elevation
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
 
 #: Least depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0
@@ -133,7 +131,7 @@ def check_depth(building: Building) -> None:
 
 
 def measures(building: Building) -> str:
-    """Say how large the building is, for those whose mesh is not in metres."""
+    """Describe for a message how large the building is, in case its unit is not the metre."""
     width, depth, height = np.ptp(building.vertices, axis=0).tolist()
     return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
 
@@ -164,7 +162,7 @@ def check_stairs(building: Building) -> None:
 
 
 def _nearest_end(building: Building, own: list[Level]) -> str:
-    """Say which level misses an end of the stair by least, if one does within a metre."""
+    """Describe for a message the level that misses an end of the stair by least, if one does within a metre."""
     members = {one.index for one in own}
     joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
     misses = [
@@ -216,12 +214,12 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[st
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:
-    """Tell whether two segments look at each other: insides opposed, and each at least partly on the other's inside."""
+    """Return whether two segments face each other: insides opposed, and each at least partly on the other's inside."""
     step_a, step_b = a[2:] - a[:2], b[2:] - b[:2]
     opposed = float(step_a @ step_b) < FACING * float(np.hypot(*step_a) * np.hypot(*step_b))
     return opposed and _is_ahead(a, b) and _is_ahead(b, a)
 
 
 def _is_ahead(a: FloatArray, b: FloatArray) -> bool:
-    """Tell whether any end of segment b is on the left of segment a."""
+    """Return whether any end of segment b is on the left of segment a."""
     return bool((side_of(a, b[[0, 2]], b[[1, 3]]) > ROUNDING).any())

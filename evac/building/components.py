@@ -1,9 +1,8 @@
 """Connected components, in numpy: loading a library of graphs takes longer than reading most buildings."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-IndexArray = NDArray[np.int64]
+from evac.arrays import IndexArray
 
 
 def connected_components(count: int, pairs: IndexArray) -> IndexArray:

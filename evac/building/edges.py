@@ -6,12 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IndexArray
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 #: Corners that lie no farther off the straight line between their neighbours are merged away [m].
 COLLINEAR = 1e-4
@@ -118,5 +115,5 @@ def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
-    """Word the place of an edge."""
+    """Describe the place of an edge for a message."""
     return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

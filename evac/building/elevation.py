@@ -2,11 +2,10 @@
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Level
-
-FloatArray = NDArray[np.float64]
 
 #: A level is taken as one plane where no vertex is farther off it [m].
 PLANE = 1e-9

@@ -5,13 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from evac.building.triangulation import least_height
+from evac.arrays import FloatArray, IndexArray
+from evac.building.polygons import least_height
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 #: The vertices on each edge (a, b), a < b, in their order from a to b.
 Hanging = dict[tuple[int, int], list[int]]

@@ -6,18 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import BoolArray, IndexArray
 from evac.building.components import connected_components
 from evac.building.edges import EdgeTable
 from evac.building.model import Level
+from evac.building.polygons import union
 from evac.building.surface import Surface
-from evac.building.union import union
 from evac.errors import BuildingError
-
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
 
 #: Cells of a flight may rise so far aside from its mean direction [degrees]: at 90 their up would be its down.
 MOST_TURN = 60.0

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
 from evac.building.levels import LevelSet
@@ -15,10 +16,6 @@ from evac.building.model import Building, Exit, Level, Portal
 from evac.building.surface import Surface
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-LevelArray = NDArray[np.int32]
 
 
 def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tuple[Portal, ...]:
@@ -40,7 +37,7 @@ def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tup
 
 def find_exits_and_walls(
     source: Path, surface: Surface, table: EdgeTable, level_set: LevelSet
-) -> tuple[tuple[Exit, ...], FloatArray, LevelArray]:
+) -> tuple[tuple[Exit, ...], FloatArray, IntArray]:
     """Divide the free edges into tagged exits, ordered by name, and walls with their levels.
 
     Raises
@@ -76,14 +73,14 @@ def find_exits_and_walls(
     return tuple(exits), *sorted_walls(np.concatenate(walls), np.concatenate(wall_level))
 
 
-def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, LevelArray]:
+def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, IntArray]:
     """Put walls (w, 4) in the order of level, x1, y1, x2, y2."""
     order = np.lexsort((*walls.T[::-1], wall_level))
     return np.ascontiguousarray(walls[order]), wall_level[order].astype(np.int32)
 
 
-def nearest_wall(walls: FloatArray, wall_level: LevelArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
-    """Word which wall is nearest to some plan points (n, 2), where it is and how far away."""
+def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
+    """Describe for a message the wall nearest to some plan points (n, 2), its place and its distance."""
     if not len(walls):
         return "there is no free edge"
     distance = shapely.distance(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.multipoints(plan))
@@ -111,7 +108,7 @@ def _tagged_exit(
 
 
 def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]) -> str:
-    """Word the free edge whose middle is nearest to that of an edge."""
+    """Describe for a message the free edge whose middle is nearest to that of an edge."""
     middle = surface.vertices[list(edge)].mean(axis=0)
     distance = np.linalg.norm(surface.vertices[free].mean(axis=1) - middle, axis=1)
     if not len(free):

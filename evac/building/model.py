@@ -3,12 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
+from evac.arrays import FloatArray, IntArray
 
 #: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2
@@ -180,7 +177,7 @@ class Building:
         return len(self.portals) + exit_.index
 
     def is_open(self, link: Portal | Exit) -> bool:
-        """Say whether a portal or an exit can be passed."""
+        """Return whether a portal or an exit can be passed."""
         return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
 
     def portals_of(self, level: int) -> list[Portal]:

@@ -2,12 +2,10 @@
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level, Portal
-
-FloatArray = NDArray[np.float64]
 
 #: Ground that a body's centre can reach and that is smaller than this is a niche, not a room behind a neck [m2].
 LEAST_PART = 0.05

@@ -6,18 +6,16 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import FloatArray
 from evac.building.edges import COLLINEAR, segment_lengths
 from evac.building.elevation import level_elevation
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
-from evac.building.union import union
+from evac.building.polygons import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
-
-FloatArray = NDArray[np.float64]
 
 #: An exit may be drawn this far off the free edge that it is snapped to [m].
 EXIT_REACH = 0.05
@@ -304,6 +302,6 @@ def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
 
 
 def _extent(level: Level) -> str:
-    """Word the plan extent of a level, and what to do about something beside it."""
+    """Describe for a message the plan extent of a level, and how to fix a place that is not on it."""
     x1, y1, x2, y2 = level.polygon.bounds
     return f", which reaches from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"

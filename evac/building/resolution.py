@@ -3,12 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from evac.building.defaults import WELD
+from evac.arrays import FloatArray
+from evac.defaults import WELD
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
 
 #: Significant digits of numbers that are written with a fixed number of them: ``%g`` and ``%e`` of C.
 DIGITS = (6, 7)
@@ -111,5 +109,5 @@ def _share_off_grid(values: FloatArray, step: float) -> float:
 
 
 def _on_grid(values: FloatArray, step: float | FloatArray) -> bool:
-    """Tell whether all values are multiples of a step, or each of its own."""
+    """Return whether all values are multiples of a step, or each of its own."""
     return bool((np.abs(values / step - np.round(values / step)) <= ON_GRID).all())

@@ -7,18 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import BoolArray, FloatArray, IndexArray
 from evac.building.hanging import split_at_vertices
-from evac.building.meshfile import SurfaceMesh
+from evac.building.polygons import least_height, plan_area
 from evac.building.resolution import check_resolution
-from evac.building.triangulation import least_height, plan_area
+from evac.building.surfacemesh import TriangleMesh
 from evac.building.welding import weld_points
 from evac.errors import BuildingError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 #: Welding may change the area of the ground by this share.
 MOST_CHANGE = 5e-4
@@ -56,7 +52,7 @@ class Surface:
     warnings: tuple[str, ...]
 
 
-def clean_surface(mesh: SurfaceMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
+def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
     """Weld, sort out and split the cells of a mesh until it is a walkable surface.
 
     Parameters
@@ -191,7 +187,7 @@ def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
 
 
 def _count(mask: BoolArray) -> str:
-    """Word the number of cells."""
+    """Describe the number of cells for a message."""
     number = int(mask.sum())
     return "1 cell" if number == 1 else f"{number} cells"
 

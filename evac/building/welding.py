@@ -4,12 +4,9 @@ import math
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IndexArray
 from evac.building.components import connected_components
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 #: A cluster of close vertices is merged into one where it reaches no farther than this, in units of the weld;
 #: a longer one, such as a finely divided arc, is thinned: merged into one, it would lose its shape.

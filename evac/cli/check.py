@@ -39,7 +39,9 @@ def execute(arguments: argparse.Namespace) -> int:
         simulation = Simulation(case, will_run=False)
     except EvacError:
         # What is wrong with people or directions is easier to see beside the building.
-        show_building(case.read_building())
+        from evac.assembly import make_building
+
+        show_building(make_building(case))
         raise
     show_building(simulation.building)
     show_people(simulation)
@@ -48,13 +50,14 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":
-    """Read a mesh alone: by the first plugin that takes the file, or by evac."""
+    """Read a building's file alone."""
+    from evac.assembly import read_building
     from evac.errors import ScenarioError
     from evac.registry import Registry
 
     if arguments.overrides or arguments.seed is not None:
         raise ScenarioError(f"{path}: --set and --seed change a case, and this is a mesh alone; leave them out")
-    return Registry(arguments.plugins).read_building(path, need_exit=False)
+    return read_building(path, registry=Registry(arguments.plugins), need_exit=False)
 
 
 def show_building(building: "Building") -> None:

@@ -7,24 +7,29 @@
     def test_my_model():
         check_plugin(MyModel)                       # contact model, force, recorder
         check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
+        check_plugin(MyImporter, case)              # an importer with a case whose building it reads
 
 Each check raises `PluginError` that says what was broken, by how much, and what to change. The same checks
 run over everything that evac itself registers.
 """
 
+import sys
 from typing import Any
 
 from evac.behaviour import Behaviour, check_writes
+from evac.building.importer import Importer
 from evac.conformance.cases import check_declared_arrays, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.forces import check_pair_force
+from evac.conformance.importers import check_damaged_files, check_surface
+from evac.contract import check_class, check_interface
 from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
 from evac.physics.state import Crowd
-from evac.registry import Registry, check_class
+from evac.registry import KINDS, Registry
 from evac.scenario.case import Case
 from evac.scenario.loading import load_case
 
@@ -40,9 +45,10 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     Parameters
     ----------
     cls : type
-        A `ContactModel`, `Force`, `Behaviour` or `Recorder`.
+        A `ContactModel`, `Force`, `Behaviour`, `Recorder` or `Importer`.
     case : Case, optional
-        Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use.
+        Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use. Without a
+        case, an importer is tried on damaged files only.
     ticks : int
         Ticks of the case that are run.
     **values
@@ -60,6 +66,11 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
                 check(cls(**values))
         elif issubclass(cls, Force):
             check_pair_force(cls(**values))
+        elif issubclass(cls, Importer):
+            check_damaged_files(cls(**values))
+            if case is None:
+                return
+            check_surface(case, cls.name)
         case = _case_with(cls, values) if case is None else case
         if issubclass(cls, Behaviour):
             check_declared_arrays(case, cls.name, ticks)
@@ -69,7 +80,10 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
 
 
 def check_metadata(cls: type[Configurable]) -> None:
-    """Name, docstring, and every parameter with a type, a unit, a sentence and a legal default."""
+    """Interface version, name, docstring, and every parameter with a type, a unit, a sentence and a legal default."""
+    module = sys.modules.get(cls.__module__)
+    if module is not None and any(hasattr(module, hook) for hook in KINDS.values()):
+        check_interface(module, cls.__module__)
     check_class(cls, cls.__module__)
     name = cls.name
     if not (cls.__doc__ or "").strip():

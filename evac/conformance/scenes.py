@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
@@ -17,8 +17,6 @@ from evac.physics.engine import Engine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 from evac.registry import Registry
-
-FloatArray = NDArray[np.float64]
 
 #: Step of the scenes [s]; a tick is ten steps.
 STEP = 0.01

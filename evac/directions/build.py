@@ -7,13 +7,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.building.checks import measures
 from evac.building.model import FLAT, Building, Exit
 from evac.building.narrow import gaps_below
+from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.defaults import COMFORT, ORDER, SPACING
 from evac.directions.descent import Ways, add_lengths, descend, find_lowest
-from evac.directions.fields import Fields, FloatArray, PackedFields
+from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
 from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
 from evac.directions.marching import Metric, march

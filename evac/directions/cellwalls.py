@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from evac.directions.fields import CellWalls, FloatArray
+from evac.arrays import FloatArray, IndexArray
+from evac.directions.fields import CellWalls
 from evac.directions.grids import BuildingGrids
-from evac.directions.lattice import SLACK, IndexArray, Window, numbers_between
+from evac.directions.lattice import SLACK, Window, numbers_between
 
 
 def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:

@@ -4,14 +4,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evac.arrays import FloatArray
 from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-OffsetArray = NDArray[np.int64]
 
 
 class CellWalls(Struct):

@@ -9,13 +9,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
 from evac.building.narrow import gaps_below
 from evac.directions.lattice import (
     SLACK,
-    BoolArray,
-    FloatArray,
-    IndexArray,
     Lattice,
     Links,
     Window,
@@ -59,7 +57,7 @@ class LevelGrid:
 
     level: int
     window: Window
-    sheet: NDArray[np.int32]
+    sheet: IntArray
     source: NDArray[np.int64]
     offset: int
     distance: FloatArray
@@ -150,7 +148,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         strict=True,
     )
     layers = _Layers(building, own_windows, list(own_nodes), walls, margin)
-    grids: list[tuple[Window, NDArray[np.int32]]] = [layers.grid(level) for level in building.levels]
+    grids: list[tuple[Window, IntArray]] = [layers.grid(level) for level in building.levels]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
@@ -200,7 +198,7 @@ class _Layers:
         """Return the open exits of a level."""
         return [exit_ for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
 
-    def grid(self, level: Level) -> tuple[Window, NDArray[np.int32]]:
+    def grid(self, level: Level) -> tuple[Window, IntArray]:
         """Return the window of a level's grid and the sheet of each node."""
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
@@ -232,7 +230,7 @@ class _Layers:
         """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
         return max(portal.width, MARGIN * self.windows[0].lattice.spacing)
 
-    def _add_halo(self, window: Window, sheet: NDArray[np.int32], portal: Portal, neighbour: int) -> None:
+    def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
         """Lay the neighbour's nodes that are reached directly behind a portal into the grid."""
         nodes = np.zeros(window.shape, dtype=np.bool_)
         here, there = window.overlap(self.windows[neighbour])
@@ -246,7 +244,7 @@ class _Layers:
         nodes[nodes] = np.isin(part, part[beside[nodes]])
         sheet[(sheet == NOTHING) & nodes] = 1 + portal.index
 
-    def _cut_links(self, window: Window, sheet: NDArray[np.int32], level: int, portals: Sequence[Portal]) -> None:
+    def _cut_links(self, window: Window, sheet: IntArray, level: int, portals: Sequence[Portal]) -> None:
         """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
 
         Neighbouring nodes may be linked if they stand on one level, or if their link crosses the open
@@ -293,7 +291,7 @@ def _ends_of(links: Links) -> BoolArray:
 def _sources(
     building: Building,
     level: int,
-    grids: list[tuple[Window, NDArray[np.int32]]],
+    grids: list[tuple[Window, IntArray]],
     offsets: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Return the packed index of the node that each node of a level's grid stands for."""
@@ -310,7 +308,7 @@ def _sources(
 
 
 def _seam(
-    portal: Portal, level: int, grids: list[tuple[Window, NDArray[np.int32]]], offsets: NDArray[np.int64]
+    portal: Portal, level: int, grids: list[tuple[Window, IntArray]], offsets: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return the packed indices (2, s) of the nodes on a portal, on the grids of both of its levels."""
     window, sheet = grids[level]
@@ -339,7 +337,7 @@ def _distances(
     building: Building,
     level: int,
     window: Window,
-    sheet: NDArray[np.int32],
+    sheet: IntArray,
     walls: list[FloatArray],
     clearance: float,
 ) -> FloatArray:

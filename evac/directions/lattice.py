@@ -10,9 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IndexArray = NDArray[np.int64]
+from evac.arrays import BoolArray, FloatArray, IndexArray
 
 #: Rounding slack of positions on the lattice, in cells.
 SLACK = 1e-6

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
+from evac.arrays import FloatArray
 from evac.building.model import DOWN, FLAT, UP, Exit, Portal
 from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
-from evac.directions.lattice import SLACK, FloatArray
+from evac.directions.lattice import SLACK
 from evac.directions.strips import points_along
 
 #: Greatest difference left at a portal, in the time of one cell.

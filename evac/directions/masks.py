@@ -5,8 +5,8 @@ As `scipy.ndimage` finds them, to the last tie; loading it takes longer than mak
 
 import numpy as np
 
+from evac.arrays import BoolArray, IndexArray
 from evac.building.components import connected_components
-from evac.directions.lattice import BoolArray, IndexArray
 
 
 def parts_of(nodes: BoolArray) -> IndexArray:

@@ -7,8 +7,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import BoolArray, FloatArray
 from evac.building.edges import side_of
-from evac.directions.lattice import SLACK, BoolArray, FloatArray, Window
+from evac.directions.lattice import SLACK, Window
 
 #: A strip of fewer rows cannot hold the contour that a march starts from.
 LEAST_ROWS = 3

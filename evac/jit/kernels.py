@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
-from evac.jit.layout import Array, Kind, Struct, check_array, kind_of, known_structs
+from evac.jit.layout import Array, Kind, Struct, check_array, kind_of
 
 #: Run kernels as Python functions, to look into them.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -99,7 +99,7 @@ class Entry(Kernel):
         if not self._address:
             if INTERPRETED:
                 self._address = id(self)
-                _interpreted[self._address] = self
+                _interpreted[self._address] = self.function
             else:
                 from evac.jit.loading import addresses_of  # imports llvmlite
 
@@ -139,7 +139,7 @@ class Entry(Kernel):
         if len(kinds) != len(arguments):
             raise TypeError(f"kernel {self.label} takes {len(kinds)} arguments, {len(arguments)} given")
         kept: list[Any] = []  # headers live until the call returns
-        passed = []
+        passed: list[float] = []
         for (name, kind), value in zip(kinds, arguments, strict=True):
             if isinstance(kind, Array):
                 check_array(value, kind, f"{self.label}: {name}")
@@ -155,8 +155,8 @@ class Entry(Kernel):
         return self._call(*passed)
 
 
-#: Entries by what stands for their addresses where nothing is compiled.
-_interpreted: dict[int, Entry] = {}
+#: Python functions by what stands for their addresses where nothing is compiled.
+_interpreted: dict[int, Callable[..., Any]] = {}
 
 
 class Intrinsic:
@@ -195,13 +195,8 @@ class AddressCall:
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
 
     def __call__(self, address: int, *arguments: Any) -> Any:
-        """Call a kernel that is not compiled; the addresses of structs are given for the structs."""
-        entry = _interpreted[int(address)]
-        given = [
-            argument if isinstance(kind, Array | str) or isinstance(argument, Struct) else known_structs[argument]
-            for (_, kind), argument in zip(entry.signature[0], arguments, strict=True)
-        ]
-        return entry.function(*given)
+        """Call a kernel that is not compiled."""
+        return _interpreted[int(address)](*arguments)
 
 
 def kernel(function: Callable[..., Any]) -> Any:

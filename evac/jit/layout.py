@@ -5,7 +5,6 @@ shape, in words of the struct's memory; Python replaces an array (to make room) 
 """
 
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
-from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,10 +128,6 @@ class _StructField:
         struct._words[self.word] = inner.memory_address
 
 
-#: Structs by address, for kernels that run as Python functions.
-known_structs: "WeakValueDictionary[int, Struct]" = WeakValueDictionary()
-
-
 class Struct:
     """Base class of what kernels take by reference: a subclass annotates attributes, and takes them by keyword.
 
@@ -181,7 +176,6 @@ class Struct:
         self._words = np.zeros(self._size, np.int64)
         self._floats = self._words.view(np.float64)
         self.memory_address = int(self._words.ctypes.data)
-        known_structs[self.memory_address] = self
         for name, value in values.items():
             setattr(self, name, value)
 

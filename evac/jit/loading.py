@@ -1,6 +1,7 @@
 """From entries to addresses: read object code from disk, compile what is missing, load it into the process."""
 
 import threading
+import warnings
 from collections.abc import Iterable
 from contextlib import closing
 from functools import lru_cache
@@ -9,10 +10,11 @@ from typing import Any
 
 from llvmlite import binding as llvm
 
+from evac.errors import CacheWarning
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, Entry
 from evac.jit.processor import Processor, generic, host, missing_features
-from evac.jit.store import Store, user_store, warn
+from evac.jit.store import Store, user_store
 from evac.jit.workers import Progress, Task, compile_tasks
 
 #: Kernels that a wheel contains, compiled for the generic processor.
@@ -69,9 +71,10 @@ def compile_missing(
 ) -> None:
     """Compile kernels into a store, load those for this processor, and remove what is old."""
     if store is None:
-        warn(
-            "compiled kernels cannot be kept: there is no home folder; set EVAC_CACHE_DIR to a folder, or the next run"
-            " compiles again"
+        warnings.warn(
+            "compiled kernels cannot be kept: there is no home folder; set EVAC_CACHE_DIR to a folder",
+            CacheWarning,
+            stacklevel=2,
         )
     with closing(compile_tasks(missing, processor, store, progress)) as compiled:
         for task, code in compiled:

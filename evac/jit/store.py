@@ -44,6 +44,10 @@ def user_store() -> "Store | None":
     return Store(root / "kernels") if root else None
 
 
+#: Folders that something has been warned of.
+_warned: set[tuple[Path, str]] = set()
+
+
 @dataclass(frozen=True)
 class Store:
     """A folder of object code.
@@ -72,7 +76,7 @@ class Store:
         except FileNotFoundError:
             return None
         except OSError as error:
-            warn(f"{self.folder}: compiled kernels cannot be read ({error.strerror}); they are compiled again")
+            self.warn("read", f"{path}: cannot be read ({error.strerror}); what cannot be read is compiled again")
             return None
         start = len(_MAGIC) + 32
         code = content[start:]
@@ -83,7 +87,7 @@ class Store:
         if not self.is_shipped:
             with suppress(OSError):
                 path.unlink()
-        warn(f"{self.folder}: {path.name} is damaged; it is compiled again, as are others that are damaged")
+        self.warn("damaged", f"{path}: damaged; it is compiled again, as is everything else that is damaged")
         return None
 
     def write(self, name: str, digest: str, code: bytes) -> None:
@@ -111,6 +115,12 @@ class Store:
         """Return the files of all kernels."""
         return sorted(self.folder.glob("*.kernel"))
 
+    def warn(self, what: str, message: str) -> None:
+        """Warn of something that concerns the folder, once."""
+        if (self.folder, what) not in _warned:
+            _warned.add((self.folder, what))
+            warnings.warn(message, CacheWarning, stacklevel=3)
+
     def prune(self) -> None:
         """Remove what nothing has used for long, what interrupted processes left, and former caches."""
         _remove(path for path in self.entries() if _age(path) > UNUSED)
@@ -125,16 +135,6 @@ class Store:
         with suppress(OSError):
             self.folder.rmdir()
         self.prune()
-
-
-def warn(message: str) -> None:
-    """Warn of something once."""
-    if message not in _warned:
-        _warned.add(message)
-        warnings.warn(message, CacheWarning, stacklevel=3)
-
-
-_warned: set[str] = set()
 
 
 def _checksum(digest: str, code: bytes) -> bytes:

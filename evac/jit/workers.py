@@ -22,7 +22,7 @@ from evac.errors import PluginError
 from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import Entry, entries_of
 from evac.jit.processor import Processor
-from evac.jit.store import Store, warn
+from evac.jit.store import Store
 
 #: Called with the number of kernels that are finished, and of all.
 Progress = Callable[[int, int], None]
@@ -95,7 +95,7 @@ def compile_tasks(
     for task in list(left):
         code, problem = _compile_here(task, processor, store)
         if problem:
-            warn(problem)
+            _warn(store, problem)
         del left[task]
         yield task, code
         tell()
@@ -163,6 +163,11 @@ def _compile_here(task: Task, processor: Processor, store: Store | None) -> tupl
     return code, ""
 
 
+def _warn(store: Store | None, problem: str) -> None:
+    if store is not None:
+        store.warn("kept", f"{store.folder}: kernels cannot be kept ({problem}); the next run compiles them again")
+
+
 # The side that asks
 
 
@@ -190,7 +195,7 @@ def _compile_elsewhere(
                 raise PluginError(answer["error"])
             else:
                 if answer["problem"]:
-                    warn(answer["problem"])
+                    _warn(store, answer["problem"])
                 yield tasks[answer["digest"]], base64.b64decode(answer["code"])
     finally:
         for worker in workers:

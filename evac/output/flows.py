@@ -5,12 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 #: Share of the people who pass before and after the stretch in which a flow is taken as steady.
 MARGIN = 0.2

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.directions.routes import Route
 from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from evac.people.population import Group
     from evac.scenario.case import Case
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 #: Packages whose version can change a number of the results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
@@ -151,7 +150,8 @@ class Results:
         leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
         is_other = ~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]
-        return out[is_other].astype(np.int32)
+        rows: IntArray = out[is_other].astype(np.int32)
+        return rows
 
     @property
     def exit_status(self) -> int:

@@ -12,12 +12,11 @@ import shapely
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 
+from evac.arrays import FloatArray
 from evac.building.elevation import elevation
 from evac.building.model import Building
 from evac.output.trajectory import Trajectory
 from evac.output.vtk_export import segments_in_space
-
-FloatArray = NDArray[np.float64]
 
 #: What people can be coloured by.
 COLOURS = ("group", "speed")

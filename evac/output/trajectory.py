@@ -12,14 +12,12 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.errors import ResultError
 from evac.output.files import TRAJECTORY_NAME, writing
 from evac.output.header import building_from_json
 from evac.physics.state import Crowd
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 MAGIC = b"EVACTRJ1"
 #: One float32 each, little-endian; x and y count from the header's origin.

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.physics.state import Crowd
-
-FloatArray = NDArray[np.float64]
 
 #: Speeds of each person are averaged over so much time [s].
 SPAN = 2.0

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
-
-FloatArray = NDArray[np.float64]
 
 #: Numbers that each distribution takes, by name; see `Distribution`.
 KINDS = {

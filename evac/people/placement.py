@@ -5,15 +5,11 @@ import math
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import BoolArray, FloatArray
 from evac.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 #: Rounds of random candidates, two per person each, before the lattice is tried.
 ROUNDS = 40

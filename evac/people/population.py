@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import elevation
 from evac.building.model import DOWN, FLAT, UP, Building
 from evac.building.places import HEIGHT_REACH
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case
     from evac.scenario.schema import GroupSettings
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 
 #: How far outside a level, or into a wall, rounding may put a position that was written down [m].
 ROUNDING = 1e-6
@@ -83,7 +82,7 @@ class Population:
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
     def settle(self, events: Events) -> None:
-        """Take up the crossings of a tick: exit times and exits used, and the log of portals.
+        """Record the crossings of a tick: exit times and exits used, and the log of portals.
 
         Parameters
         ----------
@@ -105,7 +104,7 @@ class Population:
         return {name: array.copy() for name, array in self.crowd.values().items()} | log
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Take up what `state` returned, in the arrays that exist."""
+        """Restore what `state` returned, in the arrays that exist."""
         for name, array in self.crowd.values().items():
             array[...] = state[name]
         self._log = [(state["crossing_row"].copy(), state["crossing_link"].copy(), state["crossing_time"].copy())]
@@ -181,7 +180,7 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
 
 
 def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray) -> None:
-    """Put a group where the case says, or refuse the first place that cannot be."""
+    """Put a group at its positions, or refuse the first one that is not possible."""
     position = np.array(people.positions, dtype=np.float64)
     level = _levels_of(case, building, people, position)
     _put_inside(building, level, position)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.components import connected_components
 from evac.building.model import Building
 from evac.building.narrow import CLOSED
@@ -17,7 +18,7 @@ from evac.errors import ScenarioError
 from evac.jit import Bytes, Ints, Longs, Pairs, Triples, inner, kernel
 from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
-from evac.physics.state import Crowd, FloatArray, IntArray, World
+from evac.physics.state import Crowd, World
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,7 +133,7 @@ def _unreachable(
     rows: IntArray,
     is_connected: NDArray[np.bool_],
 ) -> str:
-    """Say why people have no travel time to an exit."""
+    """Describe for a message why people have no travel time to an exit."""
     exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
     told = _told(source, building, crowd, group, rows, f"cannot reach {exits}")
     if is_connected[rows[0]]:
@@ -145,7 +146,7 @@ def _unreachable(
 
 
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
-    """Say whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
+    """Return whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
     parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
     # Nodes are the parts of all levels, then the exits.
     first = np.cumsum([0, *map(len, parts)])

@@ -57,7 +57,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
         clock=allocate(Clock, 0),
         forces=forces,
         traits=allocate(Traits, 0),
-        parts=allocate(Parts, 0),
+        parts=allocate(Parts, 0, parameters=Struct()),
         tally=np.zeros(len(at.NAMES)),
         tally_before=np.zeros(len(at.NAMES)),
     )

@@ -1,7 +1,7 @@
 """Square cells of the plan: who is near, found by counting."""
 
+from evac.arrays import FloatArray, IntArray
 from evac.jit import inner
-from evac.physics.state import FloatArray, IntArray
 
 
 @inner

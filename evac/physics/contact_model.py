@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.errors import PluginError, ScenarioError
 from evac.jit import Entry, Struct
 from evac.parameters import Configurable, Parameter
@@ -17,8 +18,6 @@ from evac.physics.status import OK
 
 if TYPE_CHECKING:
     from evac.physics.engine import Engine
-
-FloatArray = NDArray[np.float64]
 
 
 class StepContacts(NamedTuple):

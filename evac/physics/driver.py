@@ -13,7 +13,7 @@ Contact models written in numpy make the same calls from Python, see `ContactMod
 import math
 
 from evac.directions.sampling import sample_travel_time
-from evac.jit import AddressCall, inner, kernel
+from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contacts import (
     find_contacts,
@@ -43,8 +43,8 @@ GREATEST_PARTS = 256
 #: Nobody is thrown faster than this but by contacts that create energy: the run is stopped [m/s].
 FASTEST = 100.0
 
-#: Call a contact law: state, its own parameters (the address of a struct), length of the sub-step [s]; a status.
-call_law = AddressCall([State, int, float], (int,))
+#: Call a contact law: state, its own parameters, length of the sub-step [s]; a status.
+call_law = AddressCall([State, Struct, float], (int,))
 
 
 @kernel

@@ -128,7 +128,7 @@ class Engine:
             self._own = model.own(len(state.bodies.row), state.world)
         addresses_of(self.entries(model), progress)
         parts = state.parts
-        parts.parameters = self._own.memory_address
+        parts.parameters = self._own
         parts.law = model.law.address if model.law else 0
         parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
         parts.stronger = parts.separation = 0

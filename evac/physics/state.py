@@ -5,14 +5,10 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evac.arrays import FloatArray
 from evac.directions.fields import PackedFields
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.layout import Array
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
-LongArray = NDArray[np.int64]
-ByteArray = NDArray[np.uint8]
 
 #: Numbers of a row of the contact problem, see `evac.physics.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
@@ -352,7 +348,7 @@ class Parts(Struct):
     """Addresses of what is compiled and loaded only where a scene needs it; 0 where it is not loaded."""
 
     law: int
-    parameters: int  # of the struct of the law
+    parameters: Struct  # of the law
     solver: int
     stronger: int  # solver that tries again
     separation: int

@@ -4,9 +4,10 @@ import networkx as nx
 import numpy as np
 import shapely
 
+from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.directions.fields import Fields
-from evac.physics.state import FloatArray, IntArray, World
+from evac.physics.state import World
 
 #: How far around each bucket walls are listed: the farthest that neighbour lists usually look [m].
 BUCKET_REACH = 1.0

@@ -1,4 +1,4 @@
-"""A checked case: what case.toml said, with everything that can be made of it."""
+"""A checked case: plain data, from a file, a dictionary or a sweep."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -15,22 +15,22 @@ from evac.scenario.schema import (
     DirectionSettings,
     GroupSettings,
     OutputSettings,
+    PeopleSettings,
     PluginSettings,
     SimulationSettings,
 )
 
 if TYPE_CHECKING:
-    from evac.behaviour import Behaviour
-    from evac.building.model import Building
-    from evac.output.recorder import Recorder
-    from evac.physics.contact_model import ContactModel
-    from evac.physics.force import Force
     from evac.registry import Registry
+
+
+#: Stands for the file of a case that was made from a dictionary.
+DICTIONARY = "<dictionary>"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a case came from: its file, what the file said after overrides, plugin files, and the registry."""
+    """Where a case came from: its file, its content after overrides, plugin files, and what it was checked against."""
 
     source: Path
     table: Mapping[str, Any]
@@ -39,7 +39,7 @@ class Origin:
 
 
 class Case(Section):
-    """A checked case: everything needed to run it but the building itself.
+    """A checked case: data alone. Whoever runs it reads the building and makes the plugins, with `evac.assembly`.
 
     Made by `evac.scenario.load_case`; frozen. `change` makes another one.
     """
@@ -48,6 +48,7 @@ class Case(Section):
     building: BuildingSettings = key("the building")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
         "`[forces.NAME]`: parameters of a force between people; present: enabled with them; `false`: disabled",
@@ -61,6 +62,12 @@ class Case(Section):
     )
     recorders: dict[str, Parameters] = key(
         "`[recorders.NAME]`: parameters of a recorder; every one that is registered is enabled; `false`: disabled",
+        "",
+        {},
+    )
+    importers: dict[str, Parameters] = key(
+        "`[importers.NAME]`: parameters of an importer of buildings; every one that is registered is enabled; "
+        "`false`: disabled",
         "",
         {},
     )
@@ -78,7 +85,7 @@ class Case(Section):
 
     @property
     def source(self) -> Path:
-        """The case.toml it was read from."""
+        """The case.toml it was read from; of a dictionary `DICTIONARY` in the folder that its paths are relative to."""
         return self._origin.source
 
     @property
@@ -88,7 +95,7 @@ class Case(Section):
 
     @property
     def mesh(self) -> Path:
-        """The mesh file."""
+        """The building's file."""
         return self.folder / self.building.mesh
 
     @property
@@ -115,51 +122,13 @@ class Case(Section):
             self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
         )
 
-    def read_building(self) -> "Building":
-        """Return the building from its mesh, closed where the case closes it.
-
-        Raises
-        ------
-        BuildingError
-            As `evac.building.reading.read_building` says, or a name to close is none of the building's.
-        """
-        from evac.building.links import close_links  # brings shapely, which cases alone do without
-
-        mesh = self.registry.read_building(self.mesh, **self.building.options())
-        return close_links(mesh, self.building.closed)
-
-    def make_contact_model(self) -> "ContactModel":
-        """Return the contact model in use, with its parameters."""
-        model: ContactModel = self.registry.get("contact_model", self.contact.model)(
-            **self.contact.tables.get(self.contact.model, {})
-        )
-        return model
-
-    def make_forces(self) -> "list[Force]":
-        """Return the forces in use, in the order of the file."""
-        return [self.registry.get("force", name)(**table) for name, table in self.forces.items() if table is not False]
-
-    def make_behaviours(self) -> "list[Behaviour]":
-        """Return the behaviours in use, in the order of the file; those that act last behind the others."""
-        made: list[Behaviour] = [
-            self.registry.get("behaviour", name)(**table)
-            for name, table in self.behaviours.items()
-            if table is not False
-        ]
-        return sorted(made, key=lambda behaviour: behaviour.acts_last)
-
-    def make_recorders(self) -> "list[Recorder]":
-        """Return the recorders in use: all that are registered but those switched off."""
-        given = {name: self.recorders.get(name, {}) for name in self.registry.recorders}
-        return [self.registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
-
     def to_dict(self) -> dict[str, Any]:
         """Return every key with its value, defaults of the plugins in use included, as plain data."""
         table = self.model_dump(mode="json", exclude_none=True)
         classes = self.registry
         model = self.contact.model
         table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
-        for kind in ("force", "behaviour", "recorder"):
+        for kind in ("force", "behaviour", "recorder", "importer"):
             section = table[f"{kind}s"]
             for name, values in section.items():
                 if values is not False:

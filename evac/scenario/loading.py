@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, did_you_mean
-from evac.scenario.case import Case, Origin
+from evac.scenario.case import DICTIONARY, Case, Origin
 from evac.scenario.keys import is_multiple
 from evac.scenario.overrides import apply
 from evac.scenario.problems import Key, Problem, dotted, problems_of
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def load_case(
-    source: str | Path,
+    source: str | Path | Mapping[str, Any],
     overrides: Mapping[str, Any] | Iterable[str] = (),
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
@@ -29,8 +29,9 @@ def load_case(
 
     Parameters
     ----------
-    source : str or Path
-        A case.toml, a folder that holds one, or the name of a shipped case.
+    source : str, Path or mapping
+        A case.toml, a folder that holds one, the name of a shipped case, or the content of a case.toml as a
+        dictionary; paths in a dictionary are relative to the current folder.
     overrides : mapping, or iterable of str
         Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
         go by index or by name.
@@ -42,7 +43,7 @@ def load_case(
     Raises
     ------
     ScenarioError
-        One line for each fault: file, dotted key, what is wrong, way out.
+        One line for each fault: file, dotted key, what is wrong, how to fix it.
     PluginError
         A plugin file cannot be loaded.
 
@@ -55,16 +56,16 @@ def load_case(
 
         registry = Registry()
     files = _added(plugin_files, registry)
+    if isinstance(source, Mapping):
+        return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
     path = _found(source, registry)
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        from evac.building.meshfile import FORMATS
-
-        if path.suffix.lower() in FORMATS:
+        if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
             raise ScenarioError(
-                f"{path}: this is a mesh, not a case; name it in a case.toml as building.mesh, and see what is in it"
-                f" with: evac check {source}"
+                f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, and see what is in "
+                f"it with: evac check {source}"
             ) from error
         raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
     except OSError as error:
@@ -93,11 +94,13 @@ def case_from(
     given = _added(plugin_files, registry)
     files = (*given, *(path for path in _added(files, registry) if path not in given))
     problems += missing
+    filled, unknown = _with_presets(content)
+    problems += unknown
     case: Case | None = None
     try:
-        case = Case.model_validate(content)
+        case = Case.model_validate(filled)
     except ValidationError as error:
-        problems += problems_of(error)
+        problems += _told_once(problems_of(error), content)
     of_plugins = _plugin_problems(content, registry)
     said = {problem.key for problem in of_plugins}
     problems = [problem for problem in problems if problem.key not in said] + of_plugins
@@ -106,6 +109,36 @@ def case_from(
         raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
     case._origin = Origin(source, content, files, registry)
     return case
+
+
+def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Return the content with groups that hold what they take from presets, and the presets that are not there."""
+    presets, groups = content.get("presets", {}), content.get("people")
+    if not isinstance(presets, dict) or not isinstance(groups, list):
+        return content, []
+    filled: list[Any] = []
+    problems: list[Problem] = []
+    for index, group in enumerate(groups):
+        name = group.get("preset") if isinstance(group, dict) else None
+        preset = presets.get(name) if isinstance(name, str) else None
+        filled.append({**preset, **group} if isinstance(preset, dict) else group)
+        if isinstance(name, str) and name not in presets:
+            hint = did_you_mean(name, list(presets))
+            problems.append(Problem(("people", index, "preset"), f"unknown preset {name!r}; {hint}"))
+    return {**content, "people": filled}, problems
+
+
+def _told_once(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
+    """Leave out what is wrong with a group because it is wrong with its preset."""
+    of_presets = {problem.key[1:3] for problem in problems if problem.key[0] == "presets"}
+
+    def is_echo(key: Key) -> bool:
+        if key[0] != "people" or len(key) < 3:
+            return False
+        group = content["people"][key[1]]
+        return key[2] not in group and (group.get("preset"), key[2]) in of_presets
+
+    return [problem for problem in problems if not is_echo(problem.key)]
 
 
 def _found(source: str | Path, registry: "Registry") -> Path:
@@ -147,28 +180,39 @@ def _plugin_files(content: dict[str, Any], folder: Path) -> tuple[tuple[Path, ..
 
 
 def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
-    """Check the tables of contact models, forces, behaviours and recorders against what their classes declare."""
+    """Check the tables of plugins against what their classes declare."""
     problems: list[Problem] = []
     contact = content.get("contact")
     if isinstance(contact, dict):
         model = contact.get("model")
         if isinstance(model, str) and model not in registry.contact_models:
-            way_out = did_you_mean(model, list(registry.contact_models))
-            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {way_out}"))
+            hint = did_you_mean(model, list(registry.contact_models))
+            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}"))
         tables = {name: table for name, table in contact.items() if name != "model"}
         problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
     for section, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
         ("recorders", registry.recorders, "recorder"),
+        ("importers", registry.importers, "importer"),
     ):
         if isinstance(content.get(section), dict):
             problems += _table_problems((section,), content[section], classes, word)
-    groups = content.get("people")
-    for index, group in enumerate(groups if isinstance(groups, list) else []):
-        if isinstance(group, dict) and isinstance(group.get("behaviours"), dict):
-            problems += _group_problems(("people", index, "behaviours"), group["behaviours"], content, registry)
+    for key, table in _tables_of_people(content):
+        if isinstance(table.get("behaviours"), dict):
+            problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
     return problems
+
+
+def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
+    """Return the tables of groups and presets, each with its key."""
+    groups, presets = content.get("people"), content.get("presets")
+    found: list[tuple[Key, Any]] = []
+    if isinstance(groups, list):
+        found += [(("people", index), group) for index, group in enumerate(groups)]
+    if isinstance(presets, dict):
+        found += [(("presets", name), preset) for name, preset in presets.items()]
+    return [(key, table) for key, table in found if isinstance(table, dict)]
 
 
 def _table_problems(
@@ -207,8 +251,8 @@ def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any],
     section = content.get("behaviours", {})
     for name, table in settings.items():
         if name not in registry.behaviours:
-            way_out = did_you_mean(name, list(registry.behaviours))
-            problems.append(Problem((*key, name), f"unknown behaviour; {way_out}"))
+            hint = did_you_mean(name, list(registry.behaviours))
+            problems.append(Problem((*key, name), f"unknown behaviour; {hint}"))
         elif isinstance(section, dict) and name not in section:
             problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
         elif isinstance(table, dict):

@@ -1,5 +1,6 @@
 """Overrides: single keys of a case changed from outside, as `people.class_1.number=5`."""
 
+import copy
 import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -60,11 +61,11 @@ def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
                 return Problem((*key, part), f"no such item among the {len(here)}; {did_you_mean(part, names)}")
             step = index
         elif not isinstance(here, dict):
-            way_out = f"set {dotted(key, table)} as a whole"
-            return Problem((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {way_out}")
+            hint = f"set {dotted(key, table)} as a whole"
+            return Problem((*key, part), f"{dotted(key, table)} is {here!r}, not a table; {hint}")
         key = (*key, step)
         if is_last:
-            here[step] = value
+            here[step] = copy.deepcopy(value)  # a later override may change it
         else:
             here = here.setdefault(step, {}) if isinstance(here, dict) else here[step]
     return key

@@ -1,9 +1,9 @@
-"""What is wrong with a case, one line each: dotted key, fault, way out."""
+"""What is wrong with a case, one line each: dotted key, fault, how to fix it."""
 
 import reprlib
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -18,7 +18,7 @@ Key = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """One fault: where, and what with the way out."""
+    """One fault: where, what, and how to fix it."""
 
     key: Key
     text: str
@@ -84,7 +84,7 @@ def _problem(details: ErrorDetails) -> Problem:
 
 
 def _known_key(key: Key) -> str:
-    """Return the way out of an unknown key: the closest one here, or the section that has it."""
+    """Return a hint for an unknown key: the closest one here, or the section that has it."""
     section = section_at(key[:-1])
     known = list(section.model_fields) if section else []
     word = str(key[-1])
@@ -104,10 +104,14 @@ def _meaning(key: Key) -> str:
 def section_at(key: Key) -> type[Section] | None:
     """Return the section of the schema that a key leads to."""
     section: type[Section] | None = Case
+    is_name = False  # of a table in a section of named tables, such as presets
     for step in key:
-        if isinstance(step, str):
+        if isinstance(step, str) and not is_name:
             field = section.model_fields.get(step) if section else None
             section = section_of(field.annotation) if field else None
+            is_name = field is not None and get_origin(field.annotation) is dict
+        else:
+            is_name = False
     return section
 
 

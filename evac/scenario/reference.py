@@ -9,6 +9,7 @@ from evac.people.distributions import KINDS, Distribution
 from evac.scenario.case import Case
 from evac.scenario.keys import Factor, Section
 from evac.scenario.problems import section_of
+from evac.scenario.schema import GroupSettings, PeopleSettings
 
 #: Words for the types of single values.
 WORDS: dict[Any, str] = {
@@ -23,27 +24,28 @@ WORDS: dict[Any, str] = {
 
 def reference() -> str:
     """Return every key of case.toml with its type, unit, default and meaning, as Markdown tables by section."""
-    parts = [_section(Case, "", "At the top of the file")]
-    for name, field in Case.model_fields.items():
-        section = section_of(field.annotation)
-        if section is not None:
-            parts += _sections(section, name, is_list=get_origin(field.annotation) is tuple)
-    return "\n\n".join([*parts, _distributions()]) + "\n"
+    return "\n\n".join([_section(Case, "", "At the top of the file"), *_sections(Case, ""), _distributions()]) + "\n"
 
 
-def _sections(section: type[Section], path: str, *, is_list: bool) -> list[str]:
-    """Return the table of a section and of the sections in it."""
-    title = f"`[[{path}]]`" if is_list else f"`[{path}]`"
-    parts = [_section(section, path, title)]
+def _sections(section: type[Section], path: str) -> list[str]:
+    """Return the tables of the sections in a section."""
+    parts = []
     for name, field in section.model_fields.items():
-        inner = section_of(field.annotation)
+        inner, kind = section_of(field.annotation), get_origin(field.annotation)
         if inner is not None:
-            parts += _sections(inner, f"{path}.{name}", is_list=get_origin(field.annotation) is tuple)
+            place = f"{path}{name}"
+            title = f"`[[{place}]]`" if kind is tuple else f"`[{place}.NAME]`" if kind is dict else f"`[{place}]`"
+            parts += [_section(inner, place, title), *_sections(inner, f"{place}.")]
     return parts
 
 
 def _section(section: type[Section], path: str, title: str) -> str:
-    rows = [_row(name, field) for name, field in section.model_fields.items() if section_of(field.annotation) is None]
+    fields = {name: field for name, field in section.model_fields.items() if section_of(field.annotation) is None}
+    if section is GroupSettings:
+        fields = {name: field for name, field in fields.items() if name not in PeopleSettings.model_fields}
+    rows = [_row(name, field) for name, field in fields.items()]
+    if section is GroupSettings:
+        rows.append("| `radius`, ... |  |  |  | every key of `[presets.NAME]` below |")
     if path == "contact":
         rows.append("| `NAME` | table |  | none | parameters of contact model NAME, in use or not |")
     head = "| key | type | unit | default | meaning |\n|---|---|---|---|---|"

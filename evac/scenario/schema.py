@@ -1,11 +1,10 @@
 """The sections of case.toml: every key with its type, unit, range, default and meaning."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
-from evac.directions.defaults import COMFORT, ORDER, SPACING
+from evac.defaults import COMFORT, FLAT_ANGLE, ORDER, SCALE, SPACING, WALKABLE_ANGLE, WELD
 from evac.directions.routes import Strategy
 from evac.people.distributions import Distribution
 from evac.scenario.keys import (
@@ -24,10 +23,6 @@ from evac.scenario.keys import (
     wrong,
 )
 
-if TYPE_CHECKING:
-    pass
-
-
 #: Steps to a tick: in between nothing is seen, not even an interrupt.
 MOST_STEPS = 100_000
 
@@ -36,7 +31,7 @@ MOST_PEOPLE = 1_000_000
 
 
 def _check_level(what: str, level: str | None, z: float | None) -> None:
-    """Refuse a level that is not said in exactly one of the two ways."""
+    """Refuse a level that is not given in exactly one of the two ways."""
     if (z is None) == (level is None):
         both = "and not both" if z is not None else "neither is there"
         raise wrong("level", f"give {what} by name, or its height z: {both}")
@@ -75,7 +70,7 @@ class Outline(Placed):
 
 
 class BuildingSettings(Section):
-    """`[building]`: the mesh file, and what it does not say itself."""
+    """`[building]`: its file, and what the file does not hold."""
 
     mesh: str = key("mesh file, relative to case.toml", min_length=1)
     weld: Real = key("vertices closer than this become one", "m", WELD, ge=0)
@@ -88,8 +83,8 @@ class BuildingSettings(Section):
     closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
-        """Return the keyword arguments of `evac.read_building`."""
-        return self.model_dump(exclude={"mesh", "closed"}, exclude_none=True)
+        """Return the keyword arguments of `evac.building.build.build_building`."""
+        return self.model_dump(exclude={"mesh"}, exclude_none=True)
 
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:
@@ -120,22 +115,9 @@ class DirectionSettings(Section):
     order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
 
 
-class GroupSettings(Section):
-    """`[[people]]`: one group; each quantity is a number or a distribution."""
+class PeopleSettings(Section):
+    """`[presets.NAME]`: what people are like; each quantity is a number or a distribution."""
 
-    name: str = key(
-        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
-    )
-    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
-    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
-    positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
-    )
-    velocity: tuple[Point, ...] | None = key(
-        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
-    )
-    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
-    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Positive = key(
@@ -162,6 +144,27 @@ class GroupSettings(Section):
     )
     strategy: Strategy = key("what they minimise on the way out", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
+
+
+class GroupSettings(PeopleSettings):
+    """`[[people]]`: one group: what people are like, how many they are and where they start."""
+
+    name: str = key(
+        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
+    )
+    preset: str | None = key(
+        "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
+    )
+    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
+    positions: tuple[Point, ...] | None = key(
+        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
+    )
+    velocity: tuple[Point, ...] | None = key(
+        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
+    )
+    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
 
     @property
     def count(self) -> int:

@@ -6,8 +6,8 @@ import meshio
 import numpy as np
 import pytest
 
+from evac.assembly import read_building
 from evac.building.model import Building
-from evac.building.reading import read_building
 
 U_STAIR = Path(__file__).parents[3] / "shared" / "data" / "multi_level_u_stair.obj"
 U_STAIR_EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.assembly import read_building
 from evac.building.hanging import split_at_vertices
-from evac.building.reading import read_building
 from evac.errors import BuildingError
 
 

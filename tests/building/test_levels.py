@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.errors import BuildingError
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}

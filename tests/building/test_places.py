@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.errors import BuildingError
 
 

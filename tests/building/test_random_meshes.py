@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.errors import BuildingError, EvacError
 from tests.building.random_meshes import KINDS, random_mesh
 

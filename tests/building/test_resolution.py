@@ -2,7 +2,7 @@ import meshio
 import numpy as np
 import pytest
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.building.resolution import rounding_step
 from evac.errors import BuildingError
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.triangulation import triangulate
+from evac.building.polygons import triangulate
 from evac.errors import BuildingError
 
 EXIT = {"name": "out", "segment": [[0, 0], [0, 1]], "z": 0.0}

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.assembly import read_building
 from evac.building.elevation import elevation
-from evac.building.reading import read_building
 
 EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}
 SLOPE = np.arctan(1.5 / 5.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.scenario import load_case
 from evac.simulation import Simulation
 

@@ -59,22 +59,26 @@ def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):
     assert "exit 'door' on level 'room'" in capsys.readouterr().err
 
 
-def test_a_plugin_may_read_the_mesh(evac, tmp_path, capsys):
+def test_an_importer_of_a_plugin_reads_the_file(evac, tmp_path, capsys):
     (tmp_path / "room.plan").write_text("6 4")
     (tmp_path / "reader.py").write_text(
         """
-from dataclasses import replace
-from pathlib import Path
-from evac import hookimpl, read_building
+from evac import Importer, SurfaceMesh, hookimpl
+
+evac_interface = 2
+
+class PlanImporter(Importer):
+    name = "plan"
+    suffixes = (".plan",)
+
+    def read(self, path):
+        x, y = map(float, path.read_text().split())
+        points = [[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0], [0, 1, 0], [0, 2, 0]]
+        return SurfaceMesh(points, [[0, 1, 2, 3]], {}, {"exit:way": [[4, 5]]})
 
 @hookimpl
-def evac_read_building(path, options):
-    if path.suffix != ".plan":
-        return None
-    x, y = path.read_text().split()
-    mesh = path.with_suffix(".obj")
-    mesh.write_text(f"v 0 0 0\\nv {x} 0 0\\nv {x} {y} 0\\nv 0 {y} 0\\nf 1 2 3 4\\n")
-    return read_building(mesh, exits=[{"name": "way", "segment": [[0, 1], [0, 2]], "z": 0.0}])
+def evac_importers():
+    return [PlanImporter]
 """
     )
     assert evac("check", "room.plan", "--plugin", "reader.py") == 0

@@ -1,11 +1,12 @@
 """The parser, errors, and what is imported."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 
-from evac.cli.main import COMMANDS, main, parser
+from evac.cli.main import COMMANDS, GARBAGE_EVERY, main, parser
 from evac.errors import SimulationError
 
 
@@ -85,3 +86,15 @@ def test_nothing_is_imported_that_a_command_does_not_use(words, absent, tmp_path
     check = f"{code}; import sys; print('imported:', *(set({absent!r}) & set(sys.modules)))"
     process = subprocess.run([sys.executable, "-c", check], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert process.stdout.splitlines()[-1] == "imported:"
+
+
+@pytest.mark.parametrize(("chosen", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
+def test_a_command_looks_seldom_for_garbage_and_starts_no_threads_of_its_own(chosen, threads):
+    """What is frozen at exit is not looked through once more; handlers are called in reverse order."""
+    code = (
+        "import atexit, gc, os; atexit.register(lambda: print(gc.get_freeze_count() > 0));"
+        "from evac.cli import main; main(['list']); print(gc.get_threshold()[0], os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "OPENBLAS_NUM_THREADS"} | chosen
+    process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert process.stdout.splitlines()[-2:] == [f"{GARBAGE_EVERY} {threads}", "True"]

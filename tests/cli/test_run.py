@@ -136,6 +136,7 @@ def test_a_plugin_file_is_used(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
+evac_interface = 2
 
 @hookimpl
 def evac_metrics(results):
@@ -152,6 +153,7 @@ def test_metrics_that_fail_do_not_take_the_results_with_them(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
+evac_interface = 2
 
 @hookimpl
 def evac_metrics():
@@ -170,7 +172,7 @@ def evac_metrics():
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 10\)"),
+        ("raise KeyError('zz')", r"t = 0\.000 s: behaviour 'odd': KeyError: 'zz' \(.*odd\.py, line 11\)"),
         ("crowd.speed_factor[3] = float('nan')", r"behaviour 'odd' wrote nan to speed_factor of person 3"),
         ("crowd.route[2] = 7", r"behaviour 'odd' wrote route 7 for person 2; there are 1"),
     ],
@@ -180,6 +182,7 @@ def test_a_behaviour_that_fails_is_named(evac, tmp_path, capsys, act, words):
     plugin.write_text(
         f"""
 from evac import Behaviour, hookimpl
+evac_interface = 2
 
 class Odd(Behaviour):
     # Does it wrong.

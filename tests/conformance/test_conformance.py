@@ -57,17 +57,23 @@ def test_a_behaviour_conforms(name):
     check_plugin(REGISTRY.behaviours[name], load_case(source, changes))
 
 
+@pytest.mark.parametrize("name", list(REGISTRY.importers))
+def test_an_importer_conforms(name):
+    check_plugin(REGISTRY.importers[name], load_case("square_room") if name == "meshio" else None)
+
+
 def test_built_ins_are_named_after_what_they_are():
-    """Module kind_what, class What, name "what"; a force's and a recorder's class add their kind."""
+    """Module kind_what, class What, name "what"; classes of forces, recorders and importers add their kind."""
     kinds = {
         "contact": REGISTRY.contact_models,
         "force": REGISTRY.forces,
         "behaviour": REGISTRY.behaviours,
         "recorder": REGISTRY.recorders,
+        "import": REGISTRY.importers,
     }
     for kind, table in kinds.items():
         for name, cls in table.items():
             if cls.__module__ in BUILTIN_PLUGINS:
                 assert cls.__module__ == f"evac_plugins.{kind}_{name}"
                 camel = "".join(word.capitalize() for word in name.split("_"))
-                assert cls.__name__ in (camel, camel + kind.capitalize())
+                assert cls.__name__ in (camel, camel + {"import": "Importer"}.get(kind, kind.capitalize()))

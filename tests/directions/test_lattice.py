@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.directions.lattice import SLACK, Lattice, walkable_nodes
+from evac.directions.lattice import SLACK, Lattice, walkable_nodes, wall_distance
 
 ROOM = shapely.box(0.0, 0.0, 4.0, 3.0)
 
@@ -36,3 +36,55 @@ def test_nodes_on_a_wall_inside_a_room_are_not_walkable_and_those_beside_it_are(
     assert not (nodes & on_wall).any()
     far = ~shapely.dwithin(shapely.multilinestrings(walls.reshape(-1, 2, 2)), shapely.points(x, y), 0.1 + SLACK)
     assert np.array_equal(nodes & far, inside & far)
+
+
+def random_walls(seed, count=12):
+    """Return segments of which some are along the grid or through its nodes."""
+    generator = np.random.default_rng(seed)
+    walls = generator.uniform(-0.5, 4.5, (count, 4))
+    walls[::3] = np.round(walls[::3], 1)
+    walls[1::4, 2] = walls[1::4, 0]
+    return walls
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_distance_of_nodes_from_walls_is_that_of_shapely_up_to_the_reach(seed):
+    walls, window = random_walls(seed), Lattice((0.0, 0.0), 0.1).window(ROOM.bounds, 2)
+    nodes = np.random.default_rng(seed).uniform(size=window.shape) < 0.7
+    distance = shapely.distance(
+        shapely.points(*window.coordinates()), shapely.multilinestrings(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    )
+    expected = np.where(nodes, np.minimum(distance, 0.35), 0.35)
+    np.testing.assert_array_equal(wall_distance(window, nodes, walls, 0.35), expected)
+    assert (wall_distance(window, nodes, np.zeros((0, 4)), 0.35) == 0.35).all()
+
+
+@pytest.mark.parametrize("reach", [0.0, 0.1, 0.77])
+def test_nodes_around_lines_hold_all_that_are_within_reach(reach):
+    window = Lattice((0.0, 0.0), 0.1).window(ROOM.bounds, 2)
+    lines = shapely.linestrings(random_walls(1, 3).reshape(-1, 2, 2))
+    near = shapely.dwithin(shapely.multilinestrings(lines), shapely.points(*window.coordinates()), reach)
+    marked = window.around(lines, reach)
+    assert (marked | ~near).all()
+    assert not marked.all()
+
+
+def test_links_are_crossed_where_lines_meet():
+    """Segments off the nodes: each link is crossed if shapely says so, at the place that shapely finds."""
+    segments = np.random.default_rng(7).uniform(0.0, 3.0, (6, 4))
+    window = Lattice((0.0, 0.0), 0.5).window((0.0, 0.0, 3.0, 3.0), 1)
+    x, y = window.coordinates()
+    for segment in segments:
+        line = shapely.LineString(segment.reshape(2, 2))
+        links = window.crossed_links(segment[None], touching=False)
+        for axis, table in ((0, links.along_x), (1, links.along_y)):
+            for i, j in np.ndindex(window.shape):
+                end = (x[i, j] + 0.5 * (axis == 0), y[i, j] + 0.5 * (axis == 1))
+                point = line.intersection(shapely.LineString([(x[i, j], y[i, j]), end]))
+                place = np.nan if point.is_empty else 2.0 * (point.x - x[i, j] + point.y - y[i, j])
+                assert table[i, j] == pytest.approx(place, abs=1e-9, nan_ok=True)
+    together = window.crossed_links(segments, touching=True)
+    last = window.crossed_links(segments[-1:], touching=True)
+    for axis in (0, 1):
+        crossed = ~np.isnan(last.along(axis))
+        np.testing.assert_array_equal(together.along(axis)[crossed], last.along(axis)[crossed])

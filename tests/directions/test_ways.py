@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from tests.directions.walks import along, positions_on, walk

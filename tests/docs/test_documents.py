@@ -92,7 +92,7 @@ def test_the_building_drawn_in_the_guide_is_read(text, tmp_path, monkeypatch):
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
-    (case,) = fenced(text("docs/buildings.md"), "toml")
+    case, _ = fenced(text("docs/buildings.md"), "toml")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
@@ -101,6 +101,19 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     assert len(results.building.portals) == 2
     flight = results.building.levels[1]
     assert flight.slope == pytest.approx(np.arctan(0.5))
+
+
+def test_the_presets_of_the_guide_are_taken(text, tmp_path):
+    (mesh,) = fenced(text("docs/buildings.md"), "text")
+    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
+    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")), encoding="utf-8")
+    simulation = Simulation(evac.load(tmp_path))
+    rows = {group.name: group.rows for group in simulation.population.groups}
+    crowd = simulation.population.crowd
+    assert {name: len(members) for name, members in rows.items()} == {"people": 10, "class_a": 6, "class_b": 4}
+    assert (crowd.radius[[*rows["class_a"], *rows["class_b"]]] == 0.18).all()
+    assert (crowd.speed[rows["class_b"], 0] == 0.7).all()
+    assert (crowd.speed[rows["class_a"], 0] >= 0.9).all()
 
 
 def test_the_document_of_results_names_every_key_and_column(text):

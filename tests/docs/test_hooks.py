@@ -19,7 +19,7 @@ def plugin(tmp_path):
 
     def write(text):
         path = tmp_path / "plugin.py"
-        path.write_text("from evac import hookimpl\n" + textwrap.dedent(text), encoding="utf-8")
+        path.write_text("from evac import hookimpl\nevac_interface = 2\n" + textwrap.dedent(text), encoding="utf-8")
         return path
 
     return write
@@ -101,29 +101,39 @@ def test_evac_building_cases(plugin, tmp_path, root):
     assert evac.load("my_room", plugin_files=[path]).source == folder / "case.toml"
 
 
-def test_evac_read_building(plugin, tmp_path, root):
-    """A file of a format of one's own is read; what the plugin leaves is read by the core."""
+def test_evac_importers(plugin, tmp_path):
+    """A file of a format of one's own is read, with the parameters that the case gives."""
     path = plugin(
         """
-        from evac import read_building
+        from evac import Importer, Parameter, SurfaceMesh
+
+        class Mine(Importer):
+            '''Rectangles: a line of two numbers for each.'''
+            name = "mine"
+            suffixes = (".mine",)
+            door = Parameter(1.0, "width of the door", unit="m", above=0)
+
+            def read(self, path):
+                x, y = map(float, path.read_text().split())
+                points = [[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0], [0, self.door, 0]]
+                return SurfaceMesh(points, [[0, 1, 2, 3]], {"floor:room": [True]}, {"exit:door": [[0, 4]]})
 
         @hookimpl
-        def evac_read_building(path, options):
-            if path.suffix == ".renamed":
-                return read_building(path.with_suffix(""), **options)
-            return None
+        def evac_importers():
+            return [Mine]
         """
     )
-    mesh = (root / "buildings/square_room/square_room.msh").read_bytes()
-    (tmp_path / "square_room.msh").write_bytes(mesh)
-    (tmp_path / "square_room.msh.renamed").write_bytes(b"nothing the core can read")
-    text = (root / "buildings/square_room/case.toml").read_text(encoding="utf-8")
-    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-    case = evac.load(tmp_path, plugin_files=[path])
-    plain = evac.Simulation(case).building
-    renamed = evac.Simulation(case.change({"building.mesh": "square_room.msh.renamed"})).building
-    assert plain.source == renamed.source == tmp_path / "square_room.msh"
-    assert len(renamed.walls) == len(plain.walls) > 0
+    (tmp_path / "room.mine").write_text("5 5")
+    case = evac.load("square_room", {"building.mesh": str(tmp_path / "room.mine")}, plugin_files=[path])
+    assert [way.width for way in evac.Simulation(case).building.exits] == [1.0]
+    simulation = evac.Simulation(case.change({"importers.mine.door": 1.2}))
+    assert [way.width for way in simulation.building.exits] == [1.2]
+    assert any(plugin.startswith(str(path)) for plugin in simulation.results().plugins)
+    (tmp_path / "room.mine").write_text("5 x")
+    with pytest.raises(evac.BuildingError, match=r"room\.mine: cannot be read: could not convert"):
+        evac.Simulation(case)
+    with pytest.raises(evac.BuildingError, match=r"cannot read files ending in '\.mine'"):
+        evac.Simulation(case.change({"importers.mine": False}))
 
 
 def test_evac_configure(plugin):

@@ -11,7 +11,7 @@ import evac
 from evac.conformance import check_plugin
 from evac.registry import Registry
 
-NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "crossing_guard.py"]
+NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py", "crossing_guard.py"]
 
 
 def positions(case, ticks):
@@ -30,7 +30,13 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     registry = Registry([plugin_files[name]])
     classes = [
         cls
-        for table in (registry.contact_models, registry.forces, registry.behaviours, registry.recorders)
+        for table in (
+            registry.contact_models,
+            registry.forces,
+            registry.behaviours,
+            registry.recorders,
+            registry.importers,
+        )
         for cls in table.values()
         if sys.modules[cls.__module__].__file__ == str(plugin_files[name])
     ]
@@ -38,7 +44,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize("name", NAMES[:3])
+@pytest.mark.parametrize("name", NAMES[:4])
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
     assert len(code) <= 36
@@ -109,6 +115,26 @@ def test_personal_space_keeps_people_apart(plugin_files):
 
     case = evac.load("square_room", plugin_files=[plugin_files["personal_space.py"]])
     assert least_distance(case.change({"forces.personal_space": {}})) > least_distance(case) + 0.05
+
+
+def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
+    (tmp_path / "a.rooms").write_text(
+        "floor:hall 0.0 POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (2 2, 3 2, 3 3, 2 3, 2 2))\n"
+        "area:stage 0.0 POLYGON ((8 0, 10 0, 10 4, 8 4, 8 0))\n"
+        "exit:door 0.0 LINESTRING (0 1, 0 2)\n"
+    )
+    case = evac.load(
+        "square_room",
+        {"building.mesh": str(tmp_path / "a.rooms"), "building.areas": [], "people.people.area": "stage"},
+        plugin_files=[plugin_files["rooms.py"]],
+    )
+    check_plugin(case.registry.importers["rooms"], case)
+    results = evac.run(case)
+    assert results.evacuated == 20
+    assert [level.polygon.area for level in results.building.levels] == [pytest.approx(39.0)]
+    (tmp_path / "a.rooms").write_text("floor:hall 0.0 POLYGON ((0 0, 8 0\n")
+    with pytest.raises(evac.BuildingError, match=r"a\.rooms: cannot be read: line 1: "):
+        evac.Simulation(case)
 
 
 def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):

@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 
+from evac.assembly import make_contact_model
 from evac.evidence.models import MODELS, make_model, model_overrides
 from evac.evidence.report import Evidence
 from evac.evidence.square_room import GAP, SetTask, change, crowd_at, flow, run_set, start_positions, stopped
@@ -212,4 +213,4 @@ def test_longest_pause_leaves_out_both_ends():
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_is_the_same_by_name_and_in_a_case(name):
     case = load_case("square_room", model_overrides(name))
-    assert case.make_contact_model().values() == make_model(name).values()
+    assert make_contact_model(case).values() == make_model(name).values()

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from evac.building.reading import read_building
+from evac.assembly import read_building
 from evac.evidence.report import Evidence
 from evac.evidence.validation import capacity
 from evac.evidence.validation.buildings import (

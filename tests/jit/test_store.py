@@ -2,7 +2,6 @@
 
 import errno
 import os
-import tempfile
 import time
 from pathlib import Path
 
@@ -53,13 +52,13 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_file_is_removed_with_one_warning(store, damage):
-    paths = [store.path(NAME, DIGEST), store.path("evac.some.other", DIGEST)]
-    for path in paths:
-        path.write_bytes(damage(store.path(NAME, DIGEST).read_bytes()))
+    content = damage(store.path(NAME, DIGEST).read_bytes())
+    names = [NAME, "evac.some.other"]
+    for name in names:
+        store.path(name, DIGEST).write_bytes(content)
     with pytest.warns(CacheWarning, match=NAME) as warned:
-        assert store.read(NAME, DIGEST) is None
-        assert store.read("evac.some.other", DIGEST) is None
-    assert len({str(one.message) for one in warned}) == len(warned) <= 2
+        assert [store.read(name, DIGEST) for name in names] == [None, None]
+    assert len(warned) == 1
     assert store.entries() == []
     store.write(NAME, DIGEST, CODE)
     assert store.read(NAME, DIGEST) == CODE
@@ -118,7 +117,7 @@ def test_the_kernels_used_last_are_kept(store):
         store.read(NAME, f"{0:020x}")  # is used, and so as young as can be
     store.write(NAME + "s", DIGEST, CODE)
     kept = {path.stem.rpartition("-")[2] for path in store.entries()}
-    assert len(store.entries()) == KEPT + 2  # the last is not counted before it is written, nor is another kernel's
+    assert len(store.entries()) == KEPT + 1  # that of another name does not count
     assert {DIGEST, f"{0:020x}", f"{KEPT + 2:020x}"} <= kept
     assert f"{1:020x}" not in kept
 
@@ -191,5 +190,4 @@ def test_part_files_of_a_process_that_is_interrupted_are_removed(store, monkeypa
     monkeypatch.setattr(os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         store.write(NAME, DIGEST[::-1], CODE)
-    assert not list(store.folder.glob("*.part"))
-    assert tempfile.gettempdir()  # the folder for temporary files has no part in it
+    assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())

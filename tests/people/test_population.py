@@ -23,11 +23,12 @@ def events(*rows):
     row, kind, link, time = zip(*rows, strict=True)
     # Two places more than events, as in a buffer: what lies beyond the count is of no interest.
     return Events(
-        np.array([len(rows)], np.int32),
-        np.array([*row, 0, 0], np.int32),
-        np.array([*kind, 1, 1], np.int32),
-        np.array([*link, 9, 9], np.int32),
-        np.array([*time, -1.0, -1.0]),
+        number=len(rows),
+        number_before=0,
+        row=np.array([*row, 0, 0], np.int32),
+        kind=np.array([*kind, 1, 1], np.int32),
+        link=np.array([*link, 9, 9], np.int32),
+        time=np.array([*time, -1.0, -1.0]),
     )
 
 

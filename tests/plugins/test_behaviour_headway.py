@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import shapely
 
+from evac.assembly import make_behaviours
 from evac.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
+from evac.scene import Scene
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields
@@ -22,7 +24,7 @@ def prepared(crowd, building=None, fields=None, **parameters):
     building = building or make_building()
     behaviour = Headway(**parameters)
     fields = fields or uniform_fields(len(building.levels))
-    behaviour.prepare(BehaviourScene(crowd, building, fields, (), np.random.default_rng(1), 0.1))
+    behaviour.prepare(BehaviourScene(crowd, Scene(building, fields), (), np.random.default_rng(1), 0.1))
     return behaviour
 
 
@@ -164,7 +166,7 @@ def test_on_a_stair_the_wanted_speed_is_that_of_the_stair():
 
 def test_it_acts_behind_the_others_wherever_a_case_names_it():
     case = load_case("square_room", {"behaviours": {"headway": {}, "response_time": {"time": 1.0}}})
-    assert [behaviour.name for behaviour in case.make_behaviours()] == ["response_time", "headway"]
+    assert [behaviour.name for behaviour in make_behaviours(case)] == ["response_time", "headway"]
 
 
 def test_a_single_person_needs_none():

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from evac.errors import ScenarioError, SimulationError
+from evac.errors import PluginError, ScenarioError, SimulationError
 from evac.evidence.scaling import halls
 from evac.evidence.scaling.walks import Walk
 from evac.parameters import Parameter
@@ -268,5 +268,5 @@ class Nothing(ContactModel):
 
 
 def test_a_model_without_a_law_says_so():
-    with pytest.raises(Exception, match="'nothing' defines neither step"):
+    with pytest.raises(PluginError, match="'nothing' has neither a law nor step"):
         walk(Nothing(), make_crowd([(0, 0)]), 1)

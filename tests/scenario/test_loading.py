@@ -8,9 +8,11 @@ import time
 
 import pytest
 
+from evac.assembly import make_behaviours, make_contact_model, make_forces
 from evac.errors import PluginError, ScenarioError
 from evac.people.distributions import Distribution
 from evac.scenario import case_from, load_case
+from evac.scenario.schema import GroupSettings
 
 
 def problems(source, overrides, registry):
@@ -33,7 +35,7 @@ def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, regis
     assert case.directions.clearance is None
     assert case.building.options() == {
         "weld": 0.001, "flat_angle": 3.0, "walkable_angle": 50.0, "scale": 1.0,
-        "exits": (), "areas": (), "obstacles": (),
+        "exits": (), "areas": (), "obstacles": (), "closed": (),
     }  # fmt: skip
 
 
@@ -49,17 +51,17 @@ def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monk
 
 def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_file, registry, monkeypatch):
     case = load_case(case_file, registry=registry)
-    model = case.make_contact_model()
+    model = make_contact_model(case)
     assert (model.name, model.stiffness) == ("soft", 500.0)
-    assert case.change(["contact.model=hard"]).make_contact_model().solver == "gauss_seidel"
-    (push,) = case.make_forces()
+    assert make_contact_model(case.change(["contact.model=hard"])).solver == "gauss_seidel"
+    (push,) = make_forces(case)
     assert push.strength == 100.0
-    assert case.change(["forces.push=false"]).make_forces() == []
-    assert [behaviour.name for behaviour in case.make_behaviours()] == ["wait"]
+    assert make_forces(case.change(["forces.push=false"])) == []
+    assert [behaviour.name for behaviour in make_behaviours(case)] == ["wait"]
     both = case.change(["behaviours.follow=true"])
-    assert [behaviour.name for behaviour in both.make_behaviours()] == ["wait", "follow"]
+    assert [behaviour.name for behaviour in make_behaviours(both)] == ["wait", "follow"]
     monkeypatch.setattr(registry.behaviours["wait"], "acts_last", True)
-    assert [behaviour.name for behaviour in both.make_behaviours()] == ["follow", "wait"]
+    assert [behaviour.name for behaviour in make_behaviours(both)] == ["follow", "wait"]
 
 
 @pytest.mark.parametrize(
@@ -148,6 +150,8 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
          "people.pupils.behaviours.wait.shared: 'wait' has no such parameter; known: leader, time"),
         ("people.pupils.behaviours.wiat.time=2",
          "people.pupils.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
+        ("importers.drawn.unit=feet", "importers.drawn.unit: unknown value 'feet'; known: m, mm"),
+        ("importers.drwan={}", "importers.drwan: unknown importer; did you mean 'drawn'?"),
         ("plugins.files=[3]", "plugins.files.0: must be a valid string, got 3"),
     ],
 )  # fmt: skip
@@ -216,10 +220,10 @@ def test_missing_files_are_named(case_file, registry):
 
 
 @pytest.mark.parametrize("content", [b"v 0 0 0\n", b"\x80\xff"])
-def test_a_mesh_in_place_of_a_case_is_told(tmp_path, registry, content):
+def test_a_building_in_place_of_a_case_is_told(tmp_path, registry, content):
     path = tmp_path / "house.obj"
     path.write_bytes(content)
-    with pytest.raises(ScenarioError, match=r"house\.obj: this is a mesh, not a case; .* evac check .*house\.obj"):
+    with pytest.raises(ScenarioError, match=r"house\.obj: this is a building, not a case; .* evac check .*house\.obj"):
         load_case(path, registry=registry)
 
 
@@ -232,6 +236,7 @@ def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
 def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
     text = """
         from evac import ContactModel, hookimpl
+        evac_interface = 2
 
         class Odd(ContactModel):
             name = "odd"
@@ -244,7 +249,7 @@ def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
     own = type(registry)([row.origin for row in registry.provenance], builtins=())
     case = load_case(case_file, ["plugins.files=['odd.py']", "contact.model=odd"], registry=own)
     assert case.plugin_files == (case_file.parent / "odd.py",)
-    assert case.make_contact_model().name == "odd"
+    assert make_contact_model(case).name == "odd"
     assert case.change(["simulation.seed=1"]).plugin_files == case.plugin_files
     with pytest.raises(PluginError, match=r"nowhere\.py: no such file"):
         load_case(case_file, plugin_files=["nowhere.py"], registry=own)
@@ -307,3 +312,50 @@ def test_importing_pulls_in_nothing_heavy():
     code = f"import sys, evac.scenario; print([name for name in {heavy} if name in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
+
+
+PRESETS = {
+    "presets": {"pupil": {"radius": 0.15, "speed": 1.1, "strategy": "shortest"}, "adult": {"mass": 80.0}},
+    "people.pupils.preset": "pupil",
+    "people.teacher.preset": "adult",
+}
+
+
+def test_a_group_takes_from_its_preset_what_it_does_not_say(case_file, registry):
+    case = load_case(case_file, PRESETS, registry=registry)
+    pupils, teacher = case.people
+    assert (pupils.speed.mean(), pupils.radius.mean(), pupils.strategy) == (1.1, 0.2, "shortest")
+    assert (teacher.mass.mean(), teacher.speed) == (80.0, GroupSettings.model_fields["speed"].default)
+    faster = case.change({"presets.pupil.speed": 1.4, "people.pupils.strategy": "fastest"})
+    assert (faster.people[0].speed.mean(), faster.people[0].strategy) == (1.4, "fastest")
+    assert case_from(case.to_dict(), case.source, registry=registry).to_dict() == case.to_dict()
+
+
+def test_a_group_with_a_preset_is_the_same_as_one_that_says_it_all(case_file, registry):
+    case = load_case(case_file, PRESETS, registry=registry)
+    plain = {"people.pupils.speed": 1.1, "people.pupils.strategy": "shortest", "people.teacher.mass": 80.0}
+    for one, other in zip(case.people, load_case(case_file, plain, registry=registry).people, strict=True):
+        assert one.model_dump(exclude={"preset"}) == other.model_dump(exclude={"preset"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("people.pupils.preset", "pupl", "people.pupils.preset: unknown preset 'pupl'; did you mean 'pupil'?"),
+        ("presets.pupil.sped", 1.0, "presets.pupil.sped: unknown key; did you mean 'speed'?"),
+        ("presets.pupil.number", 5, "presets.pupil.number: unknown key; it belongs to people: did you mean "
+         "'people.number'?"),
+        ("presets.pupil.speed", -1.0, "presets.pupil.speed: must be at least 0, got -1"),
+        ("presets.adult", 3, "presets.adult: must be a table, got 3"),
+        ("presets.pupil.behaviours", {"wiat": {"time": 2.0}},
+         "presets.pupil.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
+        ("people.teacher.preset", 3, "people.teacher.preset: must be a valid string, got 3"),
+    ],
+)  # fmt: skip
+def test_a_fault_of_a_preset_is_one_line(case_file, registry, key, value, line):
+    assert problems(case_file, {**PRESETS, key: value}, registry) == [f"{case_file}: {line} (set by an override)"]
+
+
+def test_a_preset_that_does_not_fit_a_group_is_a_fault_of_the_group(case_file, registry):
+    (line,) = problems(case_file, {**PRESETS, "presets.pupil.mass": {"list": [60.0, 70.0]}}, registry)
+    assert "people.pupils.mass: a list of 2 values for 5 people; give one for each" in line

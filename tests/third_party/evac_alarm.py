@@ -26,6 +26,9 @@ class Alarm(Behaviour):
         return False
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours():
     """Register the behaviour."""

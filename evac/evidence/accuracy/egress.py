@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.evidence.accuracy.data import add_data
 from evac.evidence.models import MODELS, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.square_room import crowd_at, exit_times, start_positions
 from evac.physics.contact_model import border_scene
-from evac.physics.state import FloatArray
 from evac.scenario.schema import SimulationSettings
 
 #: Steps [s] and the number of runs at each. The same crowds are run at every step, so differences are paired.

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.snapshots import STEP
 from evac.evidence.report import Evidence, claim
-from evac.physics.state import FloatArray
 from evac.registry import Registry
 
 #: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.

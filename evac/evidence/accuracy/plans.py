@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from evac.assembly import read_building
 from evac.building.model import Building, Exit, Level, Portal
-from evac.building.reading import read_building
 from evac.evidence.accuracy.reference import FloatArray, geodesics, refracted
 from evac.registry import Registry
 

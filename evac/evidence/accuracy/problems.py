@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
 from evac.evidence.models import COARSE
@@ -12,7 +13,7 @@ from evac.jit import kernel
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
 from evac.physics.solvers import INELASTIC, SOLVERS, solve
-from evac.physics.state import Bodies, Contacts, FloatArray, copy_of
+from evac.physics.state import Bodies, Contacts, copy_of
 from evac.physics.world import set_open
 from evac.registry import Registry
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.accuracy.data import add_data
 from evac.evidence.accuracy.goals import (
     STARTS,
@@ -32,7 +33,6 @@ from evac.evidence.accuracy.problems import (
 from evac.evidence.accuracy.reference import PRECISION
 from evac.evidence.report import Evidence, new_figure, reference_time
 from evac.physics.solvers import SOLVERS
-from evac.physics.state import FloatArray
 from evac.registry import Registry
 
 #: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.

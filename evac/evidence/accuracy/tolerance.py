@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.accuracy.data import STYLES
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
-from evac.physics.state import FloatArray
 from evac.scenario.case import Case
 from evac.scenario.loading import load_case
 from evac.scenario.tolerance import ERROR_PER_PATH, LONGEST, RELAXATION, SHORTEST, SOLVER_SHARE, settings_for

@@ -25,6 +25,9 @@ class UnusedRoute(Behaviour):
         return False
 
 
+evac_interface = 2
+
+
 @hookimpl
 def evac_behaviours() -> Sequence[type[Behaviour]]:
     """Register the behaviour."""

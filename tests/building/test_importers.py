@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 import shapely
 
-from evac.building.meshfile import read_mesh
-from evac.building.reading import read_building
+from evac.assembly import read_building, read_surface
+from evac.building.surfacemesh import checked
 from evac.errors import BuildingError
+from evac.registry import BUILTIN_IMPORTERS, Registry
+
+REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
 
 GMSH41 = """$MeshFormat
 4.1 0 8
@@ -84,6 +87,11 @@ end_header
 4 0 1 2 3 0.5
 0 1
 """
+
+
+def read_mesh(path):
+    """Return the triangles in a file, checked."""
+    return checked(path, read_surface(REGISTRY.importer_for(path)(), path))
 
 
 def gmsh41(tmp_path):

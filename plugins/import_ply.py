@@ -1,17 +1,17 @@
-"""Reader of PLY files, text and binary: vertices and polygons, whatever else the file holds."""
+"""Importer of PLY files, text and binary: vertices and polygons, whatever else the file holds.
+
+meshio's reader fails on edges and on ``vertex_index``.
+"""
 
 import codecs
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from evac.building.textmesh import face_blocks
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from evac.building.importer import Importer
+from evac.building.surfacemesh import SurfaceMesh
+from evac.hookspecs import hookimpl
 
 #: Format characters of `struct` for the types of PLY.
 TYPES = {
@@ -33,52 +33,50 @@ class _Element:
     properties: list[tuple[str, str, str | None]] = field(default_factory=list)
 
 
-def read_ply(path: Path) -> tuple[FloatArray, list[IndexArray]]:
-    """Read the vertices and faces of a PLY file.
+class PlyImporter(Importer):
+    """PLY files, text and binary."""
 
-    Returns
-    -------
-    points : (v, 3) float64
-    blocks : list of (n, k) int64
-        Faces with k corners.
+    name = "ply"
+    suffixes = (".ply",)
 
-    Raises
-    ------
-    ValueError
-        If the header is wrong, the file is cut off, or x, y, z are missing.
-    """
-    data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
-    head, found, rest = data.partition(b"end_header")
-    if not data.startswith(b"ply") or not found:
-        raise ValueError("this is no PLY file: its header is missing or not ended")
-    encoding, elements = _read_header(head.decode("ascii", errors="replace"))
-    rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
-    body = _TextBody(rest) if encoding == "ascii" else _BinaryBody(rest, encoding)
-    points: list[list[float]] = []
-    faces: list[list[int]] = []
-    for element in elements:
-        names = [name for name, _, _ in element.properties]
-        rows = _read_rows(body, element)
-        if element.name == "vertex":
-            if not {"x", "y", "z"} <= set(names):
-                raise ValueError("the vertices have no x, y, z")
-            columns = [names.index(axis) for axis in "xyz"]
-            points = [[row[column][0] for column in columns] for row in rows]
-        elif element.name == "face":
-            corners = next((names.index(name) for name in CORNERS if name in names), None)
-            if corners is None:
-                raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
-            faces = [[_whole(corner) for corner in row[corners]] for row in rows]
-    if not body.is_read:
-        raise ValueError("rows follow after those that its header announces")
-    return np.array(points, dtype=np.float64).reshape(-1, 3), face_blocks(faces)
+    def read(self, path: Path) -> SurfaceMesh:
+        """Read vertices and faces; raise ValueError if the header is wrong, the file cut off, or x, y, z missing."""
+        data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
+        head, found, rest = data.partition(b"end_header")
+        if not data.startswith(b"ply") or not found:
+            raise ValueError("this is no PLY file: its header is missing or not ended")
+        encoding, elements = _read_header(head.decode("ascii", errors="replace"))
+        rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
+        body = _TextBody(rest) if encoding == "ascii" else _BinaryBody(rest, encoding)
+        points: list[list[float]] = []
+        faces: list[list[int]] = []
+        for element in elements:
+            names = [name for name, _, _ in element.properties]
+            rows = _read_rows(body, element)
+            if element.name == "vertex":
+                numbers = [name for name, _, length in element.properties if length is None]
+                if not {"x", "y", "z"} <= set(numbers):
+                    raise ValueError("the vertices have no x, y, z")
+                columns = [names.index(axis) for axis in "xyz"]
+                points = [[row[column][0] for column in columns] for row in rows]
+            elif element.name == "face":
+                corners = next((names.index(name) for name in CORNERS if name in names), None)
+                if corners is None:
+                    raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
+                faces = [_face(row[corners]) for row in rows]
+        if not body.is_read:
+            raise ValueError("rows follow after those that its header announces")
+        return SurfaceMesh(points, faces)
 
 
-def _whole(corner: float) -> int:
-    """Return the number of a vertex, or refuse one that is not whole."""
-    if corner != int(corner):
-        raise ValueError(f"a face refers to vertex {corner:g}, which is no whole number")
-    return int(corner)
+def _face(corners: list[float]) -> list[int]:
+    """Return the rows of a face's vertices."""
+    broken = next((corner for corner in corners if corner != int(corner)), None)
+    if broken is not None:
+        raise ValueError(f"a face refers to vertex {broken:g}, which is no whole number")
+    if len(corners) < 3:
+        raise ValueError(f"a face has only {len(corners)} corners")
+    return [int(corner) for corner in corners]
 
 
 def _read_header(head: str) -> tuple[str, list[_Element]]:
@@ -160,3 +158,12 @@ def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[li
             row.append(body.take(kind * count))
         rows.append(row)
     return rows
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [PlyImporter]

@@ -1,4 +1,4 @@
-"""Mesh file to `Building`: the one way in."""
+"""Surface mesh to `Building`: the one way in."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,24 +10,25 @@ import numpy as np
 import shapely
 
 from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts, missed_seams
-from evac.building.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
 from evac.building.levels import LevelSet, find_levels
-from evac.building.links import find_exits_and_walls, find_portals
-from evac.building.meshfile import read_mesh
+from evac.building.links import close_links, find_exits_and_walls, find_portals
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
+from evac.building.polygons import union
 from evac.building.surface import Surface, clean_surface
-from evac.building.union import union
+from evac.building.surfacemesh import SurfaceMesh, checked
+from evac.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError
 
 #: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
 OBSTACLE_HEIGHT = 1.2
 
 
-def read_building(
-    path: str | Path,
+def build_building(
+    mesh: SurfaceMesh,
+    source: Path,
     *,
     weld: float = WELD,
     flat_angle: float = FLAT_ANGLE,
@@ -36,27 +37,31 @@ def read_building(
     exits: Sequence[Mapping[str, Any]] = (),
     areas: Sequence[Mapping[str, Any]] = (),
     obstacles: Sequence[Mapping[str, Any]] = (),
+    closed: Sequence[str] = (),
     need_exit: bool = True,
 ) -> Building:
-    """Read a building from a mesh file, tagged or bare (see ``evac.building.meshfile``).
+    """Make a building of a surface mesh, tagged or bare.
 
     The result depends on the geometry alone, not on the order of vertices or cells or their winding.
     Walls have the inside of their level on their left.
 
     Parameters
     ----------
-    path : str or Path
-        The mesh file.
+    mesh : SurfaceMesh
+    source : Path
+        The file it was read from, for messages.
     weld : float [m]
         Vertices no farther apart are the same.
     flat_angle, walkable_angle : float [degrees]
         Cells with a slope below the first are flat, above the second not walkable.
     scale : float
-        Metres per unit of the file.
+        Metres per unit of the mesh.
     exits : sequence of mappings
         To add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
     areas, obstacles : sequences of mappings
         To add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
+    closed : sequence of str
+        Names of exits, portals and stairs that are closed during the whole run.
     need_exit : bool
         Whether to refuse a building that nobody can leave; without exits it can only be looked at.
 
@@ -67,17 +72,18 @@ def read_building(
     Raises
     ------
     BuildingError
-        If the file cannot be read, a setting is out of range, or the building cannot be used: no walkable cell,
-        an edge of three cells, a level over itself in plan or less than 1 m deep between facing portals,
-        a stair that joins nothing, an exit off the edge, no exit.
+        If a setting is out of range, or the building cannot be used: no walkable cell, an edge of three cells, a level
+        over itself in plan or less than 1 m deep between facing portals, a stair that joins nothing, an exit off the
+        edge, no exit, a name to close that is none of the building's.
+    PluginError
+        If an array of the mesh has the wrong shape.
     """
-    source = Path(path)
     if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
             f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
-    surface = clean_surface(read_mesh(source), weld, flat_angle, walkable_angle, scale)
+    surface = clean_surface(checked(source, mesh), weld, flat_angle, walkable_angle, scale)
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
@@ -106,7 +112,8 @@ def read_building(
         with _given("areas", item):
             building = add_area(building, item)
     building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
-    return replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
+    building = replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
+    return close_links(building, closed) if closed else building
 
 
 @contextmanager

@@ -1,0 +1,51 @@
+"""What importers have to hold to: damaged files are refused, and the same file gives the same surface."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from evac.assembly import make_building, make_importer, read_surface
+from evac.building.importer import Importer
+from evac.building.surfacemesh import checked
+from evac.errors import BuildingError, PluginError
+from evac.scenario.case import Case
+
+#: Files that no importer can read.
+GARBAGE = (b"\n", b"\x00\xff\xfe\x80" * 16, b"0 1 2\nthis is no building\n")
+
+
+def check_damaged_files(importer: Importer) -> None:
+    """A file that is damaged is refused with ValueError."""
+    with tempfile.TemporaryDirectory() as place:
+        for suffix in importer.suffixes:
+            for content in GARBAGE:
+                path = Path(place, f"damaged{suffix}")
+                path.write_bytes(content)
+                try:
+                    mesh = checked(path, read_surface(importer, path))
+                except BuildingError:
+                    continue
+                raise PluginError(
+                    f"{importer.name}: reads {len(mesh.triangles)} cells from {content!r} in a file ending in "
+                    f"{suffix!r}; raise ValueError where a file is not of its format"
+                )
+
+
+def check_surface(case: Case, name: str) -> None:
+    """The file of a case is read by the importer, twice to the same surface, of which a building can be made."""
+    importer = make_importer(case)
+    if importer.name != name:
+        raise PluginError(
+            f"{case.title}: {case.mesh.name} is read by {importer.name!r}; give a case that uses {name!r}"
+        )
+    one, other = (checked(case.mesh, read_surface(make_importer(case), case.mesh)) for _ in range(2))
+    for what, first, second in (
+        ("points", one.points, other.points),
+        ("cells", one.triangles, other.triangles),
+        *(("cell_tags", one.cell_tags.get(tag), mask) for tag, mask in other.cell_tags.items()),
+        *(("edge_tags", one.edge_tags.get(tag), pairs) for tag, pairs in other.edge_tags.items()),
+    ):
+        if first is None or not np.array_equal(first, second):
+            raise PluginError(f"{name}: two readings of {case.mesh} differ in {what}; keep nothing between them")
+    make_building(case)

@@ -1,0 +1,143 @@
+"""The contract of plugins: what a module and a class must fulfil to be registered."""
+
+import inspect
+from types import ModuleType
+from typing import Any
+
+import pluggy
+
+from evac import hookspecs
+from evac.errors import PluginError
+from evac.parameters import did_you_mean
+
+#: Module and name of the class that each kind derives from.
+BASES = {
+    "contact_model": ("evac.physics.contact_model", "ContactModel"),
+    "solver": ("evac.physics.solver", "Solver"),
+    "force": ("evac.physics.force", "Force"),
+    "behaviour": ("evac.behaviour", "Behaviour"),
+    "recorder": ("evac.output.recorder", "Recorder"),
+    "importer": ("evac.building.importer", "Importer"),
+}
+
+#: Names that would hide a key of their section.
+RESERVED = {("contact_model", "model")}
+
+
+def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
+    """Refuse a module without hooks, of another version of the interface, or with hooks that are not as they should be.
+
+    Parameters
+    ----------
+    manager : pluggy.PluginManager
+    module : module
+    plugin : str
+        Where it comes from, for the message.
+
+    Raises
+    ------
+    PluginError
+        Naming the plugin and what to change.
+    """
+    known = [name for name in vars(hookspecs) if name.startswith("evac_")]
+    marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
+    unmarked = [name for name in known if name not in marked and inspect.isfunction(getattr(module, name, None))]
+    if not marked and not unmarked:
+        raise PluginError(f"plugin {plugin}: has no hook and would change nothing; it may have {', '.join(known)}")
+    check_interface(module, plugin)
+    if unmarked:
+        raise PluginError(f"plugin {plugin}: {unmarked[0]} is not marked; put @hookimpl of evac.hookspecs above it")
+    for name, options in marked.items():
+        if name not in known:
+            raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
+        if options.get("wrapper") or options.get("hookwrapper"):
+            raise PluginError(f"plugin {plugin}: {name} is a wrapper of hooks; evac calls none, take it off")
+
+
+def check_interface(module: ModuleType, plugin: str) -> None:
+    """Refuse a module that was written for another version of the plugin interface, or does not say for which.
+
+    Parameters
+    ----------
+    module : module
+        With hooks.
+    plugin : str
+        Where it comes from, for the message.
+
+    Raises
+    ------
+    PluginError
+        Naming the plugin, both versions, and what to change.
+    """
+    stated, own = getattr(module, "evac_interface", None), hookspecs.INTERFACE
+    if stated == own and isinstance(stated, int):
+        return
+    changes = "docs/plugins.md, section 'Interface versions', lists what changed"
+    if stated is None:
+        raise PluginError(
+            f"plugin {plugin}: does not state which version of the plugin interface it was written for; {changes}; "
+            f"adapt it to version {own}, then write `evac_interface = {own}` in the module"
+        )
+    if not isinstance(stated, int):
+        raise PluginError(f"plugin {plugin}: evac_interface must be a whole number such as {own}, not {stated!r}")
+    if stated > own:
+        raise PluginError(
+            f"plugin {plugin}: was written for version {stated} of the plugin interface, this evac has version {own}; "
+            "install a later evac, or an earlier release of the plugin"
+        )
+    raise PluginError(
+        f"plugin {plugin}: was written for version {stated} of the plugin interface, this evac has version {own}; "
+        f"{changes}; adapt the plugin, then write `evac_interface = {own}`"
+    )
+
+
+def check_class(cls: Any, plugin: str) -> str:
+    """Refuse a class that is of no kind, is not finished, or has no name that a case could use; return its kind.
+
+    Parameters
+    ----------
+    cls : type
+    plugin : str
+        Where it comes from, for the message.
+
+    Raises
+    ------
+    PluginError
+        Naming the class and what it lacks.
+    """
+    kind = kind_of(cls)
+    if not kind:
+        bases = ", ".join(base for _, base in BASES.values())
+        raise PluginError(f"plugin {plugin}: {cls!r} is none of {bases}; derive it from one")
+    missing = sorted(getattr(cls, "__abstractmethods__", ()))
+    if missing:
+        raise PluginError(f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs")
+    name = getattr(cls, "name", "")
+    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
+        raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")
+    if kind == "importer" and not _are_suffixes(getattr(cls, "suffixes", None)):
+        raise PluginError(
+            f"plugin {plugin}: {cls.__name__}.suffixes must be a tuple of endings in lower case such as ('.obj',), "
+            f"not {getattr(cls, 'suffixes', None)!r}"
+        )
+    if (kind, name) in RESERVED:
+        raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; take another")
+    return kind
+
+
+def _are_suffixes(value: Any) -> bool:
+    return (
+        isinstance(value, tuple)
+        and len(value) > 0
+        and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
+    )
+
+
+def kind_of(cls: Any) -> str:
+    """Return the kind of a class of a plugin, or nothing if it is of none."""
+    return next((kind for kind in BASES if is_a(kind, cls)), "")
+
+
+def is_a(kind: str, item: Any) -> bool:
+    """Return whether something is a class of a kind; the base class is not imported for the question."""
+    return isinstance(item, type) and any((base.__module__, base.__qualname__) == BASES[kind] for base in item.__mro__)

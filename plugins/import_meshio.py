@@ -1,0 +1,144 @@
+"""Importer of the formats that meshio reads well: Gmsh 2.2 and 4.1, VTK unstructured grids, STL.
+
+Tags are names ``kind:NAME``. They are given by
+
+- Gmsh: physical groups. Surfaces ``floor:``, ``stair:``, ``area:``, ``obstacle:``; curves ``exit:``.
+- VTU: one integer cell-data array for each tag, named exactly as the tag (``floor:ground``) and non-zero on the
+  cells that carry it. Exits are line cells in the same file. A cell may carry several tags.
+"""
+
+import contextlib
+import io
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evac.arrays import BoolArray, IndexArray
+from evac.building.importer import Importer
+from evac.building.surfacemesh import EDGE_TAGS, SurfaceMesh
+from evac.hookspecs import hookimpl
+
+#: For each tag, which cells of each block of the file carry it.
+Tags = dict[str, list[BoolArray]]
+
+
+class MeshioImporter(Importer):
+    """Gmsh files (.msh, 2.2 and 4.1), VTK unstructured grids in one piece (.vtu) and STL files."""
+
+    name = "meshio"
+    suffixes = (".msh", ".stl", ".vtu")
+
+    def read(self, path: Path) -> SurfaceMesh:
+        """Read vertices, surface cells and tags; raise ValueError if the file is damaged."""
+        mesh = _read(path)
+        points = np.asarray(mesh.points, dtype=np.float64).reshape(len(mesh.points), -1)
+        points = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
+        _check_count(path, mesh)
+        blocks: dict[int, IndexArray] = {}  # by their numbers in the file
+        notes = []
+        for number, block in enumerate(mesh.cells):
+            corners = _corner_count(block.type, np.shape(block.data)[-1])
+            if corners and len(block.data):
+                blocks[number] = np.asarray(block.data, dtype=np.int64)[:, :corners]
+            elif len(block.data) and block.type != "vertex":
+                notes.append(f"{len(block.data)} cells of type {block.type!r} are no surface cells and mean nothing")
+        surfaces = [number for number, block in blocks.items() if block.shape[1] > 2]
+        lines = [number for number, block in blocks.items() if block.shape[1] == 2]
+        edges = np.concatenate([np.empty((0, 2), dtype=np.int64), *(blocks[number] for number in lines)])
+        tags = _gmsh_tags(mesh) if path.suffix.lower() == ".msh" else _array_tags(mesh)
+        return SurfaceMesh(
+            points,
+            _joined([blocks[number] for number in surfaces]),
+            {tag: _all_of(masks, surfaces) for tag, masks in tags.items() if not _is_of_edges(tag)},
+            {tag: edges[_all_of(masks, lines)] for tag, masks in tags.items() if _is_of_edges(tag)},
+            notes,
+        )
+
+
+def _read(path: Path) -> Any:
+    """Read a file with meshio, which prints, exits and raises errors of every kind when it is damaged."""
+    import meshio
+
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        cause = "" if isinstance(error, SystemExit) else str(error)
+        raise ValueError(" ".join(f"{said.getvalue()} {cause}".split()) or type(error).__name__) from error
+
+
+def _joined(blocks: list[IndexArray]) -> IndexArray | list[list[int]]:
+    """Return the cells of all blocks, in their order."""
+    if len({block.shape[1] for block in blocks}) == 1:
+        return np.concatenate(blocks)
+    return [cell for block in blocks for cell in block.tolist()]
+
+
+def _all_of(masks: list[BoolArray], numbers: list[int]) -> BoolArray:
+    """Return the masks of some blocks as one."""
+    return np.concatenate([np.empty(0, dtype=bool), *(masks[number] for number in numbers)])
+
+
+def _is_of_edges(tag: str) -> bool:
+    return tag.partition(":")[0] in EDGE_TAGS
+
+
+def _corner_count(cell_type: str, nodes: int) -> int:
+    """Count the corners of a meshio cell type; 0 for cells that are no edges or surfaces."""
+    kind = cell_type.rstrip("0123456789")
+    return {"line": 2, "triangle": 3, "quad": 4, "polygon": nodes}.get(kind, 0)
+
+
+def _check_count(path: Path, mesh: Any) -> None:
+    """Refuse a VTU file some of whose cells meshio has passed over in silence."""
+    if path.suffix.lower() == ".vtu":
+        announced = sum(map(int, re.findall(rb'NumberOfCells="\s*(\d+)\s*"', path.read_bytes())))
+        read = sum(len(block.data) for block in mesh.cells)
+        if read != announced:
+            raise ValueError(
+                f"only {read} of its {announced} cells can be read, not those of strips, polylines and a second piece; "
+                "write one piece of triangles, quads, polygons and lines"
+            )
+
+
+def _gmsh_tags(mesh: Any) -> Tags:
+    """Masks of the physical groups: cell sets in Gmsh 4.1 (a cell may be in several), integers in 2.2."""
+    tags: Tags = {}
+    physical = mesh.cell_data.get("gmsh:physical")
+    for name, (number, dimension) in mesh.field_data.items():
+        if name in mesh.cell_sets:
+            members = mesh.cell_sets[name]
+            tags[name] = [np.isin(np.arange(len(b.data)), m) for b, m in zip(mesh.cells, members, strict=True)]
+        elif physical is not None:
+            tags[name] = []
+            for block, numbers in zip(mesh.cells, physical, strict=True):
+                # Gmsh writes the negative number where the group has the surface the other way round.
+                tags[name].append(np.asarray((np.abs(numbers) == number) & (block.dim == dimension)))
+    return tags
+
+
+def _array_tags(mesh: Any) -> Tags:
+    """Masks of the cell-data arrays that are named like tags."""
+    tags: Tags = {}
+    for name, arrays in mesh.cell_data.items():
+        if ":" in name:
+            values = [np.asarray(array).reshape(len(array), -1) for array in arrays]
+            if any(array.shape[1] != 1 for array in values):
+                raise ValueError(f"the cell array {name!r} has several numbers for each cell; a tag has one")
+            tags[name] = [np.nan_to_num(array[:, 0]) != 0 for array in values]
+    return tags
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [MeshioImporter]
