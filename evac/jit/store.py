@@ -73,7 +73,7 @@ class Store:
             content = path.read_bytes()
             if not self.is_shipped and time.time() - path.stat().st_mtime > 86400.0:
                 os.utime(path)  # it is used
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
             self.warn("read", f"{path}: cannot be read ({error.strerror}); what cannot be read is compiled again")
