@@ -59,7 +59,9 @@ class Display:
         if self._compiling_since is None:
             self._compiling_since = self._shown = now
             if not self._is_bar:
-                print(f"compiling {kernels} kernels; later runs find them in the cache", file=sys.stderr, flush=True)
+                print(
+                    f"compiling kernels: {kernels} of them, which are kept for later runs", file=sys.stderr, flush=True
+                )
         numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
         if done == kernels:
             self._compiling_since = None
