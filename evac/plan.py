@@ -17,8 +17,8 @@ from evac.jit.kernels import entries_of
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
 from evac.people.placement import PLACING
 from evac.people.ways import walk_all
-from evac.physics.engine import entries_of_loop
 from evac.physics.force import Force
+from evac.physics.parts import entries_of_loop
 
 if TYPE_CHECKING:
     from evac.building.model import Building
@@ -100,12 +100,12 @@ def run_kernels(
     behaviours: Sequence[Behaviour],
     full: bool,
 ) -> list[Entry]:
-    """Return the kernels that a run will need, as far as is known before directions are computed."""
+    """Return the kernels of the step loop and of behaviours that a run will need, as far as is known at its start."""
     has_seams = full or len(building.levels) > 1
-    with plugin_code(f"contact model {model.name!r}: kernels"):
-        loop = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
-    modules = dict.fromkeys(sys.modules[type(behaviour).__module__] for behaviour in behaviours)
-    return [*set_up_kernels(), *loop, *(entry for module in modules for entry in entries_of(module))]
+    found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
+    for behaviour in behaviours:
+        found += entries_of(sys.modules[type(behaviour).__module__])
+    return found
 
 
 def explain(

@@ -1,7 +1,7 @@
 """The simulation: everything put together, and the loop."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac import assembly
+from evac import assembly, plan
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
@@ -24,35 +24,16 @@ from evac.people.groups import check_people
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
-from evac.phases import Phases
+from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.plan import (
-    Part,
-    explain,
-    needed_behaviours,
-    needed_forces,
-    run_kernels,
-    set_up_kernels,
-    solve_fields,
-)
 from evac.registry import Registry
 from evac.scene import Scene
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a progress display needs, once a tick."""
-
-    time: float  # simulated [s]
-    duration: float  # [s]
-    people: int
-    out: int
 
 
 class Simulation:
@@ -109,10 +90,8 @@ class Simulation:
         self.registry: Registry = case.registry
         self.folder = folder
         self.full = full
-        self.seed = case.simulation.seed
-        self.step = 0
-        self.phases = Phases()
-        self.ended = ""
+        self.seed, self.step = case.simulation.seed, 0
+        self.phases, self.ended = Phases(), ""
         with self.phases.enter("preparation"):
             self._make(will_run, compiling)
 
@@ -125,13 +104,13 @@ class Simulation:
         self.recorders = assembly.make_recorders(case)
         self._is_recording = False
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
-        self.forces = needed_forces(forces, full)
+        self.forces = plan.needed_forces(forces, full)
         with self.phases.enter("building"):
             building = assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
-            model = (self.contact, self.forces, behaviours, full)
-            addresses_of(run_kernels(case, building, *model) if will_run else set_up_kernels(), compiling)
+            kernels = plan.run_kernels(case, building, self.contact, self.forces, behaviours, full) if will_run else []
+            addresses_of([*plan.set_up_kernels(), *kernels], compiling)
         self._build(building, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
@@ -142,23 +121,21 @@ class Simulation:
         """Make the stations of the main path that follow the building, one from the other."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(solve_fields, case, behaviours=behaviours, full=self.full)
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
             self.scene = Scene(building, solve(building), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
-                self.behaviours = needed_behaviours(scenes, self.full)
+                self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
             self.contact.check_scene(border)
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
-        names = [level.name for level in building.levels]
-        self.engine = Engine(
-            self.scene.world, len(people.crowd.level), self.forces, self.full, names, self.registry.solvers
-        )
+        n, names = len(people.crowd.level), [level.name for level in building.levels]
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -177,14 +154,14 @@ class Simulation:
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
-    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
+    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[plan.Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
         names = [force.name for force in self.forces]
         cutoffs = dict(zip(names, self.engine.state.forces.cutoff.tolist(), strict=True))
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         loop = self.engine.explain(self.contact)
-        return explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
+        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
 
     @property
     def building(self) -> Building:

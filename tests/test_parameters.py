@@ -36,27 +36,26 @@ def test_a_subclass_declares_what_its_base_declares_first():
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "message"),
+    ("key", "value", "words"),
     [
-        ("stiffness", 0, "spring.stiffness: must be greater than 0 kg/s2, got 0"),
-        ("stiffness", "hard", "spring.stiffness: expected a number, got 'hard'"),
-        ("stiffness", True, "spring.stiffness: expected a number, got True"),
-        ("stiffness", math.inf, "spring.stiffness: must be finite, got inf"),
-        ("limit", math.nan, "spring.limit: must be finite, got nan"),
-        ("sweeps", 1.5, "spring.sweeps: expected a whole number, got 1.5"),
-        ("sweeps", math.inf, "spring.sweeps: must be finite, got inf"),
-        ("sweeps", 0, "spring.sweeps: must be at least 1, got 0"),
-        ("sweeps", 101, "spring.sweeps: must be at most 100, got 101"),
-        ("reading", "isotropc", "spring.reading: unknown value 'isotropc'; did you mean 'isotropic'?"),
-        ("warm", 1, "spring.warm: expected true or false, got 1"),
-        ("time", -1, "spring.time: must be at least 0, got -1"),
-        ("stifness", 1, "spring.stifness: 'spring' has no such parameter; did you mean 'stiffness'?"),
+        ("stiffness", 0, "0 kg/s2.* 0"),
+        ("stiffness", "hard", "number.*'hard'"),
+        ("stiffness", True, "number.*True"),
+        ("stiffness", math.inf, "inf"),
+        ("limit", math.nan, "nan"),
+        ("sweeps", 1.5, r"whole number.* 1\.5"),
+        ("sweeps", math.inf, "inf"),
+        ("sweeps", 0, "1.* 0"),
+        ("sweeps", 101, "100.* 101"),
+        ("reading", "isotropc", "'isotropc'.*'isotropic'"),
+        ("warm", 1, "true or false.* 1"),
+        ("time", -1, "0.* -1"),
+        ("stifness", 1, "'stiffness'"),
     ],
 )
-def test_a_wrong_value_is_refused_with_key_and_range(key, value, message):
-    with pytest.raises(PluginError) as caught:
+def test_a_wrong_value_is_refused_with_key_and_range(key, value, words):
+    with pytest.raises(PluginError, match=rf"^spring\.{key}: .*{words}"):
         Spring(**{key: value})
-    assert str(caught.value) == message
 
 
 def test_infinity_is_legal_where_declared():

@@ -27,7 +27,7 @@ def with_plugin(tmp_path, text, changes=()):
 def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
     for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
         (tmp_path / name).write_text(text)
-    with pytest.raises(ResultError, match="holds files and is no result folder of evac"):
+    with pytest.raises(ResultError, match="no result folder"):
         run(evac.load("square_room"), tmp_path)
     assert (tmp_path / "picture.png").read_text() == "mine"
 
@@ -163,7 +163,7 @@ def test_a_folder_whose_clearing_failed_is_still_known(tmp_path):
     run(case, tmp_path / "r")
     (tmp_path / "r" / "egress.csv").unlink()
     (tmp_path / "r" / "egress.csv").mkdir()  # cannot be removed as a file
-    with pytest.raises(ResultError, match="cannot write the results"):
+    with pytest.raises(ResultError, match=r"egress\.csv"):
         run(case, tmp_path / "r")
     (tmp_path / "r" / "egress.csv").rmdir()
     run(case, tmp_path / "r")

@@ -259,7 +259,7 @@ def test_warnings_are_those_of_the_start(tmp_path):
 
 def test_the_border_of_the_explicit_drive_is_that_of_the_people():
     changes = {"simulation.driving": "explicit", "people.people.tau": 0.004, **model_of("nsm1")}
-    with pytest.raises(ScenarioError, match=r"least tau of 0\.004 s; it must be below 0\.008 s"):
+    with pytest.raises(ScenarioError, match=r"tau of 0\.004 s; .* 0\.008 s"):
         Simulation(load_case("square_room", changes))
 
 

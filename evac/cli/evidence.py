@@ -10,7 +10,9 @@ from evac.evidence import KINDS
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("kind", choices=KINDS, help="what is computed")
-    parser.add_argument("--quick", action="store_true", help="smaller and fewer: seconds instead of minutes")
+    effort = parser.add_mutually_exclusive_group()
+    effort.add_argument("--quick", action="store_true", help="smaller and fewer: seconds instead of minutes")
+    effort.add_argument("--page-only", action="store_true", help="measure nothing: write the page of DIR/KIND again")
     parser.add_argument(
         "--out", type=Path, default=Path("evidence"), metavar="DIR", help="folder; the page goes to DIR/KIND (evidence)"
     )
@@ -20,6 +22,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Compute, and say where the page is."""
     from evac.evidence.command import run_evidence
 
-    print(f"computing {arguments.kind} from scratch", file=sys.stderr, flush=True)
-    print(run_evidence(arguments.kind, arguments.out, arguments.quick))
+    if not arguments.page_only:
+        print(f"computing {arguments.kind} from scratch", file=sys.stderr, flush=True)
+    print(run_evidence(arguments.kind, arguments.out, arguments.quick, page_only=arguments.page_only))
     return 0

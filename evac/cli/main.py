@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TextIO
 
 from evac.errors import CacheWarning, EvacError
 
@@ -56,11 +56,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _cache_warnings() -> Iterator[None]:
     """Show what the library warns of as commands show other warnings; those of other libraries stay as they are."""
 
-    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         if issubclass(category, CacheWarning):
             print(f"warning: {message}", file=sys.stderr)
         else:
-            before(message, category, *place)
+            before(message, category, filename, lineno, file, line)
 
     with warnings.catch_warnings():
         before, warnings.showwarning = warnings.showwarning, show

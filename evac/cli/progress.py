@@ -9,7 +9,7 @@ from rich import progress as bars
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from evac.simulation import Progress
+    from evac.phases import Progress
 
 #: Wall time between two updates of the bar, and between two plain lines [s].
 BAR_EVERY = 0.1

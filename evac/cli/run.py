@@ -18,7 +18,7 @@ from evac.cli.main import INTERRUPTED_STATUS
 from evac.cli.progress import Display
 
 if TYPE_CHECKING:
-    from evac.simulation import Progress
+    from evac.phases import Progress
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@
     from evac.conformance import check_plugin
 
     def test_my_model():
-        check_plugin(MyModel)                       # contact model, force, recorder
+        check_plugin(MyModel)                       # contact model, solver, force, recorder
         check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
         check_plugin(MyImporter, case)              # an importer with a case whose building it reads
 
@@ -22,12 +22,14 @@ from evac.conformance.cases import check_declared_arrays, check_looks_only, chec
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.forces import check_pair_force
 from evac.conformance.importers import check_damaged_files, check_surface
+from evac.conformance.solvers import SOLVER_CHECKS
 from evac.contract import check_class, check_interface
 from evac.errors import PluginError, plugin_code
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
+from evac.physics.solver import Solver
 from evac.physics.state import Crowd
 from evac.registry import KINDS, Registry
 from evac.scenario.case import Case
@@ -45,7 +47,7 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     Parameters
     ----------
     cls : type
-        A `ContactModel`, `Force`, `Behaviour`, `Recorder` or `Importer`.
+        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder` or `Importer`.
     case : Case, optional
         Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use. Without a
         case, an importer is tried on damaged files only.
@@ -64,6 +66,9 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if issubclass(cls, ContactModel):
             for check in CONTACT_MODEL_CHECKS:
                 check(cls(**values))
+        elif issubclass(cls, Solver):
+            for check_solver in SOLVER_CHECKS:
+                check_solver(cls)
         elif issubclass(cls, Force):
             check_pair_force(cls(**values))
         elif issubclass(cls, Importer):
@@ -122,6 +127,8 @@ def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
     registry.add_class(cls)
     if issubclass(cls, ContactModel):
         changes = {"contact.model": cls.name, f"contact.{cls.name}": values}
+    elif issubclass(cls, Solver):
+        changes = {"contact.model": "nsm1", "contact.nsm1.solver": cls.name}
     elif issubclass(cls, Force):
         changes = {f"forces.{cls.name}": values}
     elif issubclass(cls, Behaviour):

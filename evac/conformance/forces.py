@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from evac.errors import PluginError
+from evac.jit import call_pair_force
 from evac.physics.force import Force
 
 
@@ -13,8 +14,7 @@ def check_pair_force(force: Force) -> None:
     packed = force.packed()
     if packed.dtype != np.float64 or packed.ndim != 1 or not np.isfinite(packed).all():
         raise PluginError(f"{force.name}: packed() must return finite numbers in one float64 row, not {packed!r}")
-    if not hasattr(getattr(force, "pair", None), "address"):
-        raise PluginError(f"{force.name}: pair must be compiled by evac.jit.pair_force")
+    call_pair_force.check(getattr(force, "pair", None), f"{force.name}: pair")
     cutoff = force.cutoff()
     if not (math.isfinite(cutoff) and cutoff >= 0.0):
         raise PluginError(f"{force.name}: cutoff() is {cutoff} m; it must be finite and not negative")

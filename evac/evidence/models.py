@@ -1,9 +1,12 @@
 """The contact models that the evidence compares, under the names its tables and plots use."""
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, cast
 
 from evac.physics.contact_model import ContactModel
+from evac.physics.engine import Engine
+from evac.physics.state import World
 from evac.registry import Registry
 
 #: Plugin and parameters of each; what is not given is the plugin's default.
@@ -18,10 +21,21 @@ MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 COARSE = {"gap_tolerance": 1e-3, "velocity_tolerance": 0.02}
 
 
-def make_model(name: str, registry: Registry | None = None, **parameters: Any) -> ContactModel:
+@cache
+def plugins() -> Registry:
+    """Return the registered plugins."""
+    return Registry()
+
+
+def make_engine(world: World, people: int) -> Engine:
+    """Return an engine without forces at a distance that knows the registered solvers."""
+    return Engine(world, people, [], solvers=plugins().solvers)
+
+
+def make_model(name: str, **parameters: Any) -> ContactModel:
     """Return a contact model by its name in `MODELS`, with more parameters or others."""
     plugin, given = MODELS[name]
-    model = (registry or Registry()).get("contact_model", plugin)(**{**given, **parameters})
+    model = plugins().get("contact_model", plugin)(**{**given, **parameters})
     return cast(ContactModel, model)
 
 

@@ -1,12 +1,15 @@
-"""The frame that all kinds of evidence share: tables, plots, timings and the page that holds them.
+"""The frame that all kinds of evidence share: measured tables, plots, timings and the page that holds them.
 
-A kind of evidence is a module with ``run(evidence: Evidence) -> None``. It computes, and hands over rows of
-plain dicts, figures and sentences in the order of the page:
+A kind of evidence is a module with ``run(evidence: Evidence) -> None``. It hands over what is to be measured as a
+function, and makes the page of the rows that come back. Rows are stored as CSV files and read from them, so that the
+page can be written again without measuring:
 
->>> evidence = Evidence("scaling", folder, quick=True)  # doctest: +SKIP
->>> evidence.text(f"The hall of {people} takes {seconds:.3g} s.")  # doctest: +SKIP
->>> evidence.table("hall", [{"people": people, "time [s]": seconds}], "A hall.")  # doctest: +SKIP
->>> evidence.write_page("Time and memory against the number of people")  # doctest: +SKIP
+>>> evidence = Evidence("scaling", folder)  # doctest: +SKIP
+>>> rows = evidence.measured("hall", lambda: [{"people": people, "time [s]": walk(people)}])  # doctest: +SKIP
+>>> evidence.verdict(at_most("Time of the hall", rows[0]["time [s]"], 2.0, "s", "The hall"))  # doctest: +SKIP
+>>> evidence.heading("The hall")  # doctest: +SKIP
+>>> evidence.table("hall", rows, "A hall.")  # doctest: +SKIP
+>>> evidence.write_page("Time and memory", "What a hall takes.")  # doctest: +SKIP
 """
 
 import csv
@@ -25,6 +28,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from evac.ensemble import in_processes
+from evac.errors import ResultError
+from evac.evidence.verdicts import Finding, verdict_table
 from evac.people.distributions import generator_for
 
 if TYPE_CHECKING:
@@ -35,14 +40,18 @@ Result = TypeVar("Result")
 Row = Mapping[str, Any]
 
 #: Packages whose versions matter to what comes out, and those that only some evidence uses: named where loaded.
-PACKAGES = ("evac", "numpy", "scipy", "numba", "scikit-fmm", "shapely", "matplotlib")
+PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
 OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "pyvista", "vtk")
 
-#: What of a checkout decides what comes out.
+#: Files of a checkout that decide what comes out.
 CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
 #: Never more processes than this, however many cores there are: a run states times per core.
 WORKERS = 2
+
+#: What run.json tells of the run that measured, and the page below its verdicts.
+REFERENCE = "reference run, at start and end [ms]"
+CONDITIONS = ("command", "seed", "machine", "python", "commit", "versions", REFERENCE, "wall time [s]")
 
 
 @dataclass(frozen=True)
@@ -69,16 +78,29 @@ class Evidence:
         Seconds instead of minutes: smaller, fewer; stated on the page.
     seed : int
         All random numbers follow from it and from names.
+    page_only : bool
+        Nothing is measured or drawn: the page is written from the tables and run.json of an earlier run in the
+        folder, whose `quick` and `seed` it takes.
+
+    Raises
+    ------
+    ResultError
+        Page only, but the folder lacks something of an earlier run.
     """
 
-    def __init__(self, kind: str, folder: Path, quick: bool = False, seed: int = 1) -> None:
+    def __init__(self, kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> None:
         self.kind = kind
         self.folder = folder
-        self.quick = quick
-        self.seed = seed
+        self.page_only = page_only
         self._page: list[str] = []
-        self._first: list[str] = []
-        self._charts: list[tuple[str, str]] = []
+        self._findings: list[Finding] = []
+        self._stored: set[str] = set()
+        if page_only:
+            found = json.loads(self._earlier("run.json").read_text())
+            self._conditions = {key: found[key] for key in CONDITIONS}
+            self.quick, self.seed = found["command"].endswith("--quick"), int(found["seed"])
+            return
+        self.quick, self.seed = quick, seed
         self._start = time.perf_counter()
         self._reference = reference_time()
         folder.mkdir(parents=True, exist_ok=True)
@@ -91,6 +113,21 @@ class Evidence:
         """Return ``[function(item) for item in items]``, in processes unless the run is quick."""
         return list(in_processes(function, items, 1 if self.quick else WORKERS))
 
+    def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
+        """Measure, write NAME.csv with full precision, and return its rows; where only the page is written, read them.
+
+        What comes back is read from the file in both cases: integers, floats and text; None is an empty field.
+        """
+        self._stored.add(name)
+        if not self.page_only:
+            self._write_csv(name, measure())
+        with self._earlier(f"{name}.csv").open(newline="", encoding="utf-8") as file:
+            return [{key: _read(text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+    def verdict(self, finding: Finding) -> None:
+        """Add a row to the verdict table at the head of the page."""
+        self._findings.append(finding)
+
     def heading(self, words: str) -> None:
         """Open a section of the page."""
         self._page.append(f"## {words}")
@@ -99,13 +136,15 @@ class Evidence:
         """Add a paragraph; numbers in it are formatted from data, never typed."""
         self._page.append(" ".join(sentences.split()))
 
-    def finding(self, sentence: str, chart: str, caption: str) -> None:
-        """Put a sentence at the head of the page, with a chart that is on it; both also stand on the index."""
-        self._first.append(" ".join(sentence.split()))
-        self._charts.append((chart, caption))
-
-    def table(self, name: str, rows: Sequence[Row], caption: str, formats: Mapping[str, str] | None = None) -> None:
-        """Write NAME.csv with full precision and put the table on the page.
+    def table(
+        self,
+        name: str,
+        rows: Sequence[Row],
+        caption: str,
+        formats: Mapping[str, str] | None = None,
+        columns: Sequence[str] = (),
+    ) -> None:
+        """Put a table on the page, and write NAME.csv unless that was done before.
 
         Parameters
         ----------
@@ -118,15 +157,72 @@ class Evidence:
         formats : dict, optional
             Format specification of a column on the page, e.g. ``{"time [s]": ".2f"}``; otherwise floats have
             three significant digits.
+        columns : sequence of str
+            What the page shows of the file; by default all of it.
         """
-        self._write_csv(name, rows)
-        self._page.append(f"{caption} ([{name}.csv]({name}.csv))")
-        self._page.append(markdown_table(rows, formats or {}))
+        self._store(name, rows)
+        shown = [{key: row[key] for key in columns or row} for row in rows]
+        self._page.append(f"{' '.join(caption.split())} ([{name}.csv]({name}.csv))")
+        self._page.append(markdown_table(shown, formats or {}))
 
     def data(self, name: str, rows: Sequence[Row], words: str = "The numbers behind it") -> None:
-        """Write NAME.csv and only a link to it on the page: for what is too long to read."""
-        self._write_csv(name, rows)
-        self._page.append(f"{words}: [{name}.csv]({name}.csv)")
+        """Put only a link to NAME.csv on the page, for what is too long to read."""
+        self._store(name, rows)
+        self._page.append(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
+
+    def plot(self, name: str, draw: Callable[[], "Figure"], caption: str) -> None:
+        """Draw NAME.png, unless only the page is written, and put it on the page."""
+        if not self.page_only:
+            draw().savefig(self.folder / f"{name}.png", dpi=130, metadata={"Software": None})
+        self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
+
+    def write_page(self, title: str, examined: str) -> Path:
+        """Write README.md and run.json: what was examined, the verdicts, the run, and what was added in its order.
+
+        Parameters
+        ----------
+        title : str
+        examined : str
+            One sentence.
+        """
+        conditions = self.conditions()
+        described = {"title": title, "examined": " ".join(examined.split()), "verdicts": self._findings, **conditions}
+        (self.folder / "run.json").write_text(json.dumps(described, indent=2) + "\n")
+        told = (
+            f"Measured by `{conditions['command']}` in {conditions['wall time [s]']} s: {conditions['machine']}; commit"
+            f" {conditions['commit']}, seed {conditions['seed']}; python {conditions['python']},"
+            f" {conditions['versions']}; {REFERENCE}: {conditions[REFERENCE]}."
+            f" `evac evidence {self.kind} --page-only` writes this page again from the tables beside it."
+        )
+        if self.quick:
+            told = f"**Quick run: smaller problems and fewer runs than the full one.** {told}"
+        lines = [f"# {title}", " ".join(examined.split()), verdict_table(self._findings), told, *self._page]
+        path = self.folder / "README.md"
+        path.write_text("\n\n".join(lines) + "\n")
+        return path
+
+    def conditions(self) -> dict[str, str]:
+        """Return machine, commit, versions, seed and duration of the run that measured."""
+        if self.page_only:
+            return self._conditions
+        used = [package for package in OPTIONAL_PACKAGES if package in sys.modules]
+        versions = ", ".join(f"{package} {_version(package)}" for package in (*PACKAGES, *used))
+        told = (
+            f"evac evidence {self.kind}{' --quick' if self.quick else ''}",
+            str(self.seed),
+            machine(),
+            platform.python_version(),
+            commit() or "no checkout",
+            versions,
+            f"{1e3 * self._reference:.1f}, {1e3 * reference_time():.1f}",
+            f"{time.perf_counter() - self._start:.0f}",
+        )
+        return dict(zip(CONDITIONS, told, strict=True))
+
+    def _store(self, name: str, rows: Sequence[Row]) -> None:
+        if name not in self._stored:
+            self._stored.add(name)
+            self._write_csv(name, rows)
 
     def _write_csv(self, name: str, rows: Sequence[Row]) -> None:
         with (self.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
@@ -134,50 +230,30 @@ class Evidence:
             writer.writeheader()
             writer.writerows(rows)
 
-    def plot(self, name: str, figure: "Figure", caption: str) -> None:
-        """Write NAME.png and put it on the page."""
-        figure.savefig(self.folder / f"{name}.png", dpi=130, metadata={"Software": None})
-        self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
-
-    def write_page(self, title: str) -> Path:
-        """Write README.md: title, what was added in its order, and what it was computed with; also run.json."""
-        head = [" ".join(self._first)] if self._first else []
-        head += [f"![{caption}]({name}.png)" for name, caption in self._charts]
-        page = [*head, *self._page]
-        summary = next((part for part in page if not part.startswith(("#", "|", "!"))), "")
-        conditions = self.conditions()
-        described = {"title": title, "summary": summary, "charts": self._charts, **conditions}
-        (self.folder / "run.json").write_text(json.dumps(described, indent=2) + "\n")
-        command = f"evac evidence {self.kind}{' --quick' if self.quick else ''}"
-        lines = [f"# {title}", f"Recomputed from scratch by `{command}`; nothing on this page is typed by hand."]
-        if self.quick:
-            lines.append("**Quick run: smaller problems and fewer runs than the full one.**")
-        rows = [{"what": key, "value": value} for key, value in conditions.items()]
-        lines += [*page, "## Conditions", markdown_table(rows, {})]
-        path = self.folder / "README.md"
-        path.write_text("\n\n".join(lines) + "\n")
+    def _earlier(self, name: str) -> Path:
+        """Return a file of the folder that must be there."""
+        path = self.folder / name
+        if not path.is_file():
+            raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
         return path
 
-    def conditions(self) -> dict[str, str]:
-        """Return machine, commit, versions, seed and duration."""
-        used = [package for package in OPTIONAL_PACKAGES if package in sys.modules]
-        versions = ", ".join(f"{package} {_version(package)}" for package in (*PACKAGES, *used))
-        return {
-            "command": f"evac evidence {self.kind}{' --quick' if self.quick else ''}",
-            "seed": str(self.seed),
-            "machine": machine(),
-            "python": platform.python_version(),
-            "commit": commit() or "no checkout",
-            "versions": versions,
-            "reference run, at start and end [ms]": f"{1e3 * self._reference:.1f}, {1e3 * reference_time():.1f}",
-            "wall time [s]": f"{time.perf_counter() - self._start:.0f}",
-        }
+
+def _read(text: str) -> Any:
+    """Return what a field of a CSV file says: None, an integer, a float, or text."""
+    if not text:
+        return None
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def markdown_table(rows: Sequence[Row], formats: Mapping[str, str]) -> str:
     """Return rows as a Markdown table: numbers to the right."""
     columns = list(rows[0])
-    is_number = {key: any(isinstance(row[key], int | float | np.number) for row in rows) for key in columns}
+    is_number = {key: not any(isinstance(row[key], str) for row in rows) for key in columns}
     rule = "|".join("--:" if is_number[key] else "---" for key in columns)
     lines = ["| " + " | ".join(columns) + " |", f"|{rule}|"]
     for row in rows:
@@ -194,12 +270,6 @@ def _cell(value: Any, specification: str) -> str:
     if not specification and isinstance(value, float | np.floating):
         specification = ".3g"
     return format(value, specification)
-
-
-def claim(what: str, bound: str, target: float, measured: float | None) -> dict[str, Any]:
-    """Return the row of a target: ``"at most"`` or ``"at least"`` so much, None where nothing came."""
-    met = measured is not None and (measured <= target if bound == "at most" else measured >= target)
-    return {"what": what, "target": f"{bound} {target:g}", "measured": measured, "met": "yes" if met else "no"}
 
 
 def timed(call: Callable[[], Any], repeats: int = 5, prepare: Callable[[], Any] | None = None) -> Timing:

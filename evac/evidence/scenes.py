@@ -4,18 +4,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
+from evac.evidence.models import make_engine
 from evac.physics.contact_model import BorderScene, border_scene
 from evac.physics.engine import Engine
-from evac.physics.state import Crowd
+from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world, set_open
 
-FloatArray = NDArray[np.float64]
 Bounds = tuple[float, float, float, float]
 
 
@@ -42,11 +43,11 @@ class Scene:
 
     def start(self) -> tuple[Engine, Crowd]:
         """Return a fresh engine and a copy of the crowd."""
-        crowd = Crowd(**{name: array.copy() for name, array in self.crowd.values().items()})
+        crowd = copy_of(self.crowd)
         world = make_world(self.building, self.fields)
         for link in range(len(self.building.exits) if self.is_closed else 0):
             set_open(world, link, False)
-        return Engine(world, len(crowd.level), []), crowd
+        return make_engine(world, len(crowd.level)), crowd
 
     def border(self, step: float, explicit: bool) -> BorderScene:
         """Return what contact models check a step [s] against."""
@@ -112,6 +113,7 @@ def _fields(
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(direction),
             travel_time=time,
+            walls=NO_CELL_WALLS,
         ),
     )
 

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.evidence.models import MODELS, make_model
+from evac.arrays import FloatArray
+from evac.errors import ScenarioError
+from evac.evidence.models import MODELS, make_engine, make_model
 from evac.people.distributions import generator_for
 from evac.people.population import Population, build_population
-from evac.physics.engine import Engine
+from evac.physics.contact_model import border_scene
 from evac.physics.state import Crowd, World
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
@@ -24,7 +26,6 @@ from evac.simulation import Simulation
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-FloatArray = NDArray[np.float64]
 
 #: A run is stopped and counted apart when nobody got out for so long [s].
 GAP = 10.0
@@ -104,7 +105,7 @@ def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> C
         return values
 
     empty = simulation.population.crowd
-    fresh = {name: array.copy() for name, array in empty._asdict().items()}
+    fresh = {name: array.copy() for name, array in empty.values().items()}
     fresh["position"] = positions.copy()
     for quantity in ("radius", "mass", "tau"):
         fresh[quantity] = drawn(quantity)
@@ -113,17 +114,24 @@ def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> C
 
 
 def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
-    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN."""
+    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN.
+
+    Nobody gets out of a run whose step the model refuses.
+    """
     _, simulation, world = _room()
-    contact = make_model(model, simulation.registry)
-    engine = Engine(world, len(crowd.level), [])
+    contact = make_model(model)
+    try:
+        contact.check_scene(border_scene(crowd, step, False))
+    except ScenarioError:
+        return crowd.exit_time
+    engine = make_engine(world, len(crowd.level))
     population = Population(crowd, (), len(simulation.building.portals))
     per_tick = round(TICK / step)
     made, last_out = 0, 0.0
     while population.inside and made * step - last_out <= GAP:
         events = engine.advance(contact, crowd, made, per_tick, step, False, False)
         made += per_tick
-        if events.count[0]:
+        if events.number:
             population.settle(events)
             last_out = float(np.nanmax(crowd.exit_time))
     return crowd.exit_time
@@ -235,7 +243,7 @@ def _room() -> tuple["Case", Simulation, World]:
     """Return the shipped case, its simulation, of which building and fields are used, and the world."""
     case = load_case("square_room")
     simulation = Simulation(case)
-    return case, simulation, simulation.engine.world
+    return case, simulation, simulation.engine.state.world
 
 
 @cache

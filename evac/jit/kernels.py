@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, get_args, get_type_hints
 
-from evac.jit.layout import Array, Kind, Struct, check_array, kind_of
+from evac.errors import PluginError
+from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
 
 #: Run kernels as Python functions, to look into them.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -193,6 +194,24 @@ class AddressCall:
     def __init__(self, arguments: Sequence[Any], returns: tuple[Any, ...]) -> None:
         self.kinds = tuple(kind_of(hint) for hint in arguments)
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
+
+    def check(self, entry: Any, what: str) -> None:
+        """Refuse what cannot be called so; `what` is its name in the message.
+
+        Raises
+        ------
+        PluginError
+            If it is no kernel that Python can call, or takes or returns something else.
+        """
+        if isinstance(entry, Entry):
+            kinds, returned = entry.signature
+            if tuple(kind for _, kind in kinds) == self.kinds and returned == self.returns:
+                return
+        raise PluginError(f"{what} must be a kernel {self}, compiled by evac.jit.kernel or evac.jit.pair_force")
+
+    def __str__(self) -> str:
+        names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in self.kinds]
+        return f"({', '.join(names)}) -> ({', '.join(self.returns)})"
 
     def __call__(self, address: int, *arguments: Any) -> Any:
         """Call a kernel that is not compiled."""

@@ -179,7 +179,8 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
         disc=np.zeros((len(occupied) + n, 3)),
     )
     cells.disc[: len(occupied)] = occupied
-    _enter_first(len(occupied), cells)
+    if len(occupied):
+        _enter_first(len(occupied), cells)
     return cells
 
 

@@ -105,8 +105,8 @@ def unit_normal(nx, ny, square):
     return 1.0, 0.0, 0.0
 
 
-@inner
-def drive(state):
+@kernel
+def drive(state: State) -> float:
     """Set ``bodies.free``, the velocity after the sub-step if nobody touched; return the greatest speed.
 
     Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
@@ -145,8 +145,8 @@ def drive(state):
     return math.sqrt(fastest)
 
 
-@inner
-def drive_overdamped(state):
+@kernel
+def drive_overdamped(state: State) -> float:
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
@@ -164,3 +164,7 @@ def drive_overdamped(state):
         bodies.free[i, 1] = vy
         fastest = max(fastest, vx * vx + vy * vy)
     return math.sqrt(fastest)
+
+
+#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the greatest speed [m/s].
+call_drive = AddressCall([State], (float,))

@@ -12,7 +12,6 @@ Contact models written in numpy make the same calls from Python, see `ContactMod
 
 import math
 
-from evac.directions.sampling import sample_travel_time
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contacts import (
@@ -21,11 +20,11 @@ from evac.physics.contacts import (
     report_contact_force,
     set_reach,
 )
-from evac.physics.drive import call_add_forces, drive, drive_overdamped, set_desired
+from evac.physics.drive import call_add_forces, call_drive, set_desired
 from evac.physics.motion import add_work, move
 from evac.physics.neighbours import build_lists, lists_are_stale
 from evac.physics.overlaps import call_separate
-from evac.physics.state import Bodies, Crowd, State, World
+from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
     FIRST_MISSING_PART,
     NEEDS_SEPARATION,
@@ -45,19 +44,6 @@ FASTEST = 100.0
 
 #: Call a contact law: state, its own parameters, length of the sub-step [s]; a status.
 call_law = AddressCall([State, Struct, float], (int,))
-
-
-@kernel
-def list_inside(world: World, crowd: Crowd, bodies: Bodies) -> int:
-    """List the rows of the people inside and their travel times; return how many they are."""
-    inside = 0
-    for p in range(crowd.level.shape[0]):
-        if crowd.level[p] >= 0:
-            x, y = crowd.position[p, 0], crowd.position[p, 1]
-            bodies.row[inside] = p
-            bodies.key[inside] = sample_travel_time(world.fields, x, y, crowd.level[p], crowd.route[p])
-            inside += 1
-    return inside
 
 
 @kernel
@@ -192,7 +178,7 @@ def approach(state: State) -> int:
             status = call_add_forces(state.parts.forces, state)
         if status != OK:
             return status
-    fastest = drive_overdamped(state) if traits.overdamped else drive(state)
+    fastest = call_drive(state.parts.drive, state)
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
     if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):

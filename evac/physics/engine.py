@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, SimulationError, plugin_code
-from evac.jit import Entry
+from evac.jit import AddressCall, Entry, call_pair_force
 from evac.jit.loading import addresses_of
-from evac.parameters import did_you_mean
 from evac.physics import driver, status
 from evac.physics import tallies as at
 from evac.physics.allocation import (
@@ -25,9 +25,10 @@ from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
-from evac.physics.state import Crowd, Events, Forces, World
+from evac.physics.state import Crowd, Events, Forces, State, World
 
 #: What went wrong in a step, for messages; contact models add what to change.
 _FAILURES = {
@@ -112,11 +113,13 @@ class Engine:
 
     def _gather(self, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, sorted by travel time, row breaking ties; return how many they are."""
-        bodies = self.state.bodies
-        inside = driver.list_inside(self.state.world, crowd, bodies)
-        bodies.row[:inside] = bodies.row[:inside][np.argsort(bodies.key[:inside], kind="stable")]
-        driver.gather(self.state, crowd, inside)
-        return int(inside)
+        rows = np.flatnonzero(crowd.level >= 0)
+        travel_time = np.empty(len(rows))
+        place = crowd.position[rows], crowd.level[rows], crowd.route[rows]
+        sample_travel_times(self.state.world.fields, *place, travel_time)
+        self.state.bodies.row[: len(rows)] = rows[np.argsort(travel_time, kind="stable")]
+        driver.gather(self.state, crowd, len(rows))
+        return len(rows)
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
         """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
@@ -126,6 +129,13 @@ class Engine:
         with plugin_code(f"contact model {model.name!r}"):
             state.traits = model.traits(state.world)
             self._own = model.own(len(state.bodies.row), state.world)
+            if model.law is not None:
+                AddressCall([State, type(self._own), float], (int,)).check(
+                    model.law, f"contact model {model.name!r}: law"
+                )
+        for force in self._forces:
+            with plugin_code(f"force {force.name!r}"):
+                call_pair_force.check(getattr(force, "pair", None), f"force {force.name!r}: pair")
         addresses_of(self.entries(model), progress)
         parts = state.parts
         parts.parameters = self._own
@@ -133,6 +143,7 @@ class Engine:
         parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
+        parts.drive = drive_of(model).address
         parts.forces = add_forces.address if self._forces else 0
         for k, force in enumerate(self._forces):
             state.forces.address[k] = force.pair.address
@@ -260,43 +271,6 @@ class Engine:
 
     def _level_name(self, level: int) -> str | int:
         return self.levels[level] if self.levels else level
-
-
-def entries_of_loop(
-    model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
-) -> list[Entry]:
-    """Return the kernels that the step loop of a run is known to need."""
-    found = [driver.list_inside, driver.gather, driver.scatter]
-    if model.law is None:
-        found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
-    else:
-        found += [driver.advance, model.law]
-    if isinstance(model, SolvedContactModel):
-        found.append(solver_of(model, solvers).solve)
-        if full:
-            found += [solver_of(model, solvers, stronger=True).solve, separate]
-    if has_seams:
-        found.append(reaches)
-    if forces:
-        found += [add_forces, *(force.pair for force in forces)]
-    return found
-
-
-def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
-    """Return the solver that a model names, or the one that tries again.
-
-    Raises
-    ------
-    PluginError
-        If it is not registered.
-    """
-    name = model.solver
-    for _ in range(1 + stronger):
-        if name not in solvers:
-            raise PluginError(f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(solvers))}")
-        found = solvers[name]
-        name = found.stronger
-    return found
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:

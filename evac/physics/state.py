@@ -165,7 +165,6 @@ class Bodies(Struct):
     farthest_reach: float  # greatest reach, where a law asks for another search [m]
     outrun: int  # 1: somebody moves farther than contacts have been looked for
     row: Ints  # row in Crowd
-    key: Floats  # travel time of row, before sorting by it [s]
     position: Pairs
     velocity: Pairs
     free: Pairs  # velocity after the step if nobody touched
@@ -352,6 +351,7 @@ class Parts(Struct):
     solver: int
     stronger: int  # solver that tries again
     separation: int
+    drive: int
     forces: int
     seams: int
 

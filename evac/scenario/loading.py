@@ -190,6 +190,7 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
             problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}"))
         tables = {name: table for name, table in contact.items() if name != "model"}
         problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
+        problems += _solver_problems(tables, registry)
     for section, classes, word in (
         ("forces", registry.forces, "force"),
         ("behaviours", registry.behaviours, "behaviour"),
@@ -213,6 +214,21 @@ def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]
     if isinstance(presets, dict):
         found += [(("presets", name), preset) for name, preset in presets.items()]
     return [(key, table) for key, table in found if isinstance(table, dict)]
+
+
+def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Problem]:
+    """Check that the solvers that contact models are to use are registered."""
+    from evac.physics.contact_model import SolvedContactModel
+
+    problems: list[Problem] = []
+    for name, table in tables.items():
+        cls = registry.contact_models.get(name)
+        if cls is not None and issubclass(cls, SolvedContactModel) and isinstance(table, dict):
+            solver = table.get("solver")
+            if isinstance(solver, str) and solver not in registry.solvers:
+                hint = did_you_mean(solver, list(registry.solvers))
+                problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}"))
+    return problems
 
 
 def _table_problems(

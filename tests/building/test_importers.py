@@ -219,7 +219,7 @@ QUAD = [[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]]
     ids=["strip", "two pieces"],
 )
 def test_cells_of_vtu_that_cannot_be_read_are_not_left_out_in_silence(tmp_path, pieces):
-    with pytest.raises(BuildingError, match="only 1 of its 2 cells can be read"):
+    with pytest.raises(BuildingError, match="1 of its 2 cells"):
         read_mesh(vtu(tmp_path / "a.vtu", *pieces))
 
 
@@ -240,7 +240,7 @@ def test_tags_of_vtu_are_where_they_are_not_zero(tmp_path, array, carried):
 
 def test_a_tag_of_vtu_with_two_numbers_is_refused(tmp_path):
     data = '<DataArray type="Int32" Name="floor:a" NumberOfComponents="2" format="ascii">1 0 0 0</DataArray>'
-    with pytest.raises(BuildingError, match="cell array 'floor:a' has several numbers"):
+    with pytest.raises(BuildingError, match="'floor:a'"):
         read_mesh(vtu(tmp_path / "a.vtu", (QUAD, [[0, 1, 2], [0, 2, 3]], [5, 5]), data=data))
 
 
@@ -259,37 +259,37 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 9 9 9\n", "line 4: 'f 0 1 2': a face counts"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "line 4: 'f -1 -2 -4': a face counts"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n3 0 1 2\n", "but 5 lines follow"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n4 0 1 2\n", "line 6: '4 0 1 2': 4 corners are announced"),
-        ("a.ply", PLY + "0 1\n", "rows follow after those"),
-        ("a.ply", PLY.replace("4 0 1 2 3 0.5", "4 0 1 2.5 3 0.5"), "vertex 2.5, which is no whole number"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 9 9 9\n", "line 4: 'f 0 1 2'"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "line 4: 'f -1 -2 -4'"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n3 0 1 2\n", "5 lines"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n1 1 0\n4 0 1 2\n", "line 6: '4 0 1 2'"),
+        ("a.ply", PLY + "0 1\n", "rows"),
+        ("a.ply", PLY.replace("4 0 1 2 3 0.5", "4 0 1 2.5 3 0.5"), "vertex 2.5"),
         ("a.obj", "", "the file is empty"),
         ("a.obj", "v 0 0 0\n", "no surface cells"),
         ("a.obj", "v 0 0\n", "line 1"),
         ("a.obj", "v 0 0 0\nf 1 x 2\n", "line 2"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3: 'f 1 2': a face has only 2 corners"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 5\n", "refers to vertex 5, but the file has 2"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 lies at .* farther than 1e\+11 from"),
-        ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", r"vertex 2 is not finite"),
-        ("a.off", "nothing", "first word must be OFF"),
-        ("a.off", "OFF\n3 1 0\n0 0 0\n", "but 1 lines follow"),
-        ("a.off", "OFF # corners\n3 1 0\n\n0 0 0\n1 0 0\n1 1 0\n2 0 1\n", "line 7: '2 0 1': a face has only 2 corners"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3: 'f 1 2'"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nf 1 2 5\n", "vertex 5, .* 2"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n", r"vertex 3 .* 1e\+11"),
+        ("a.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "vertex 2"),
+        ("a.off", "nothing", "OFF"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n", "1 lines"),
+        ("a.off", "OFF # corners\n3 1 0\n\n0 0 0\n1 0 0\n1 1 0\n2 0 1\n", "line 7: '2 0 1'"),
         ("a.off", "OFF 3 1 0\n0 0 0\n1 0\n1 1 0\n3 0 1 2\n", "line 3: '1 0'"),
-        ("a.off", "OFF\n", "numbers of vertices and faces are missing"),
-        ("a.ply", "nothing", "no PLY file"),
-        ("a.ply", PLY[:-10], "ends before the rows"),
-        ("a.ply", PLY.replace("float x", "float32x x"), "'property float32x x' is wrong"),
-        ("a.ply", PLY.replace("float x", "float a"), "no x, y, z"),
-        ("a.ply", PLY.replace("vertex_index", "corners"), "no list vertex_indices"),
+        ("a.off", "OFF\n", "vertices and faces"),
+        ("a.ply", "nothing", "PLY"),
+        ("a.ply", PLY[:-10], "rows"),
+        ("a.ply", PLY.replace("float x", "float32x x"), "'property float32x x'"),
+        ("a.ply", PLY.replace("float x", "float a"), "x, y, z"),
+        ("a.ply", PLY.replace("vertex_index", "corners"), "vertex_indices"),
         ("a.stl", "nothing", "cannot be read"),
         ("a.vtu", "nothing", "cannot be read"),
         ("a.vtu", "", "the file is empty"),
         ("a.msh", "nothing", "cannot be read"),
         ("a.msh", GMSH41[:400], "cannot be read"),
         ("a.msh", "", "the file is empty"),
-        ("a.dxf", "", "cannot read files ending in '.dxf'"),
+        ("a.dxf", "", "'\\.dxf'"),
     ],
 )
 def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name, content, words):
@@ -304,7 +304,7 @@ def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name,
 def test_text_that_is_not_utf_8_is_refused(tmp_path):
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-16")
-    with pytest.raises(BuildingError, match="is not UTF-8"):
+    with pytest.raises(BuildingError, match="UTF-8"):
         read_mesh(path)
 
 
@@ -323,5 +323,5 @@ def test_unknown_tag_is_a_warning(tmp_path, stair_mesh):
 
 def test_exit_tag_on_a_surface_is_refused(tmp_path, stair_mesh):
     stair_mesh.rectangle(30, 0, 31, 1, tag="exit:wrong")
-    with pytest.raises(BuildingError, match="'exit:wrong' is on no edge"):
+    with pytest.raises(BuildingError, match="'exit:wrong'"):
         read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))

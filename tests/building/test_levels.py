@@ -116,7 +116,7 @@ def test_equal_names_are_numbered(mesh, read):
 
 def test_cell_of_two_floors_is_refused(mesh, tmp_path):
     mesh.rectangle(0, 0, 4, 3, tag="floor:a").rectangle(0, 0, 4, 3, tag="floor:b")
-    with pytest.raises(BuildingError, match=r"at \(\d.\d\d, \d.\d\d, 0.00\) carries both 'floor:a' and 'floor:b'"):
+    with pytest.raises(BuildingError, match=r"at \(\d.\d\d, \d.\d\d, 0.00\) .*'floor:a' and 'floor:b'"):
         read_building(mesh.write_gmsh22(tmp_path / "a.msh"))
 
 
@@ -145,5 +145,5 @@ def test_warped_flight_is_a_warning(mesh, read):
 
 def test_flight_that_turns_back_is_refused(mesh, read):
     winding_ramp(mesh, 12).rectangle(2, 8, 4, 10, 3.0).rectangle(0, 6, 4, 8, 3.0)
-    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' turns: .* 60, .* flat landings"):
+    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' .* 60, "):
         read(mesh, exits=[EXIT])

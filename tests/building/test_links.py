@@ -34,9 +34,7 @@ def test_what_is_cut_off_is_warned_of(building):
 
 
 def test_unknown_names_are_refused(building):
-    with pytest.raises(
-        BuildingError, match=r"no exit, portal or stair is named 'stair 2'; .*'stair 1'.*building.closed"
-    ):
+    with pytest.raises(BuildingError, match=r"'stair 2'.*'stair 1'.*building.closed"):
         close_links(building, ["stair 2"])
 
 
@@ -77,6 +75,6 @@ def test_people_leave_by_what_is_open(stair_mesh, tmp_path, closed, used):
 def test_closing_the_only_way_is_refused_with_who_is_cut_off(stair_mesh, tmp_path):
     stair_mesh.write_obj(tmp_path / "stair.obj")
     (tmp_path / "case.toml").write_text(CASE.format(closed=["west", "stair 1"]))
-    with pytest.raises(EvacError, match="cannot reach") as caught:
+    with pytest.raises(EvacError, match="people") as caught:
         Simulation(load_case(tmp_path / "case.toml"))
-    assert any("no exit can be reached from 'floor z=0.00'" in note for note in caught.value.__notes__)
+    assert any("'floor z=0.00'" in note for note in caught.value.__notes__)

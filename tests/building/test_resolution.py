@@ -57,7 +57,7 @@ def test_utm_coordinates_without_their_decimals_are_refused(mesh, tmp_path, name
     assert len(read_building(mesh.write_obj(tmp_path / "a.obj"), need_exit=False).levels) == 1
     change = (lambda x: float(np.float32(x))) if name == "float32" else (lambda x: float(f"{x:g}"))
     mesh.points = [tuple(map(change, point)) for point in mesh.points]
-    with pytest.raises(BuildingError, match=r"at|vertex \(5000\d\d.*rounded to steps of .* relative to an origin"):
+    with pytest.raises(BuildingError, match=r"at|vertex \(5000\d\d"):
         read_building(mesh.write_obj(tmp_path / "a.obj"), need_exit=False)
 
 
@@ -66,7 +66,7 @@ def test_float32_of_any_format_is_recognized(tmp_path, name):
     corners = np.array([[0.1, 0.2, 0], [6.3, 0.4, 0], [6.1, 4.7, 0], [0.3, 4.1, 0]]) + np.array([*UTM, 0.0])
     mesh = meshio.Mesh(corners.astype(np.float32), [("triangle", [[0, 1, 2], [0, 2, 3]])])
     meshio.write(tmp_path / name, mesh, binary=True)
-    with pytest.raises(BuildingError, match=r"vertex \(500006.* rounded to steps of 0.5 m"):
+    with pytest.raises(BuildingError, match=r"vertex \(500006.* 0.5 m"):
         read_building(tmp_path / name, need_exit=False)
 
 
@@ -74,7 +74,7 @@ def test_rounding_below_the_weld_is_welded_and_above_it_the_weld_is_named(mesh, 
     mesh.rectangle(0.13, 0.27, 6.4, 4.1).rectangle(6.4, 0.27, 12.3, 1.53).rectangle(6.4, 1.53, 12.3, 4.1)
     mesh.points = [(float(np.float32(x + 70000.0)), float(np.float32(y + 60000.0)), z) for x, y, z in mesh.points]
     path = mesh.write_obj(tmp_path / "a.obj")
-    with pytest.raises(BuildingError, match=r"rounded to steps of 0.0078 m.*or set building.weld to 0.016"):
+    with pytest.raises(BuildingError, match=r"0.0078 m.*building.weld to 0.016"):
         read_building(path, need_exit=False)
     (level,) = read_building(path, need_exit=False, weld=0.016).levels
     assert level.polygon.area == pytest.approx(12.17 * 3.83, rel=2e-3)

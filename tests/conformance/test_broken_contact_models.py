@@ -162,15 +162,15 @@ class Nameless(Bounce):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Drags, "touches nobody walks at"),
-        (CountsTwice, "their percussions account for"),
-        (InPlace, "ValueError: assignment destination is read-only"),
-        (WrongShape, r"step returned velocities of shape \(1, 2\), not \(2, 2\)"),
-        (Hides, "a parameter with the name of a method would hide it"),
-        (LooksAround, "5 m away changes a free walk"),
+        (Drags, "touches nobody"),
+        (CountsTwice, "percussions"),
+        (InPlace, "ValueError: .* read-only"),
+        (WrongShape, r"\(1, 2\), not \(2, 2\)"),
+        (Hides, "name of a method"),
+        (LooksAround, "5 m away"),
         (OneSided, "common momentum"),
         (Ghosts, "walk through each other"),
-        (Slanted, "turned by 90 degrees moves differently"),
+        (Slanted, "90 degrees"),
         (Divides, "step returned the velocity"),
         (Silent, "reports a contact force"),
         (Restless, "two runs differ"),
@@ -197,5 +197,5 @@ def test_a_model_that_steps_but_leaves_the_walls_open_is_found():
             velocity[alone] = contacts.free[alone]
             return velocity
 
-    with pytest.raises(PluginError, match="would pass through a wall"):
+    with pytest.raises(PluginError, match="wall"):
         check_plugin(Open)

@@ -36,6 +36,11 @@ def test_a_contact_model_conforms(name, values):
     check_plugin(REGISTRY.contact_models[name], **values)
 
 
+@pytest.mark.parametrize("name", list(REGISTRY.solvers))
+def test_a_solver_conforms(name):
+    check_plugin(REGISTRY.solvers[name])
+
+
 @pytest.mark.parametrize("reading", ["isotropic", "anisotropic"])
 def test_the_social_force_conforms(reading):
     check_plugin(REGISTRY.forces["social"], reading=reading)
@@ -63,7 +68,10 @@ def test_an_importer_conforms(name):
 
 
 def test_built_ins_are_named_after_what_they_are():
-    """Module kind_what, class What, name "what"; classes of forces, recorders and importers add their kind."""
+    """Module kind_what, class What, name "what"; classes of forces, recorders and importers add their kind.
+
+    Solvers that have kernels in common share a module.
+    """
     kinds = {
         "contact": REGISTRY.contact_models,
         "force": REGISTRY.forces,
@@ -77,3 +85,7 @@ def test_built_ins_are_named_after_what_they_are():
                 assert cls.__module__ == f"evac_plugins.{kind}_{name}"
                 camel = "".join(word.capitalize() for word in name.split("_"))
                 assert cls.__name__ in (camel, camel + {"import": "Importer"}.get(kind, kind.capitalize()))
+    for name, cls in REGISTRY.solvers.items():
+        assert cls.__module__.startswith("evac_plugins.solver_")
+        assert cls.__name__ == "".join(word.capitalize() for word in name.split("_"))
+        assert cls.solve.__name__ == name

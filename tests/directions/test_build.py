@@ -213,15 +213,15 @@ def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
 def test_a_route_to_closed_exits_alone_is_refused(drawing):
     building = replace(two_storeys(drawing), closed=frozenset({2}))
     (way_out,) = building.exits
-    with pytest.raises(ScenarioError, match=f"leads to '{way_out.name}' alone, which building.closed closes"):
+    with pytest.raises(ScenarioError, match=f"'{way_out.name}' .*building.closed"):
         build_fields(building, (Route((way_out.name,)),))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m needs 3e\+09 nodes.*at least 0\.0012 m"),
-        ({"spacing": 1.0}, "exit 'A' is 1 m wide, less than two cells of 1.0 m; make the exit wider"),
+        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m .*3e\+09 nodes.* 0\.0012 m"),
+        ({"spacing": 1.0}, "exit 'A' is 1 m wide, .* 1.0 m"),
     ],
 )
 def test_refuses_a_spacing_that_does_not_fit_the_building(drawing, options, message):
@@ -235,9 +235,9 @@ def test_refuses_routes_that_name_what_does_not_exist(drawing):
     drawing.level((0, 0, 6, 5))
     drawing.exit("north", 0, (6, 1), (6, 2))
     building = drawing.build()
-    with pytest.raises(ScenarioError, match="did you mean 'north'"):
+    with pytest.raises(ScenarioError, match=r"'nort'.*'north'"):
         build_fields(building, [Route(("nort",))])
-    with pytest.raises(ScenarioError, match="did you mean 'fastest'"):
+    with pytest.raises(ScenarioError, match=r"'fast'.*'fastest'"):
         build_fields(building, [Route(strategy="fast")])
 
 

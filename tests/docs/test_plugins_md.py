@@ -11,7 +11,10 @@ import evac
 from evac.conformance import check_plugin
 from evac.registry import Registry
 
-NAMES = ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py", "crossing_guard.py"]
+NAMES = [
+    *("crowding.py", "personal_space.py", "dem_numpy.py", "spring_damper.py", "jacobi.py"),
+    *("rooms.py", "crossing_guard.py"),
+]
 
 
 def positions(case, ticks):
@@ -32,6 +35,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
         cls
         for table in (
             registry.contact_models,
+            registry.solvers,
             registry.forces,
             registry.behaviours,
             registry.recorders,
@@ -44,7 +48,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize("name", NAMES[:4])
+@pytest.mark.parametrize("name", ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py"])
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
     assert len(code) <= 36
@@ -95,7 +99,7 @@ def test_a_step_at_which_a_packing_is_unstable_is_refused(plugin_files):
         {"contact.model": "dem_numpy", "simulation.step": 0.02, "simulation.tick": 0.1},
         plugin_files=[plugin_files["dem_numpy.py"]],
     )
-    with pytest.raises(evac.ScenarioError, match="too long for contact model 'dem_numpy'"):
+    with pytest.raises(evac.ScenarioError, match=r"simulation.step: .*'dem_numpy'"):
         evac.Simulation(case)
 
 

@@ -1,46 +1,42 @@
 """The parts of the accuracy page: what they compute, on small problems."""
 
 import csv
-import math
+import json
 
 import numpy as np
 import pytest
 
 from evac.evidence.accuracy import rows as rows_part
 from evac.evidence.accuracy import targets
-from evac.evidence.accuracy.data import add_data, order_of
-from evac.evidence.accuracy.egress import DEFAULT, biases_in_words, flow_of
+from evac.evidence.accuracy.data import order_of
 from evac.evidence.accuracy.fields import _fields, plain_directions
-from evac.evidence.accuracy.goals import default_finding, default_rows, factor_rows, race_rows, time_to, win_rows
-from evac.evidence.accuracy.orders import EXACT, order_rows, orders_in_words
+from evac.evidence.accuracy.goals import factor_rows, race_rows, time_to, win_rows
+from evac.evidence.accuracy.orders import EXACT, order_rows, orders_off
 from evac.evidence.accuracy.orders import draw as draw_orders
-from evac.evidence.accuracy.overlap import FINISHED, cheapest_rows, which_in_words
+from evac.evidence.accuracy.overlap import FINISHED, cheapest_rows
 from evac.evidence.accuracy.overlap import draw as draw_overlap
 from evac.evidence.accuracy.plans import l_corner
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.solvers import TOLERANCES, measure
-from evac.evidence.accuracy.tolerance import _kept_in_words
+from evac.evidence.accuracy.tolerance import judge
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
-from evac.physics.solvers import SOLVERS
-from evac.registry import Registry
+from evac.evidence.verdicts import MET
+
+SOLVERS = tuple(plugins().solvers)
 
 
 @pytest.fixture(scope="module")
-def registry():
-    return Registry()
-
-
-@pytest.fixture(scope="module")
-def crowds(registry):
-    return snapshots(40, 1, registry)
+def crowds():
+    return snapshots(40, 1)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.label)
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_solvers_agree_with_the_independent_reference(crowds, registry, law, solver):
+def test_solvers_agree_with_the_independent_reference(crowds, law, solver):
     pytest.importorskip("clarabel")
-    problem = contact_problem(crowds["settled"], law, registry)
+    problem = contact_problem(crowds["settled"], law)
     truth = problem.reference()
     problem.start(False)
     _, found = problem.solve(solver, 1e-9, 500_000)
@@ -53,8 +49,8 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     """Seconds by solver and crowd, made up: the default takes 1 s, Gauss-Seidel 20 to 40, Uzawa 50."""
     seconds = {"accelerated_sweeps": 1.0, "uzawa": 50.0}
     crowds = iter(np.repeat([20.0, 25.0, 31.0, 35.0, 40.0], 2 * len(LAWS)))
-    monkeypatch.setattr(targets, "snapshots", lambda people, seed, registry: {"settled": 0, "arriving": 0})
-    monkeypatch.setattr(targets, "contact_problem", lambda crowd, law, registry: law)
+    monkeypatch.setattr(targets, "snapshots", lambda people, seed: {"settled": 0, "arriving": 0})
+    monkeypatch.setattr(targets, "contact_problem", lambda crowd, law: law)
     monkeypatch.setattr(targets, "seconds_to", lambda problem, solver, goal: seconds.get(solver) or next(crowds))
     evidence = Evidence("accuracy", tmp_path)
     targets.run(evidence)
@@ -63,15 +59,15 @@ def test_targets_are_told_under_every_law_as_medians_over_several_crowds(monkeyp
     first, second, third, fourth = rows[:4]
     assert len(rows) == 4 * len(LAWS)
     assert first["what"] == "settled, NSM1, to 1e-06 m: gauss_seidel / accelerated_sweeps"
-    assert (first["measured"], first["least"], first["greatest"], first["met"]) == ("31.0", "20.0", "40.0", "yes")
-    assert (second["target"], second["measured"], second["met"]) == ("at least 60", "50.0", "no")
+    assert [first[key] for key in ("measured", "least", "greatest", "verdict")] == ["31.0", "20.0", "40.0", MET]
+    assert (second["wanted"], second["measured"], second["verdict"] == MET) == ("at least 60", "50.0", False)
     assert third["what"] == "arriving, NSM1, to 0.0001 m: gauss_seidel / accelerated_sweeps"
-    assert (fourth["target"], fourth["measured"], fourth["met"]) == ("at most 300", "1000.0", "no")
+    assert (fourth["wanted"], fourth["measured"], fourth["verdict"] == MET) == ("at most 300", "1000.0", False)
     assert rows[-1]["what"] == "settled, NSM2, K_N = 1e5, to 1e-10 m/s: accelerated_sweeps [ms]"
-    assert f"{2 * len(LAWS)} of {4 * len(LAWS)} targets are met" in evidence.write_page("x").read_text()
+    assert sum(row["verdict"] == MET for row in rows) == 2 * len(LAWS)
 
 
-def test_people_in_rows_touch_and_every_solver_is_timed_on_them(registry, tmp_path, monkeypatch):
+def test_people_in_rows_touch_and_every_solver_is_timed_on_them(tmp_path, monkeypatch):
     """Some of the contacts push, and every solver is timed or said to have been given its time."""
     monkeypatch.setattr(rows_part, "LAWS", LAWS[:2])
     evidence = Evidence("accuracy", tmp_path, quick=True)
@@ -81,12 +77,12 @@ def test_people_in_rows_touch_and_every_solver_is_timed_on_them(registry, tmp_pa
     assert [row["to"] for row in rows] == ["0.0001 m", "1e-06 m", "0.0001 m/s", "1e-06 m/s"]
     for row in rows:
         assert int(row["contacts"]) > 200  # of 100 people
-        assert all(float(row[solver].lstrip("> ")) > 0.0 for solver in SOLVERS)
-        assert row["first"] == min(SOLVERS, key=lambda solver: float(row[solver].lstrip("> ")))
+        times = {solver: float(row[solver].lstrip("> ")) for solver in SOLVERS}
+        assert 0.0 < times[row["first"]] == min(times.values())  # two can be equal to three digits
 
 
-def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, registry):
-    problem = contact_problem(crowds["settled"], LAWS[0], registry)
+def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds):
+    problem = contact_problem(crowds["settled"], LAWS[0])
     first = {}
     for is_warm in (False, True):
         problem.start(is_warm)
@@ -94,28 +90,28 @@ def test_the_warm_start_is_nearer_to_the_solution_of_a_settled_crowd(crowds, reg
     assert first[True] < 0.5 * first[False]
 
 
-def test_the_contact_problem_is_the_one_that_the_model_solved(crowds, registry):
+def test_the_contact_problem_is_the_one_that_the_model_solved(crowds):
     """The percussions that the model left in its contacts satisfy the problem's law to the model's tolerance."""
-    problem = contact_problem(crowds["settled"], LAWS[0], registry)
+    problem = contact_problem(crowds["settled"], LAWS[0])
     held = problem.contacts.percussion[: problem.size].copy()
     problem.start(False)
     problem.contacts.percussion[: problem.size] = held
     _, found = problem.solve("gauss_seidel", 1e300, 1)
-    assert found <= 1.001 * LAWS[0].make(registry).values()["velocity_tolerance"]
+    assert found <= 1.001 * LAWS[0].make().values()["velocity_tolerance"]
 
 
 def test_opening_the_door_leaves_the_settled_crowd_as_it_was(crowds):
     settled, opened = crowds["settled"], crowds["opened"]
-    assert settled.engine.world.link_open[0] == 0
-    assert opened.engine.world.link_open[0] == 1
+    assert settled.engine.state.world.link_open[0] == 0
+    assert opened.engine.state.world.link_open[0] == 1
     assert opened.step == settled.step + 5
     assert not np.array_equal(settled.crowd.position, opened.crowd.position)
 
 
-def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds, registry):
-    problem = contact_problem(crowds["settled"], LAWS[1], registry)
+def test_measured_solves_reach_their_tolerance_and_stop_where_they_do_not(crowds):
+    problem = contact_problem(crowds["settled"], LAWS[1])
     truth = np.zeros_like(problem.free)
-    rows = measure(problem, truth, SOLVERS[-1], False, 0.05)
+    rows = measure(problem, truth, "accelerated_sweeps", False, 0.05)
     assert all(row["residual"] <= row["tolerance"] for row in rows[:-1])
     assert [row["tolerance"] for row in rows] == list(TOLERANCES[: len(rows)])
     slow = measure(problem, truth, "uzawa", False, 0.0)
@@ -127,15 +123,9 @@ def test_times_to_a_goal_count_only_what_reached_it():
     rows = [
         head | {"solver": "accelerated_sweeps", "residual": 5e-7, "time [s]": 0.01},
         head | {"solver": "uzawa", "residual": 5e-4, "time [s]": 0.5},
-        head | {"solver": "clarabel", "residual": None, "time [s]": 0.2},
     ]
     assert time_to(rows, 1e-6, solver="accelerated_sweeps") == 0.01
     assert time_to(rows, 1e-6, solver="uzawa") is None
-    slow = [s for s in SOLVERS if s not in ("accelerated_sweeps", "uzawa")]
-    others = [head | {"solver": s, "residual": 1.0, "time [s]": 0.5} for s in slow]
-    table = default_rows([*others, *rows], "accelerated_sweeps")
-    assert table[0]["uzawa / accelerated_sweeps"] == "> 50"
-    assert table[0]["clarabel / accelerated_sweeps"] == "20"
 
 
 def test_who_overshoots_a_goal_is_told_the_time_at_which_it_passed_it():
@@ -153,24 +143,19 @@ def made_up_solves():
         for solver in SOLVERS:
             span = {"accelerated_sweeps": 1.0, "conjugate_faces": 2.0 if start == "cold" else 0.25}.get(solver, 8.0)
             head = {"people": 10, "crowd": "settled", "law": "NSM1", "contacts": 20, "solver": solver, "start": start}
-            rows.append(head | {"time [s]": span, "residual": 1e-9, "error": 1e-9})
-        rows[-1]["error"] = 1e-7 if start == "warm" else 1e-9
-    assert SOLVERS[-1] == "accelerated_sweeps"
+            error = 1e-7 if (solver, start) == ("accelerated_sweeps", "warm") else 1e-9
+            rows.append(head | {"time [s]": span, "residual": 1e-9, "error": error})
     return rows
 
 
 def test_wins_are_told_where_another_solver_has_them():
     rows = made_up_solves()
     races = race_rows(rows, "accelerated_sweeps")
-    wins = {(row["start"], row["by"], row["to"]): row for row in win_rows(races, "accelerated_sweeps")}
+    wins = {(row["start"], row["by"], row["to"]): row for row in win_rows(races, SOLVERS, "accelerated_sweeps")}
     assert wins["cold", "error", "1e-06"]["accelerated_sweeps"] == 1
     assert wins["warm", "residual", "1e-06"]["conjugate_faces"] == 1
     assert wins["warm", "residual", "1e-06"]["greatest"] == pytest.approx(4.0)
     assert wins["warm", "error", "1e-08"]["never there"] == 1
-    said = default_finding(races, list(wins.values()), "accelerated_sweeps")
-    assert "in 1, 1, 1 of 1 problems from a cold start, and in 0, 0, 0 from a warm one" in said
-    assert "4 times as long as conjugate_faces" in said
-    assert "In 1 of these races its time or its finest tolerance ended" in said
 
 
 def test_the_error_is_compared_with_the_residual_where_the_reference_can_tell():
@@ -182,18 +167,18 @@ def test_the_error_is_compared_with_the_residual_where_the_reference_can_tell():
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
-def test_every_problem_can_be_walked(registry, problem):
+def test_every_problem_can_be_walked(problem):
     before = problem.scene(0.0).crowd.position
-    after, _ = walked(problem, registry.get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
+    after, _ = walked(problem, plugins().get("contact_model", "nsm1")(), 0.0, 0.05, "exponential")
     assert np.isfinite(after).all()
     assert np.abs(after - before).max() > 1e-3
 
 
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.exact], ids=lambda problem: problem.name)
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant[0])
-def test_exact_solutions_are_what_small_steps_tend_to(registry, problem, variant):
+def test_exact_solutions_are_what_small_steps_tend_to(problem, variant):
     _, plugin, parameters = variant
-    model = registry.get("contact_model", plugin)(**parameters)
+    model = plugins().get("contact_model", plugin)(**parameters)
     errors = []
     for step in (0.004, 0.001):
         found, _ = walked(problem, model, 0.0, step, "exponential")
@@ -221,8 +206,7 @@ def test_measured_orders_are_told_with_those_that_are_not_the_theoretical_ones()
     first, second, third = order_rows(rows)
     assert (first["measured order"], second["measured order"]) == pytest.approx((2.0, 1.0))
     assert third["measured order"] is None
-    said = orders_in_words([first, second, third])
-    assert said.startswith("Of 2 measured orders 1 are within 0.3 of the theoretical ones; the others are 2.00 for 1")
+    assert orders_off([first, second, third]) == [first]
     figure = draw_orders(rows, "h [s]")
     drawn = np.concatenate([line.get_ydata() for line in figure.axes[0].lines])
     assert min(drawn) >= EXACT
@@ -231,19 +215,17 @@ def test_measured_orders_are_told_with_those_that_are_not_the_theoretical_ones()
 
 def test_a_run_that_stopped_is_never_the_cheapest_and_stands_apart():
     runs = [
-        ("DEM", "soft", 5.0, 0.01, "stopped: through a wall"),
-        ("DEM", "hard", 5.0, 0.4, FINISHED),
-        ("NSM1 inertial", "fine", 0.5, 0.2, FINISHED),
+        ("DEM", 1e4, 5.0, 0.01, "stopped: through a wall"),
+        ("DEM", 1e5, 5.0, 0.4, FINISHED),
+        ("NSM1 inertial", 1e-3, 0.5, 0.2, FINISHED),
     ]
     keys = ("model", "value", "greatest overlap [mm]", "time per simulated second [s]", "outcome")
     rows = [{"varied": "k", **dict(zip(keys, run, strict=True))} for run in runs]
     table = {row["overlap allowed [mm]"]: row for row in cheapest_rows(rows)}
-    assert (table["10"]["cheapest here"], table["10"]["setting"]) == ("NSM1 inertial", "k = fine")
+    assert (table["10"]["cheapest here"], table["10"]["setting"]) == ("NSM1 inertial", "k = 0.001")
     assert table["10"]["DEM / cheapest"] == pytest.approx(2.0)
     assert table["0.1"]["cheapest here"] is None
-    said = which_in_words(list(table.values()))
-    assert "NSM1 inertial for 100 mm (k = fine), 30 mm (k = fine)" in said
-    assert "does not get to 3, 1, 0.1, 0.01 mm" in said
+    assert table["3"]["DEM / cheapest"] is None
     (axis,) = draw_overlap(rows, 3).axes
     joined = {line.get_label(): len(line.get_xdata()) for line in axis.lines}
     assert joined["DEM: k"] == joined["DEM: stopped with an error"] == 1
@@ -252,27 +234,6 @@ def test_a_run_that_stopped_is_never_the_cheapest_and_stands_apart():
 def test_order_of_a_power_law():
     steps = [0.1, 0.05, 0.025]
     assert order_of(steps, [3.0 * h**2 for h in steps]) == pytest.approx(2.0)
-
-
-def test_flow_of_evenly_spaced_exits_and_of_a_blocked_run():
-    assert flow_of(np.array([3.0, 1.0, 2.0, 4.0])) == pytest.approx(60.0)
-    assert flow_of(np.array([1.0, math.nan, 2.0])) is None
-
-
-def test_the_bias_of_the_default_step_is_told_per_model_with_what_follows():
-    """Made-up flows of 40 crowds: at 0.01 s the first model has 2 % more, the second 20 %, the third scatters."""
-    generator = np.random.default_rng(0)
-    runs = []
-    for model, more, scatter in (("DEM", 0.02, 0.01), ("NSM1 inertial", 0.2, 0.01), ("NSM2", 0.0, 0.5)):
-        for step in (DEFAULT, 1e-4):
-            flows = 100.0 * (1.0 + more * (step == DEFAULT) + scatter * generator.standard_normal(40))
-            runs += [{"model": model, "h [s]": step, "run": k, "flow [1/min]": f} for k, f in enumerate(flows)]
-    runs.append({"model": "DEM", "h [s]": DEFAULT, "run": 99, "flow [1/min]": None})
-    said = biases_in_words(runs, 1e-4)
-    assert "DEM +2." in said or "DEM +1." in said
-    assert "the default step justified, for DEM." in said
-    assert "a smaller step is needed, for NSM1 inertial." in said
-    assert "do not decide for NSM2." in said
 
 
 def test_plain_gradients_point_straight_where_no_wall_is_near():
@@ -293,14 +254,9 @@ def tolerance_rows():
     ]
 
 
-def test_people_within_the_tolerance_are_counted_as_people_and_failures_by_when():
-    said = _kept_in_words(tolerance_rows())
-    assert "In 2 of 3 runs everybody is within the tolerance" in said
-    assert "of the 70 people of all runs 92.9 % are" in said
-    assert "0 of 2 runs to 0.5 s, 1 of 1 runs to 1 s" in said
-
-
-def test_data_is_written_with_full_precision(tmp_path):
+def test_people_within_the_tolerance_are_counted_as_people(tmp_path):
     evidence = Evidence("accuracy", tmp_path, quick=True)
-    add_data(evidence, "numbers", [{"x [m]": 1 / 3}], "A third")
-    assert (tmp_path / "numbers.csv").read_text() == f"x [m]\n{1 / 3!r}\n"
+    judge(evidence, tolerance_rows())
+    evidence.write_page("Tolerance", "Tolerance.")
+    runs, people = json.loads((tmp_path / "run.json").read_text())["verdicts"]
+    assert (runs["measured"], people["measured"]) == ("2 of 3", "65 of 70")

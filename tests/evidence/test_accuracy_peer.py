@@ -10,7 +10,6 @@ from scipy import sparse
 from evac.evidence.accuracy.peer import INERTIAL, OVERDAMPED, compare
 from evac.evidence.accuracy.problems import contact_problem, snapshots
 from evac.evidence.accuracy.reference import solve_contact_qp
-from evac.registry import Registry
 
 
 def projection(step, discs, contacts, desired):
@@ -32,10 +31,9 @@ def test_both_solve_the_same_problem(monkeypatch, law):
     package = ModuleType("cromosim")
     package.micro = SimpleNamespace(projection=projection)
     monkeypatch.setitem(sys.modules, "cromosim", package)
-    registry = Registry()
-    crowd = snapshots(60, 1, registry)["settled"]
+    crowd = snapshots(60, 1)["settled"]
     crowd.crowd.mass[:] = 80.0
-    problem = contact_problem(crowd, law, registry)
+    problem = contact_problem(crowd, law)
     row = compare(problem)
     assert row["contacts"] == problem.size > 60
     assert row["error [mm]"] < 1e-5

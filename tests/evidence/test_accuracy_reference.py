@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from evac.evidence.accuracy.fields import angles_between
-from evac.evidence.accuracy.reference import geodesics, gradient_matrix, law_residual, refracted, solve_contact_qp
+from evac.evidence.accuracy.reference import ContactLaw, geodesics, gradient_matrix, refracted, solve_contact_qp
 
 L_PLAN = shapely.Polygon([(0, 0), (8, 0), (8, 2), (2, 2), (2, 7), (0, 7)])
 EXIT = np.array([8.0, 0.0, 8.0, 2.0])
@@ -37,9 +37,9 @@ def test_qp_keeps_a_gap_open_no_more_than_needed():
 def test_law_residual_sees_a_wrong_velocity_and_a_wrong_percussion():
     gradient = gradient_matrix(np.array([0], np.int32), np.array([-1], np.int32), np.array([[0.0, 1.0]]), 1)
     known = gradient, np.full(2, 80.0), np.array([0.0, -2.0]), np.zeros(1), np.array([-2.0]), 0.0
-    assert law_residual(*known, np.zeros(2), np.array([160.0])) == pytest.approx(0.0, abs=1e-12)
-    assert law_residual(*known, np.array([0.0, 0.1]), np.array([168.0])) == pytest.approx(0.1)
-    assert law_residual(*known, np.array([0.0, -0.1]), np.array([152.0])) == pytest.approx(0.1)
+    assert ContactLaw(*known).residual(np.zeros(2), np.array([160.0])) == pytest.approx(0.0, abs=1e-12)
+    assert ContactLaw(*known).residual(np.array([0.0, 0.1]), np.array([168.0])) == pytest.approx(0.1)
+    assert ContactLaw(*known).residual(np.array([0.0, -0.1]), np.array([152.0])) == pytest.approx(0.1)
 
 
 def test_geodesics_are_straight_where_the_exit_is_seen():

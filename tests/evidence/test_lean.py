@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evac.cli.main import COMMANDS
-from evac.evidence.lean import commands, unused_route
+from evac.evidence.lean import commands, kernels, unused_route
 from evac.evidence.lean import page as lean
 from evac.evidence.lean.page import FIELDS, LEAN, NAMED, Part, Trial, parts_of, same_bits, scene_rows, trial
 from evac.registry import Registry
@@ -28,7 +28,7 @@ def test_bits_are_compared_in_every_tick():
 
 def test_another_seed_is_not_the_same():
     case = load_case("square_room", {"simulation.duration": 0.5})
-    assert same_bits(trial(case, LEAN), trial(case, Part("all", full=True, tests=True)))
+    assert same_bits(trial(case, LEAN), trial(case, Part("all", full=True, loop=("tests", *lean.LOOP))))
     assert not same_bits(trial(case, LEAN), trial(case.change({"simulation.seed": 2}), LEAN))
 
 
@@ -45,8 +45,9 @@ def test_each_part_is_out_until_it_is_forced_in(part):
 def test_every_part_that_explain_lists_as_out_has_a_row_or_cannot_be_forced_in(model):
     case = load_case("square_room", lean.model_overrides(model))
     out = {part.name for part in Simulation(case).plan if not part.is_in}
-    have = {part.name.partition(":")[0] if part.name.startswith("portals") else part.name.partition(",")[0]
-            for part in parts_of("square_room", model, ())}  # fmt: skip
+    told = {"portals: tests for walls, portals and exits": "portals"}
+    have = {told.get(part.name, part.name) for part in parts_of("square_room", model, ())}
+    have |= {name.partition(",")[0] for name in have if name.startswith("tangential contact")}
     # What explain says of forces and behaviours when none is named stands for those of NAMED.
     assert out - have == {"stair speeds", "forces at a distance", "behaviours"} | (
         {"position correction"} if model == "NSM2" else set()
@@ -78,6 +79,35 @@ def test_rows_name_every_part_and_model():
         assert row["loop, least [%]"] <= row["loop [%]"] <= row["loop, greatest [%]"]
 
 
+def made_up_kernels(name, overrides, full):
+    """The same two kernels in every run, and two more with everything in."""
+    found = {"driver.advance": [3.0, 2000], "dem.spring": [1.0, 1000]}
+    if full:
+        found |= {"seams.reaches": [0.5, 500], "social.social": [0.25, 100]}
+    return {"kernels": found, "functions": 40 if full else 30}
+
+
+def test_kernels_that_a_case_leaves_out_are_told_with_what_compiling_them_takes(monkeypatch):
+    monkeypatch.setattr(kernels, "_in_fresh_process", made_up_kernels)
+    rows = kernels.kernel_rows(kernels.KernelCase("square_room", "DEM", {}, {}))
+    (row,) = kernels.summary_rows(rows)
+    assert (row["kernels"], row["functions"], row[kernels.CPU]) == (2, 30, 4.0)
+    assert [row[f"left out: {key}"] for key in ("kernels", "functions", kernels.CPU)] == [2, 10, 0.75]
+    found = {row["kernel"]: row["square_room, DEM"] for row in kernels.loaded_rows(rows)}
+    assert found == {"driver.advance": "in", "dem.spring": "in", "seams.reaches": "forced in",
+                     "social.social": "forced in"}  # fmt: skip
+
+
+def test_what_a_case_compiles_is_what_it_loads_where_no_kernel_is_on_disk():
+    simulation = Simulation(load_case("square_room", lean.model_overrides("DEM")))
+    needed = {entry.label for entry in simulation.engine.entries(simulation.contact)}
+    found = kernels._in_fresh_process("square_room", lean.model_overrides("DEM"), False)
+    assert needed <= set(found["kernels"])
+    assert found["functions"] > len(found["kernels"])
+    assert all(span > 0.0 and size > 0 for span, size in found["kernels"].values())
+    assert not any("seams" in label or "solver" in label for label in found["kernels"])
+
+
 def test_every_command_is_timed(tmp_path):
     timed = {arguments[2] for arguments in commands.commands(tmp_path).values() if "evac" in arguments}
     assert timed >= set(COMMANDS)
@@ -93,10 +123,15 @@ def test_page_is_written(tmp_path, monkeypatch):
     few = {"python alone": ["-c", "pass"], "import evac": ["-c", "import evac"]}
     monkeypatch.setattr(commands, "commands", lambda folder: few)
     monkeypatch.setattr(lean, "MODELS", ("DEM",))
+    monkeypatch.setattr(kernels, "_in_fresh_process", made_up_kernels)
     evidence = lean.Evidence("lean", tmp_path, quick=True)
     lean.run(evidence)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "README.md", "run.json", "parts.csv", "parts.png", "output.csv", "commands.csv",
+        "README.md", "run.json", "parts.csv", "output.csv", "commands.csv",
+        "kernels.csv", "kernels_compiled.csv", "kernels_loaded.csv",
     }  # fmt: skip
-    assert "NO" not in (tmp_path / "parts.csv").read_text()
-    assert "13 of 13" in json.loads((tmp_path / "run.json").read_text())["summary"]
+    verdicts = json.loads((tmp_path / "run.json").read_text())["verdicts"]
+    assert (verdicts[0]["measured"], verdicts[0]["verdict"]) == ("14 of 14", "met")
+    page = (tmp_path / "README.md").read_text()
+    lean.run(lean.Evidence("lean", tmp_path, page_only=True))
+    assert (tmp_path / "README.md").read_text() == page

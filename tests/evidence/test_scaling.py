@@ -140,8 +140,11 @@ def test_a_refusal_stands_in_the_row_with_its_time(monkeypatch):
 
 
 def test_memory_grows_with_the_people_alone():
-    small, large = (walked(people, 2.0, "DEM", ticks=2) for people in (200, 2000))
-    assert 8 < memory(large) / memory(small) <= 10
+    model = make_variant("DEM", STEP).model
+    small, large = (memory(walked(people, 2.0, "DEM", ticks=2), model) for people in (200, 2000))
+    assert 8 < large / small <= 10
+    # DEM's own arrays: four numbers for each person.
+    assert large - memory(walked(2000, 2.0, "NSM2", ticks=1), make_variant("NSM2", STEP).model) == 4 * 8 * 2000
 
 
 def test_page_is_written(tmp_path, monkeypatch):
@@ -150,13 +153,16 @@ def test_page_is_written(tmp_path, monkeypatch):
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "phases", "headway")}
-    assert names == {"README.md", "run.json", "scaling.png", "phases.png", *tables}
-    with (tmp_path / "phases.csv").open() as file:
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "headway")}
+    assert names == {"README.md", "run.json", "scaling.png", *tables}
+    with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)
     assert len(rows) == 2 * (2 * len(scaling.MODELS) + 1)
     assert {row["model"] for row in rows if row["state"] == "jammed"} == {*scaling.MODELS, scaling.STIFF_NAME}
+    page = (tmp_path / "README.md").read_text()
+    scaling.run(Evidence("scaling", tmp_path, page_only=True))
+    assert (tmp_path / "README.md").read_text() == page
 
 
 def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):

@@ -32,7 +32,7 @@ def test_crossings_of_several_people_are_ordered_by_time(building):
 
 
 def test_crossing_of_a_portal_elsewhere_is_refused(building):
-    with pytest.raises(ResultError, match=r"at 1\.500 s person 0 crosses portal 'portal 3' but is on 'floor 0'"):
+    with pytest.raises(ResultError, match=r"1\.500 s person 0 .*'portal 3' .*'floor 0'"):
         moves_of(building, ints(0), log((0, 3, 1.5)), np.full(1, np.nan))
 
 

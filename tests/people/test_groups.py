@@ -48,9 +48,7 @@ def test_what_the_case_sets_goes_before_the_mean(make_case):
 
 
 def test_no_mean_of_people_who_cannot_climb(make_case):
-    with pytest.raises(
-        ScenarioError, match=r"case\.toml: directions\.stairs_up: nobody walks .*set directions\.stairs_up"
-    ):
+    with pytest.raises(ScenarioError, match=r"case\.toml: directions\.stairs_up: "):
         reference_speeds(make_case(group(speed_up=0)))
 
 

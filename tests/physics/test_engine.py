@@ -54,5 +54,5 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
 def test_too_many_walls_at_one_body_say_so():
     crowd = make_crowd([(0.0, 0.1)], radius=0.2)
     building = make_building(walls=cut_wall(-1, 0, 1, 0, 1000))
-    with pytest.raises(SimulationError, match=r"t = 0\.000 s: more than 60 walls within one body's reach"):
+    with pytest.raises(SimulationError, match=r"t = 0\.000 s: .* 60 walls"):
         walk(Dem(), crowd, 1, building=building)

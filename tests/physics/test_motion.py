@@ -52,5 +52,5 @@ def test_a_path_past_the_end_of_a_wall_does_not_cross_it():
 def test_a_velocity_that_is_no_number_names_the_person(model):
     crowd = make_crowd([(1, 2), (3, 4)], level=[0, 0])
     crowd.velocity[1] = np.nan
-    with pytest.raises(SimulationError, match=r"t = 0\.020 s: person 1 at \(3\.00, 4\.00\) on level 0 has a NaN"):
+    with pytest.raises(SimulationError, match=r"t = 0\.020 s: person 1 at \(3\.00, 4\.00\) on level 0 .* velocity"):
         make_engine(crowd).advance(model, crowd, 2, 1, 0.01, True, False)

@@ -76,5 +76,5 @@ def test_who_is_thrown_faster_than_anybody_can_be_ends_the_run():
     engine = walk(Nsm2(), crowd, 1)
     assert engine.report()["too_fast_steps"] == 3
     crowd = make_crowd([(0, 0)], [(101.0, 0.0)], radius=0.2, tau=FREE)
-    with pytest.raises(SimulationError, match=r"person 0 .* faster than 100 m/s; check speeds"):
+    with pytest.raises(SimulationError, match=r"person 0 .* 100 m/s"):
         walk(Nsm2(), crowd, 1)

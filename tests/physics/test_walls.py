@@ -85,7 +85,7 @@ def test_a_fast_body_does_not_pass_a_thin_wall_in_a_long_step(model, speed):
     crowd = make_crowd([(-1.0, 0.1)], [(speed, 0.0)], radius=0.2, tau=FREE)
     engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]))
     if model.name == "dem" and 0.5 * 80.0 * speed**2 > ENERGY_AT_RADIUS:
-        with pytest.raises(SimulationError, match=r"person 0 at .* would pass through a wall"):
+        with pytest.raises(SimulationError, match=r"person 0 at .* wall"):
             walk(model, crowd, 20, h=0.1, tick=1, engine=engine)
     else:
         walk(model, crowd, 20, h=0.1, tick=1, engine=engine)
@@ -98,7 +98,7 @@ def test_a_crossing_that_a_model_cannot_prevent_cuts_the_step():
     """A spring far too soft for the wall: the body is stopped by cut steps, or the run by an error."""
     crowd = make_crowd([(-0.15, 0.0)], [(1.0, 0.0)], radius=0.2, tau=0.1, speed=2.0)
     engine = make_engine(crowd, make_building(walls=[(0, -3, 0, 3)]))
-    with pytest.raises(SimulationError, match=r"person 0 at \(-0\.\d+, 0\.00\) on level 0 would pass through a wall"):
+    with pytest.raises(SimulationError, match=r"person 0 at \(-0\.\d+, 0\.00\) on level 0 .* wall"):
         walk(Dem(stiffness=1e-3), crowd, 200, engine=engine)
     assert crowd.position[0, 0] < 0.0
     assert engine.report()["wall_crossings_prevented"] > 0

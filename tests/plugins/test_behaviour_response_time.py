@@ -109,12 +109,10 @@ def test_refuses_times_before_the_alarm(time):
 
 
 def test_refuses_an_unknown_share():
-    with pytest.raises(PluginError, match="did you mean 'person'"):
+    with pytest.raises(PluginError, match="'person'"):
         ResponseTime(per="persons")
 
 
 def test_a_list_too_short_names_its_key():
-    with pytest.raises(
-        ScenarioError, match=r"^people\.pupils\.behaviours\.response_time\.time: a list of 2 values for 3"
-    ):
+    with pytest.raises(ScenarioError, match=r"^people\.pupils\.behaviours\.response_time\.time: .* 2 .* 3"):
         ResponseTime().prepare(scene(("pupils", 3, {"time": {"list": [1.0, 2.0]}})))

@@ -226,11 +226,11 @@ def test_left_out_where_there_is_one_route(building):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"strategies": ["fast"]}, "did you mean 'fastest'"),
-        ({"strategies": []}, "at least one"),
-        ({"exits": "flat"}, "expected a list of words"),
-        ({"change_at": 5.0}, "set change_to"),
-        ({"every": -1.0}, "at least 0"),
+        ({"strategies": ["fast"]}, "strategies: .*'fastest'"),
+        ({"strategies": []}, "strategies"),
+        ({"exits": "flat"}, "exits: .*'flat'"),
+        ({"change_at": 5.0}, "change_to"),
+        ({"every": -1.0}, "every: .*-1"),
     ],
 )
 def test_refuses_settings(settings, message):
@@ -241,10 +241,10 @@ def test_refuses_settings(settings, message):
 @pytest.mark.parametrize(
     ("group", "route", "message"),
     [
-        ({"exits": ["stairs"]}, 0, r"people\.group 0\.behaviours\.route_choice\.exits: 'stairs'.*did you mean 'stair'"),
-        ({"strategies": ["shortest"]}, 0, r"strategies: 'shortest' is not among"),
-        ({"change_at": 5.0}, 0, "set behaviours.route_choice.change_to"),
-        ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: none of flat"),
+        ({"exits": ["stairs"]}, 0, r"people\.group 0\.behaviours\.route_choice\.exits: 'stairs'.*'stair'"),
+        ({"strategies": ["shortest"]}, 0, "strategies: 'shortest'"),
+        ({"change_at": 5.0}, 0, "behaviours.route_choice.change_to"),
+        ({"exits": ["stair"]}, 1, r"people\.group 0\.exits: .*flat"),
     ],
 )
 def test_refuses_groups_that_ask_for_more(building, group, route, message):

@@ -135,7 +135,7 @@ def test_contact_forces_of_a_queue_at_a_wall_add_up():
 
 def test_what_does_not_converge_is_counted():
     crowd = random_crowd(60, (0, 0), (5, 5), seed=8)
-    model = Nsm1(iterations=20, solver="uzawa", velocity_tolerance=1e-3)
+    model = Nsm1(iterations=25, solver="uzawa", velocity_tolerance=1e-3)
     engine = walk(model, crowd, 200, building=make_building(walls=ROOM), fields=fields_towards((6, 2.5)))
     report = engine.report()
     assert report["retried_solves"] > 0

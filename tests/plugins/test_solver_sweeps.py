@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from evac.physics.rows import INELASTIC
-from tests.physics.contact_problems import find_residual, make_problem_state, run_solver
+from evac.jit import Floats, kernel
+from evac.physics.rows import BIAS, INELASTIC, sweep_down, sweep_up
+from evac.physics.state import Problem
+from evac_plugins.solver_sweeps import _sweep_back, _sweep_on, energy
+from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
 from tests.physics.scenes import SOLVERS
 
 
@@ -88,3 +91,101 @@ def test_rises_between_sweeps_back_and_forth_cost_little(seed):
     iterations, found = run_solver("accelerated_sweeps", state, free, velocity, INELASTIC, 0.0, 1e-6, 2000)
     assert found <= 1e-6
     assert iterations < 800
+
+
+@kernel
+def do_sweep(rows: Problem, share: float, back: bool, found: Floats) -> None:
+    uphill, change = _sweep_back(rows) if back else _sweep_on(rows, share)
+    found[0], found[1] = uphill, change
+
+
+@kernel
+def do_relax(rows: Problem, back: bool) -> float:
+    return sweep_down(rows) if back else sweep_up(rows)
+
+
+@kernel
+def find_energy(rows: Problem) -> float:
+    return energy(rows)
+
+
+def crowd(seed, dissipation=0.0, people=40):
+    """Return the packed rows of people with random others and with walls, and percussions between them."""
+    random = np.random.default_rng(seed)
+    pairs = sorted({tuple(sorted(random.choice(people, 2, replace=False))) for _ in range(3 * people)})
+    at_wall = random.choice(people, 15, replace=False)
+    mass = random.uniform(50.0, 100.0, people)
+    state = make_problem_state(1.0 / mass, len(pairs) + len(at_wall))
+    contacts = state.contacts
+    contacts.body[:] = [*(i for i, _ in pairs), *at_wall]
+    contacts.other[:] = [*(j for _, j in pairs), *np.full(len(at_wall), -1)]
+    angle = random.uniform(0.0, 2.0 * np.pi, contacts.number)
+    contacts.normal[:] = np.column_stack([np.cos(angle), np.sin(angle)])
+    contacts.omega[:] = 1.0 / mass[contacts.body] + np.where(contacts.other < 0, 0.0, 1.0 / mass[contacts.other])
+    contacts.bias[:] = random.uniform(0.0, 0.3, contacts.number)
+    contacts.velocity_before[:] = random.normal(0.0, 1.0, contacts.number)
+    contacts.percussion[:] = random.uniform(0.0, 30.0, contacts.number)
+    free = random.normal(0.0, 1.5, (people, 2))
+    do_pack(state, free, 2.0 / dissipation if dissipation else INELASTIC, 0.0)
+    return state.problem
+
+
+@pytest.mark.parametrize("dissipation", [0.0, 1e3])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_sweep_relaxes_the_rows_one_after_the_other(dissipation, back):
+    rows, twin = crowd(7, dissipation), crowd(7, dissipation)
+    n, found = rows.size, np.zeros(2)
+    rows.work_a[:] = rows.percussion
+    before = rows.percussion[:n].copy()
+    do_sweep(rows, 0.0, back, found)
+    assert found[1] == pytest.approx(do_relax(twin, back), rel=1e-12)
+    np.testing.assert_allclose(rows.percussion[:n], twin.percussion[:n], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rows.velocity, twin.velocity, rtol=0, atol=1e-12)
+    assert found[0] == pytest.approx(-np.sum((twin.percussion[:n] - before) ** 2), rel=1e-12)
+
+
+def test_a_sweep_goes_on_by_a_share_of_the_last_step():
+    rows, twin = crowd(8), crowd(8)
+    n, found = rows.size, np.zeros(2)
+    x, last = rows.percussion.copy(), 0.5 * rows.percussion
+    rows.work_a[:] = last
+    start = x + 0.4 * (x - last)
+    do_sweep(rows, 0.4, False, found)
+    assert found[0] == pytest.approx(-np.sum((rows.percussion - start)[:n] * (rows.percussion - x)[:n]), rel=1e-9)
+    twin.percussion[:n] = start[:n]
+    assert found[1] == pytest.approx(do_relax(twin, False), rel=1e-12)
+    np.testing.assert_allclose(rows.percussion[:n], twin.percussion[:n], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(rows.work_a[:n], x[:n])
+
+
+def test_the_slope_of_a_sweep_back_is_along_the_step_of_both_sweeps():
+    rows, found = crowd(9), np.zeros(2)
+    n = rows.size
+    x, last = rows.percussion[:n].copy(), 0.5 * rows.percussion[:n]
+    rows.work_a[:n] = last
+    do_sweep(rows, 0.0, True, found)
+    assert found[0] == pytest.approx(-np.sum((rows.percussion[:n] - x) * (rows.percussion[:n] - last)), rel=1e-9)
+    np.testing.assert_array_equal(rows.work_a[:n], last)
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_greatest_change_of_a_sweep_may_be_a_fall(back):
+    rows, found = crowd(4), np.zeros(2)
+    n = rows.size
+    rows.data[:, BIAS] = 1000.0  # all part: every percussion goes
+    fall = rows.scale[:n] * rows.percussion[:n]
+    do_sweep(rows, 0.0, back, found)
+    assert found[1] == pytest.approx(fall.max(), rel=1e-12)
+    assert not rows.percussion[:n].any()
+
+
+@pytest.mark.parametrize("dissipation", [0.0, 1e3])
+def test_plain_sweeps_never_raise_the_energy(dissipation):
+    rows = crowd(5, dissipation)
+    energies = [find_energy(rows)]
+    for _ in range(30):
+        do_relax(rows, False)
+        energies.append(find_energy(rows))
+    falls = -np.diff(energies)
+    assert falls[0] > 1.0
+    assert falls.min() >= -1e-12 * np.abs(energies).max()

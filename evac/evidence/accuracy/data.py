@@ -1,24 +1,13 @@
-"""What the parts of the accuracy page share: long tables, how variants are drawn, measured orders."""
+"""What the parts of the accuracy page share: how variants are drawn, measured orders."""
 
-import csv
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from evac.evidence.report import MODEL_COLOURS, Evidence
+from evac.evidence.report import MODEL_COLOURS
 
 #: Where lines lie on each other the first ones show behind the next: marker, its size, width of the line.
 STYLES = (("o", 9.0, 4.0), ("s", 6.5, 2.6), ("^", 5.5, 1.8), ("D", 4.0, 1.3), (".", 4.0, 0.8))
-
-
-def add_data(evidence: Evidence, name: str, rows: Sequence[Mapping[str, Any]], words: str) -> None:
-    """Write NAME.csv with full precision, and a line on the page that says what it holds."""
-    with (evidence.folder / f"{name}.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    evidence.text(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
 
 
 def order_of(steps: Sequence[float], errors: Sequence[float]) -> float:

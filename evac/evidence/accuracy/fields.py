@@ -2,23 +2,24 @@
 
 import time
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
+from evac.arrays import FloatArray
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.evidence.accuracy.data import order_of
 from evac.evidence.accuracy.plans import PLANS, Plan
-from evac.evidence.accuracy.reference import FloatArray
 from evac.evidence.accuracy.sweeping import FINE, CleanWays, clean_ways
 from evac.evidence.report import Evidence, new_figure
+from evac.evidence.verdicts import reported
 from evac.scenario.schema import DirectionSettings
 
 SPACINGS = (0.2, 0.1, 0.05, 0.025)
-WHATS = ("mean", "greatest")
 ORDERS = (1, 2)
 
 #: Ranges of the distance to the nearest wall [m]: where no body's centre comes, beside walls, elsewhere.
@@ -34,64 +35,99 @@ CLEARANCE = 0.25
 WALKED = Route(strategy="shortest")
 
 
+SECTION = "d. Travel times and directions against exact geodesics"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part d and add it to the page."""
+    """Add part d to the page."""
     points = 120 if evidence.quick else 600
     spacings = SPACINGS[:2] if evidence.quick else SPACINGS
-    evidence.heading("d. Travel times and directions against exact geodesics")
+
+    @cache
+    def plans() -> list[Plan]:
+        return [make(points, evidence.generator(make.__name__)) for make in PLANS]
+
+    @cache
+    def clean() -> list[tuple[CleanWays, CleanWays]]:
+        return [_clean_ways(plan, evidence.quick) for plan in plans()]
+
+    rows = evidence.measured(
+        "fields", lambda: [row for plan in plans() for order in ORDERS for row in _time_rows(plan, spacings, order)]
+    )
+    angles = evidence.measured(
+        "angles",
+        lambda: [
+            row for plan, (one, _) in zip(plans(), clean(), strict=True) for row in _angle_rows(plan, spacings, one)
+        ],
+    )
+    coarser = evidence.measured("clean_ways", lambda: _coarser_rows(plans(), clean(), _default_spacing(spacings)))
+    orders = _order_rows(rows)
+    _judge(evidence, orders, angles, _default_spacing(spacings))
+    evidence.heading(SECTION)
     evidence.text(
         f"""Travel times at 1 m/s from {points} random places, half of them within 0.4 m of a wall, against exact ones:
         a visibility graph (L-corner, room with a pillar turned by 20 degrees, upper floor of the shipped school),
         or, over a flight of 32 degrees between two floors, the least time over the points where the seams are
-        crossed. Times are without clearance from walls, as the travel times of a run always are. The time is that
-        of all fields of the plan, grids and wall distances included."""
+        crossed. Times are without clearance from walls. The time of a build is that of all fields of the plan."""
     )
-    plans = [make(points, evidence.generator(make.__name__)) for make in PLANS]
-    rows = [row for plan in plans for order in ORDERS for row in _time_rows(plan, spacings, order)]
-    evidence.table("fields", rows, "Errors of travel times [mm at 1 m/s], and time of a build.")
-    evidence.table("fields_order", _order_rows(rows), "Measured orders of the errors, over all spacings.")
+    evidence.table("fields_order", orders, "Measured orders of the errors of travel times, over all spacings.")
+    evidence.data("fields", rows, "Errors of travel times [mm at 1 m/s], and time of a build")
     evidence.plot(
         "fields",
-        draw(rows),
+        lambda: draw(rows),
         "Error of travel times over the time it takes to build them; numbers: spacing [m], of the points above.",
     )
-    clean = {plan.name: _clean_ways(plan, evidence.quick) for plan in plans}
-    angles = [row for plan in plans for row in _angle_rows(plan, spacings, clean[plan.name][0])]
     evidence.text(
         f"""Angles between the directions people get and the exact ones, by distance to the nearest wall; no body's
-        centre comes nearer than its radius, some 0.2 m. "ours" is what `build_fields` gives without clearance:
-        upwind differences of second order among nodes that the wave came from, and beside slanted walls a plane
-        fitted to the lower nodes around; "np.gradient" the central
-        differences of the same travel times, continued into the walls by the nearest value, as a plain
-        implementation does. Places where another way is nearly as short, and those within {CLEAR_EXIT:g} m of the
-        exit, are left out. No direction at all counts as 180 degrees. By default people get other directions, "with
-        clearance": they leave the geodesics on purpose, to keep bodies off walls, by as much as the last column says.
-        These are compared with the ways of least cost for the same slowness near walls, found by another method (fast
-        sweeping of first order, central differences) on a grid of {1e3 * _finest(evidence.quick):g} mm."""
+        centre comes nearer than its radius, some 0.2 m. "ours" is what `build_fields` gives without clearance;
+        "np.gradient" the central differences of the same travel times, continued into the walls by the nearest value.
+        Places where another way is nearly as short, and those within {CLEAR_EXIT:g} m of the exit, are left out. No
+        direction at all counts as 180 degrees."""
     )
-    evidence.text(f"{_angles_in_words(angles)} {_clean_in_words(angles, plans, clean)}")
-    evidence.table("angles", angles, "Angle errors [degrees]: mean and greatest; places are those for geodesics.")
+    evidence.text(
+        f"""By default people get directions "with clearance", which leave the geodesics on purpose to keep bodies
+        off walls. These are compared with the ways of least cost for the same slowness near walls, found by fast
+        sweeping of first order on a grid of {1e3 * _finest(evidence.quick):g} mm."""
+    )
+    evidence.data("angles", angles, "Angle errors [degrees]: mean and greatest")
+    evidence.table(
+        "clean_ways", coarser, "How sure the swept ways are: by how much a grid twice as coarse changes them."
+    )
     evidence.plot(
         "angles",
-        draw_angles(angles),
+        lambda: draw_angles(angles),
         "Mean (full) and greatest (dashed) angle errors over the spacing; each line against its own exact directions.",
     )
 
 
-def _angles_in_words(rows: Sequence[dict[str, Any]]) -> str:
-    """Return in how many rows the directions people get are nearer to the exact ones, in the mean and at worst."""
-    nearer = {what: sum(row[f"ours, {what}"] <= row[f"np.gradient, {what}"] for row in rows) for what in WHATS}
-    worst = max(rows, key=lambda row: row["ours, greatest"] - row["np.gradient, greatest"])
-    told = ""
-    if worst["ours, greatest"] > worst["np.gradient, greatest"]:
-        told = (
-            f" It loses most at {worst['plan']}, {worst['where']}, {worst['spacing [m]']:g} m: "
-            f"{worst['ours, greatest']:.0f} degrees at worst, np.gradient {worst['np.gradient, greatest']:.0f}."
-        )
-    return (
-        f'In {nearer["mean"]} of {len(rows)} rows "ours" is nearer to the exact directions in the mean, in '
-        f"{nearer['greatest']} at the worst place.{told}"
-    )
+def _default_spacing(spacings: Sequence[float]) -> float:
+    """Return the spacing that is nearest to the default [m]."""
+    return min(spacings, key=lambda one: abs(one - DirectionSettings().spacing))
+
+
+def _judge(
+    evidence: Evidence, orders: Sequence[dict[str, Any]], angles: Sequence[dict[str, Any]], spacing: float
+) -> None:
+    """Add the verdicts: orders of the travel times, directions beside plain gradients and with clearance."""
+    second = [row["of the mean error"] for row in orders if row["order of the stencil"] == 2]
+    told = f"{min(second):.2f} to {max(second):.2f}"
+    evidence.verdict(reported("Travel times: order of the mean error, stencil of order 2", told, "-", SECTION))
+    nearer = sum(row["ours, mean"] <= row["np.gradient, mean"] for row in angles)
+    clear = [row["with clearance, mean"] for row in angles if row["spacing [m]"] == spacing]
+    told = f"{nearer} of {len(angles)}; with clearance {min(clear):.2g} to {max(clear):.2g} degrees off"
+    evidence.verdict(reported("Directions nearer to the exact ones than np.gradient", told, "-", SECTION))
+
+
+def _coarser_rows(
+    plans: Sequence[Plan], clean: Sequence[tuple[CleanWays, CleanWays]], spacing: float
+) -> list[dict[str, Any]]:
+    """Return by how much the independent directions change when their grid is made twice as coarse."""
+    rows = []
+    for plan, (one, other) in zip(plans, clean, strict=True):
+        sure = (one.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
+        change = float(angles_between(one.direction, other.direction)[sure].mean())
+        rows.append({"plan": plan.name, "mean change [degrees]": change})
+    return rows
 
 
 def _finest(is_quick: bool) -> float:
@@ -104,30 +140,6 @@ def _clean_ways(plan: Plan, is_quick: bool) -> tuple[CleanWays, CleanWays]:
     finest = _finest(is_quick)
     one, other = (clean_ways(plan.building, plan.points, CLEARANCE, spacing) for spacing in (finest, 2.0 * finest))
     return one, other
-
-
-def _clean_in_words(
-    rows: Sequence[dict[str, Any]], plans: Sequence[Plan], clean: dict[str, tuple[CleanWays, CleanWays]]
-) -> str:
-    """Say how far the directions that people get are from the independent ones, and how sure those are."""
-    default = DirectionSettings().spacing
-    spacing = min({row["spacing [m]"] for row in rows}, key=lambda one: abs(one - default))
-    parts = []
-    for where in RANGES:
-        here = [row for row in rows if row["where"] == where and row["spacing [m]"] == spacing]
-        means = [row["with clearance, mean"] for row in here]
-        worst = max(row["with clearance, greatest"] for row in here)
-        parts.append(f"{min(means):.2g} to {max(means):.2g} degrees {where} (at worst {worst:.0f})")
-    left = []
-    for plan in plans:
-        one, other = clean[plan.name]
-        sure = (one.to_meeting > CLEAR_CELLS * spacing) & (plan.time > CLEAR_EXIT)
-        left.append(float(angles_between(one.direction, other.direction)[sure].mean()))
-    return (
-        f"At a spacing of {spacing:g} m the directions with clearance are, in the mean of a plan,"
-        f" {', '.join(parts)} from the independent ones, which themselves change by {min(left):.1g} to"
-        f" {max(left):.1g} degrees when their grid is made twice as coarse."
-    )
 
 
 def _fields(plan: Plan, spacing: float, order: int, clearance: float = 0.0) -> Fields:

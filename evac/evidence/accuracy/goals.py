@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.accuracy.reference import PRECISION
-from evac.physics.solvers import SOLVERS
 
 Row = dict[str, Any]
 
@@ -19,11 +18,18 @@ MEASURES = ("residual", "error")
 
 #: What the page compares, in the unit of the law.
 GOALS = (1e-4, 1e-6, 1e-10)
-RATIO_GOAL = 1e-6
 WIN_GOALS = (1e-4, 1e-6, 1e-8)
 
 #: Errors below this multiple of the reference's precision are none of the solver's.
 CLEAR = 100.0
+
+#: Name of the reference among the solvers of the rows.
+REFERENCE = "clarabel"
+
+
+def solvers_of(rows: Sequence[Row]) -> list[str]:
+    """Return the names of the solvers that rows are about, in their order, without the reference."""
+    return [name for name in dict.fromkeys(row["solver"] for row in rows) if name != REFERENCE]
 
 
 def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where: Any) -> float | None:
@@ -66,10 +72,11 @@ def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str]
 def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
     """Return a row per problem, start, measure and goal: the first solver there, and the default's time over its."""
     table = []
+    solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start, measure, goal in itertools.product(STARTS, MEASURES, WIN_GOALS):
-            found = {solver: time_to(lines[solver, start], goal, measure) for solver in SOLVERS}
+            found = {solver: time_to(lines[solver, start], goal, measure) for solver in solvers}
             times = {solver: time for solver, time in found.items() if time is not None}
             if times:
                 first = min(times, key=lambda solver: times[solver])
@@ -79,7 +86,7 @@ def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
     return table
 
 
-def win_rows(races: Sequence[Row], default: str) -> list[Row]:
+def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> list[Row]:
     """Return a row per start, measure and goal: how many problems each solver wins, and what the default loses."""
     table = []
     for start, measure, goal in dict.fromkeys((race["start"], race["by"], race["goal"]) for race in races):
@@ -92,49 +99,13 @@ def win_rows(races: Sequence[Row], default: str) -> list[Row]:
                 "by": measure,
                 "to": f"{goal:.0e}",
                 "problems": len(here),
-                **{solver: sum(race["first"] == solver for race in here) for solver in SOLVERS},
+                **{solver: sum(race["first"] == solver for race in here) for solver in solvers},
                 f"{default} / first: median": float(np.median(reached)) if reached else None,
                 "greatest": max(reached, default=None),
                 "never there": len(shares) - len(reached),
             }
         )
     return table
-
-
-def default_finding(races: Sequence[Row], wins: Sequence[Row], default: str) -> str:
-    """Say where the default solver wins, by true error, where another does, and what the default loses at worst."""
-    by_error = [row for row in wins if row["by"] == "error"]
-    goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
-    counts = {
-        (measure, start): ", ".join(str(row[default]) for row in wins if (row["by"], row["start"]) == (measure, start))
-        for measure in MEASURES
-        for start in STARTS
-    }
-    sentence = (
-        f"The default solver is {default}: of the {len(SOLVERS)} solvers it is the first to a true error of {goals} in"
-        f" {counts['error', 'cold']} of {max(row['problems'] for row in by_error)} problems from a cold start, and in"
-        f" {counts['error', 'warm']} from a warm one (by residual, which is not the error: {counts['residual', 'cold']}"
-        f" and {counts['residual', 'warm']})."
-    )
-    others = [solver for solver in SOLVERS if solver != default]
-    lost = max(by_error, key=lambda row: max(row[solver] for solver in others))
-    rival = max(others, key=lambda solver: lost[solver])
-    if lost[rival]:
-        sentence += (
-            f" It loses most often from a {lost['start']} start to {lost['to']}, where {rival} is first in"
-            f" {lost[rival]} of {lost['problems']}"
-        )
-        losses = [race for race in races if race["by"] == "error" and (race[f"{default} / first"] or 0.0) > 1.0]
-        if losses:
-            worst = max(losses, key=lambda race: race[f"{default} / first"])
-            sentence += (
-                f"; at worst it takes {worst[f'{default} / first']:.2g} times as long as {worst['first']}"
-                f" ({worst['people']} people, {worst['crowd']}, {worst['law']}, {worst['start']}, to {worst['goal']:g})"
-            )
-        sentence += "."
-    missed = sum(row["never there"] for row in by_error)
-    late = f" In {missed} of these races its time or its finest tolerance ended before it was there."
-    return sentence + (late if missed else "")
 
 
 def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
@@ -164,61 +135,22 @@ def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
     return table
 
 
-def factors_in_words(factors: Sequence[Row]) -> str:
-    """Say that the residual is not the error, and by what factor they differ."""
-    medians = [row["error / residual: median"] for row in factors]
-    worst = max(factors, key=lambda row: row["greatest"])
-    return (
-        "The residual is not the error. It says by how much the law of each contact is broken; errors of that size in"
-        " many contacts add up along the crowd. In the median of a problem's solves the error is"
-        f" {min(medians):.2g} to {max(medians):.2g} times the residual, at most {worst['greatest']:.2g} times"
-        f" ({worst['people']} people, {worst['crowd']}, {worst['law']})."
-    )
-
-
 def goal_rows(rows: Sequence[Row]) -> list[Row]:
     """Return the table of times to each residual, one column per solver [ms]."""
     table = []
+    solvers = solvers_of(rows)
     for where in problems_of(rows):
         lines = lines_of(rows, where)
         for start in STARTS:
             for goal in GOALS:
-                times = {solver: time_to(lines[solver, start], goal) for solver in SOLVERS}
+                times = {solver: time_to(lines[solver, start], goal) for solver in solvers}
                 table.append(
                     {
                         **where,
-                        "contacts": lines[SOLVERS[0], start][0]["contacts"],
+                        "contacts": lines[solvers[0], start][0]["contacts"],
                         "start": start,
                         "residual": f"{goal:.0e}",
                         **{solver: None if found is None else 1e3 * found for solver, found in times.items()},
                     }
                 )
     return table
-
-
-def default_rows(rows: Sequence[Row], default: str) -> list[Row]:
-    """Return a row per problem: times of the default solver, and those of the others over it."""
-    table = []
-    for where in problems_of(rows):
-        lines = lines_of(rows, where)
-        times = {f"{goal:.0e}": time_to(lines[default, "cold"], goal) for goal in GOALS}
-        times["1e-06, warm"] = time_to(lines.get((default, "warm"), ()), RATIO_GOAL)
-        ours = time_to(lines[default, "cold"], RATIO_GOAL)
-        row: Row = {**where, **{goal: None if t is None else f"{1e3 * t:.3g}" for goal, t in times.items()}}
-        for solver in (*SOLVERS, "clarabel"):
-            if solver != default:
-                row[f"{solver} / {default}"] = _ratio(lines[solver, "cold"], ours, solver == "clarabel")
-        table.append(row)
-    return table
-
-
-def _ratio(line: Sequence[Row], ours: float | None, is_library: bool) -> str:
-    """Return the time of another solver over that of the default."""
-    if ours is None:
-        return "-"
-    reached = None if is_library else time_to(line, RATIO_GOAL)
-    if reached is None:
-        # The library's one time, or the longest that a solver was given.
-        longest = max(float(row["time [s]"]) for row in line)
-        return f"{'' if is_library else '> '}{longest / ours:.2g}"
-    return f"{reached / ours:.2g}"

@@ -11,13 +11,11 @@ import numpy as np
 
 from evac.errors import SimulationError
 from evac.evidence.accuracy.data import colour_of
-from evac.evidence.accuracy.snapshots import door_crowd
+from evac.evidence.accuracy.snapshots import DoorCrowd, standing_crowd
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
+from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
-from evac.physics.engine import Engine
-from evac.physics.state import Crowd, copy_of
-from evac.physics.world import set_open
-from evac.registry import Registry
 
 #: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
 CLOSED, OPEN = 3.0, 2.0
@@ -53,25 +51,29 @@ class Setting:
     step: float
 
 
+SECTION = "c. Greatest overlap against run time: which model to take"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part c and add it to the page."""
+    """Add part c to the page."""
     people = 60 if evidence.quick else 300
-    evidence.heading("c. Greatest overlap against run time: which model to take")
-    start = _start(people, evidence.seed)
-    rows = [measure(setting, start) for setting in settings(float(start[1].mass.min()), evidence.quick)]
-    evidence.text(
-        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g} s.
-        DEM with stiffness k takes half the step of its stability limit; NSM1 is solved to a gap tolerance at h =
-        0.01 s, without its limit on velocities, so that the tolerance alone acts, and as it is shipped, with that
-        limit; NSM2 varies the step, with the shipped K_N = 1e5 kg and without dissipation in the normal direction.
-        The overlap is the greatest between any two bodies, or body and wall, at any step. It says nothing about the
-        rest of the trajectory, which part b is about. A run that stops with an error is a cross, at its overlap and
-        its time per second until then; none of it counts below."""
-    )
-    evidence.table("overlap", rows, "Greatest overlap and the wall time of one simulated second.")
-    evidence.plot("overlap", draw(rows, people), "Greatest overlap over run time, same crowd; lower left is better.")
+    rows = evidence.measured("overlap", lambda: _rows(people, evidence.seed, evidence.quick))
     table = cheapest_rows(rows)
-    evidence.finding(which_in_words(table), "overlap", "Greatest overlap over run time: which contact model to take")
+    told = []
+    for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
+        told.append(f"{model or 'none'}: {', '.join(row['overlap allowed [mm]'] for row in group)} mm")
+    evidence.verdict(reported("Cheapest contact model by overlap allowed", "; ".join(told), "-", SECTION))
+    evidence.heading(SECTION)
+    evidence.text(
+        f"""{people} people in a room walk to a 1 m door that is closed for {CLOSED:g} s and then open for {OPEN:g}
+        s. DEM with stiffness k takes half the step of its stability limit. NSM1 is solved to a gap tolerance at h =
+        0.01 s, with the shipped limit on velocities and without it. NSM2 varies the step, with the shipped K_N =
+        1e5 kg and with K_N = 0. The overlap is the greatest of any two bodies, or body and wall, at any step. A run
+        that stops with an error is a cross, and does not count."""
+    )
+    evidence.table("overlap", rows, "Greatest overlap and the CPU time of one simulated second.")
+    caption = "Greatest overlap over run time, same crowd; lower left is better."
+    evidence.plot("overlap", lambda: draw(rows, people), caption)
     evidence.table(
         "overlap_cheapest",
         table,
@@ -79,10 +81,15 @@ def run(evidence: Evidence) -> None:
     )
 
 
+def _rows(people: int, seed: int, is_quick: bool) -> list[dict[str, Any]]:
+    """Return the row of each setting."""
+    start = standing_crowd("settled", people, seed)
+    return [measure(setting, start) for setting in settings(float(start.crowd.mass.min()), is_quick)]
+
+
 def settings(lightest: float, is_quick: bool) -> list[Setting]:
     """Return the models with what is varied."""
-    registry = Registry()
-    get = registry.get
+    get = plugins().get
     found = []
     for stiffness in (1.2e5, 1.2e6, 1.2e7) if is_quick else (1.2e4, 1.2e5, 1.2e6, 1.2e7, 1.2e8, 1.2e9):
         step = TICK / math.ceil(TICK / (SHARE * 2.0 / math.sqrt(6.0 * stiffness / lightest)))
@@ -102,56 +109,32 @@ def settings(lightest: float, is_quick: bool) -> list[Setting]:
     return found
 
 
-def _start(people: int, seed: int) -> tuple[Engine, Crowd]:
-    """Return the crowd before its first step, the door closed."""
-    still = _Still()
-    crowd = door_crowd("settled", people, seed, still)
-    crowd.crowd.contact_force[:] = 0.0
-    return crowd.engine, crowd.crowd
-
-
-class _Still(ContactModel):
-    """Nobody moves: leaves the crowd where it starts."""
-
-    name = "still"
-
-    def run(self, engine: Any, clock: Any) -> tuple[int, int]:
-        """Make no step."""
-        return clock.last, 0
-
-
-def measure(setting: Setting, start: tuple[Engine, Crowd]) -> dict[str, Any]:
+def measure(setting: Setting, start: DoorCrowd) -> dict[str, Any]:
     """Run a setting from the same start; return its row."""
-    crowd = copy_of(start[1])
-    world = start[0].world
-    world = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
-    engine = Engine(world, len(crowd.level), [])
+    crowd = start.copy()
     per_tick = round(TICK / setting.step)
-    # Compiles; a copy, so that the run itself starts at the start.
-    Engine(world, len(crowd.level), []).advance(setting.model, copy_of(crowd), 0, 1, setting.step, False, False)
-    begin = time.perf_counter()
-    made = 0
+    crowd.engine.load(setting.model)
+    begin = time.process_time()
     outcome = FINISHED
     for tick in range(round((CLOSED + OPEN) / TICK)):
         if tick == round(CLOSED / TICK):
-            set_open(world, 0, True)
+            crowd.open_door(True)
         try:
-            engine.advance(setting.model, crowd, made, per_tick, setting.step, False, False)
+            crowd.walk(setting.model, per_tick, setting.step)
         except SimulationError as error:
             outcome = f"stopped: {error}"
             break
-        made += per_tick
-    walked = max(made, 1) * setting.step
-    span = time.perf_counter() - begin
-    report = engine.report()
+    walked = max(crowd.step, 1) * setting.step
+    span = time.process_time() - begin
+    report = crowd.engine.report()
     return {
         "model": setting.label,
         "varied": setting.knob,
-        "value": f"{setting.value:.3g}",
+        "value": setting.value,
         "h [s]": setting.step,
         "greatest overlap [mm]": 1e3 * max(report["greatest_overlap"], 0.0),
         "time per simulated second [s]": span / walked,
-        "out": int(np.sum(crowd.level < 0)),
+        "out": int(np.sum(crowd.crowd.level < 0)),
         "unconverged steps": int(report["unconverged_steps"]),
         "outcome": outcome,
     }
@@ -173,11 +156,11 @@ def draw(rows: Sequence[dict[str, Any]], people: int) -> Any:
         offset, side = LABELS.get(model, ((5, 5), "left"))
         for row, x, y in zip(series, *_places(series), strict=True):
             axis.annotate(
-                row["value"], (x, y), textcoords="offset points", xytext=offset, ha=side, va="center", fontsize=7,
-                color=colour,
+                f"{row['value']:.3g}", (x, y), textcoords="offset points", xytext=offset, ha=side, va="center",
+                fontsize=7, color=colour,
             )  # fmt: skip
     axis.margins(x=0.12, y=0.08)
-    axis.set_xlabel("wall time of one simulated second [s]")
+    axis.set_xlabel("CPU time of one simulated second [s]")
     axis.set_ylabel("greatest overlap [mm]")
     axis.set_title(f"{people} people at a door, closed and then open", fontsize=10)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
@@ -203,7 +186,7 @@ def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         found: dict[str, Any] = {
             "overlap allowed [mm]": f"{allowed:g}",
             "cheapest here": cheapest["model"] if cheapest else None,
-            "setting": "{varied} = {value}".format(**cheapest) if cheapest else None,
+            "setting": "{varied} = {value:.3g}".format(**cheapest) if cheapest else None,
             "time per simulated second [s]": cheapest["time per simulated second [s]"] if cheapest else None,
         }
         for model in models:
@@ -212,19 +195,3 @@ def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             )
         table.append(found)
     return table
-
-
-def which_in_words(table: Sequence[dict[str, Any]]) -> str:
-    """Say which setting to take for which overlap, and what DEM costs beside it."""
-    told = []
-    for model, group in itertools.groupby(table, key=lambda row: row["cheapest here"]):
-        settings = [f"{row['overlap allowed [mm]']} mm ({row['setting']})" for row in group]
-        if model is not None:
-            told.append(f"{model} for {', '.join(settings)}")
-    dear = [row["DEM / cheapest"] for row in table if row.get("DEM / cheapest")]
-    words = f"Which contact model to take, by the overlap that will do: {'; '.join(told)}."
-    if dear:
-        words += f" DEM takes {min(dear):.2g} to {max(dear):.2g} times as long where it gets there"
-        never = [row["overlap allowed [mm]"] for row in table if row.get("DEM / cheapest") is None]
-        words += f", and does not get to {', '.join(never)} mm at these stiffnesses." if never else "."
-    return words

@@ -1,7 +1,6 @@
 """Evidence of accuracy: work and precision, all alternatives in one run on the same problems."""
 
 from evac.evidence.accuracy import (
-    egress,
     fields,
     headroom,
     overlap,
@@ -15,26 +14,15 @@ from evac.evidence.accuracy import (
 from evac.evidence.report import Evidence
 
 #: The parts in the order of the page.
-PARTS = (
-    solvers,
-    targets,
-    headroom,
-    rows,
-    peer,
-    trajectories,
-    overlap,
-    fields,
-    egress,
-    tolerance,
-)
+PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields, tolerance)
 
 
 def run(evidence: Evidence) -> None:
-    """Compute all parts and write the page."""
-    evidence.text(
-        """What each alternative costs for the error it leaves: contact solvers, steps and integrators, contact models,
-        grids of travel times, egress statistics; and the rule by which `evac run --tolerance` chooses."""
-    )
+    """Measure all parts and write the page."""
     for part in PARTS:
         part.run(evidence)
-    evidence.write_page("Accuracy: error against run time")
+    evidence.write_page(
+        "Accuracy: error against run time",
+        "Examined: what contact solvers, steps, integrators, contact models and grids cost for the error they leave,"
+        " and whether `evac run --tolerance` keeps its tolerance.",
+    )

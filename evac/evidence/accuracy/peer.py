@@ -1,6 +1,5 @@
 """Accuracy, beside a peer: the projection step of cromosim, where that package is installed."""
 
-import importlib.metadata
 import importlib.util
 import time
 from typing import Any
@@ -10,8 +9,8 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.evidence.accuracy.problems import ContactProblem, Law, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.snapshots import STEP
-from evac.evidence.report import Evidence, claim
-from evac.registry import Registry
+from evac.evidence.report import Evidence
+from evac.evidence.verdicts import at_least
 
 #: cromosim projects in the Euclidean norm, which is that of inertia where all masses are equal, and of its own model.
 INERTIAL = Law("NSM1 inertial, equal masses", "nsm1")
@@ -28,36 +27,43 @@ LEAST_RATIO = 20
 PRECISION = 1e-7
 
 
+SECTION = "Beside cromosim"
+
+
 def run(evidence: Evidence) -> None:
-    """Time one projection of a crowd at a door by cromosim and by evac, on the same problem in the same run."""
-    if importlib.util.find_spec("cromosim") is None:
+    """Add one projection of a crowd at a door by cromosim and by evac, on the same problem in the same run."""
+    if evidence.page_only:
+        is_measured = "cromosim" in evidence.conditions()["versions"]
+    else:
+        is_measured = importlib.util.find_spec("cromosim") is not None
+    if not is_measured:
         return
-    registry = Registry()
-    people = 100 if evidence.quick else 1_000
-    rows = []
-    for kind, crowd in snapshots(people, evidence.seed, registry).items():
-        crowd.crowd.mass[:] = crowd.crowd.mass.mean()
-        for law in (INERTIAL, OVERDAMPED):
-            problem = contact_problem(crowd, law, registry)
-            rows.append({"people": people, "crowd": kind, "law": law.label, **compare(problem)})
-    evidence.heading("Beside cromosim")
+    rows = evidence.measured("cromosim", lambda: _rows(100 if evidence.quick else 1_000, evidence.seed))
+    for law in (INERTIAL, OVERDAMPED):
+        least = min(row["cromosim / cold"] for row in rows if row["law"] == law.label)
+        evidence.verdict(at_least(f"{law.label}: cromosim's time over evac's, cold", least, LEAST_RATIO, "", SECTION))
+    evidence.heading(SECTION)
     evidence.table(
         "cromosim",
         rows,
-        f"The projection of one step by cromosim {importlib.metadata.version('cromosim')} with cvxopt and by evac's"
-        " default solver, on the same contacts: of the free velocities of NSM1 (inertial, the default variant, here"
-        " with the same mass for everybody, since cromosim knows no masses) and of the desired velocities (overdamped,"
-        " Maury and Venel's model, which is cromosim's own; here a step asks for more than the gain of one step):"
-        f" medians of {REPEATS} runs. Cold starts from no multipliers, as cromosim always does, warm from those of the"
-        f" step before, as a run does; both to {GOALS[0]:g} m. The error is the greatest distance to the positions of"
-        " the independent reference. The last columns go on with evac, cold, until its error is no greater than"
-        " cromosim's. cromosim is no part of evac's installation; this table is made where it is installed.",
+        f"""The projection of one step by cromosim with cvxopt and by evac's default solver, on the same contacts,
+        medians of {REPEATS} runs: of the free velocities of NSM1 inertial, with the same mass for everybody since
+        cromosim knows no masses, and of the desired velocities (overdamped, Maury and Venel's model, cromosim's
+        own). Cold starts from no multipliers, as cromosim does; both to {GOALS[0]:g} m. The error is the greatest
+        distance to the positions of the independent reference; the last columns go on with evac until its error is
+        no greater than cromosim's. This table is made where cromosim is installed.""",
     )
-    claims = []
-    for law in (INERTIAL, OVERDAMPED):
-        least = min(row["cromosim / cold"] for row in rows if row["law"] == law.label)
-        claims.append(claim(f"{law.label}: the least of cromosim / cold", "at least", LEAST_RATIO, least))
-    evidence.table("cromosim_targets", claims, "Targets.")
+
+
+def _rows(people: int, seed: int) -> list[dict[str, Any]]:
+    """Return the row of each crowd and law."""
+    rows = []
+    for kind, crowd in snapshots(people, seed).items():
+        crowd.crowd.mass[:] = crowd.crowd.mass.mean()
+        for law in (INERTIAL, OVERDAMPED):
+            problem = contact_problem(crowd, law)
+            rows.append({"people": people, "crowd": kind, "law": law.label, **compare(problem)})
+    return rows
 
 
 def compare(problem: ContactProblem) -> dict[str, Any]:
@@ -102,7 +108,7 @@ def compare(problem: ContactProblem) -> dict[str, Any]:
 
 def _solved(problem: ContactProblem, truth: FloatArray, goal: float, *, is_warm: bool) -> tuple[float, float]:
     """Return the median time of a solve by the default solver to a residual `goal` [m], and its error [m]."""
-    settings = problem.law.make(Registry()).values()
+    settings = problem.law.make().values()
     spans = []
     for _ in range(REPEATS):
         problem.start(is_warm)

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from evac.arrays import FloatArray
 from evac.assembly import read_building
 from evac.building.model import Building, Exit, Level, Portal
-from evac.evidence.accuracy.reference import FloatArray, geodesics, refracted
-from evac.registry import Registry
+from evac.evidence.accuracy.reference import geodesics, refracted
+from evac.evidence.models import plugins
 
 Point = tuple[float, float]
 
@@ -62,7 +63,7 @@ def pillar(points: int, generator: np.random.Generator) -> Plan:
 
 def school_floor(points: int, generator: np.random.Generator) -> Plan:
     """Return the upper floor of the shipped school, its way out where the stair begins."""
-    case = Registry().get("case", "primary_school")
+    case = plugins().get("case", "primary_school")
     building = read_building(Path(case) / "primary_school.msh")
     top = max((level for level in building.levels if level.kind == "floor"), key=lambda level: level.z_max)
     stair = next(portal for portal in building.portals if top.index in portal.levels)

@@ -8,14 +8,12 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.evidence.accuracy.reference import PRECISION, gradient_matrix, solve_contact_qp
 from evac.evidence.accuracy.snapshots import STEP, DoorCrowd, door_crowd
-from evac.evidence.models import COARSE
+from evac.evidence.models import COARSE, plugins
 from evac.jit import kernel
 from evac.physics.contact_model import ContactModel
-from evac.physics.engine import Engine
-from evac.physics.solvers import INELASTIC, SOLVERS, solve
-from evac.physics.state import Bodies, Contacts, copy_of
-from evac.physics.world import set_open
-from evac.registry import Registry
+from evac.physics.percussions import solve_once
+from evac.physics.rows import INELASTIC
+from evac.physics.state import Contacts, State
 
 #: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.
 STEPS_BEFORE = 5
@@ -51,12 +49,12 @@ class Law:
         """Unit of that error."""
         return "m" if self.model == "nsm1" else "m/s"
 
-    def make(self, registry: Registry) -> ContactModel:
+    def make(self) -> ContactModel:
         """Return the contact model, solved to its default tolerance."""
         parameters: dict[str, Any] = {"variant": self.variant}
         if self.model == "nsm2":
             parameters = {"normal_dissipation": self.dissipation}
-        model: ContactModel = registry.get("contact_model", self.model)(**parameters)
+        model: ContactModel = plugins().get("contact_model", self.model)(**parameters)
         return model
 
 
@@ -75,46 +73,53 @@ class ContactProblem:
     Attributes
     ----------
     law : Law
-    inverse_mass : (n,) [1/kg]
-    free : (n, 2) [m/s]
-    contacts : Contacts
-        Copies; ``percussion`` is where a solver starts.
+    state : State
+        Of an engine that has just made the step: contacts, masses and free velocities are those of the problem.
+        ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
     warm : (c,) [N s]
         Percussions found in the step before, where a contact was there already.
-    velocity : (n, 2) [m/s]
-        Where a solver writes.
     """
 
     law: Law
-    inverse_mass: FloatArray
-    free: FloatArray
-    contacts: Contacts
+    state: State
     warm: FloatArray
-    velocity: FloatArray
 
     @property
     def size(self) -> int:
         """Number of contacts."""
         return len(self.warm)
 
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts; the first `size` rows hold."""
+        return self.state.contacts
+
+    @property
+    def inverse_mass(self) -> FloatArray:
+        """Inverse masses (n,) [1/kg]."""
+        return self._of_bodies(self.state.bodies.inverse_mass)
+
+    @property
+    def free(self) -> FloatArray:
+        """Velocities without contacts (n, 2) [m/s]."""
+        return self._of_bodies(self.state.bodies.free)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities that the last solve has found (n, 2) [m/s]."""
+        return self._of_bodies(self.state.bodies.solved)
+
+    def _of_bodies(self, array: FloatArray) -> FloatArray:
+        return array[: self.state.bodies.inside]
+
     def start(self, is_warm: bool) -> None:
         """Set the percussions that a solver starts from: the last step's, or zero."""
         self.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
-        self.contacts.friction[:] = 0.0
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
         """Solve to a residual [m/s] in at most `limit` iterations; return (iterations, residual)."""
-        iterations, found = run_solver(
-            SOLVERS.index(solver),
-            self.inverse_mass,
-            self.free,
-            self.velocity,
-            self.contacts,
-            self.law.compliance,
-            tolerance,
-            limit,
-        )
-        return int(iterations), float(found)
+        address = plugins().solvers[solver].solve.address
+        return run_solver(self.state, address, self.law.compliance, tolerance, limit), self.state.problem.residual
 
     def reference(self, precision: float = PRECISION) -> FloatArray:
         """Return the velocities (n, 2) from the library's interior-point solver, to a residual [m/s]."""
@@ -134,71 +139,51 @@ class ContactProblem:
 
 
 @kernel
-def run_solver(method, inverse_mass, free, velocity, contacts, compliance, tolerance, limit):
-    """Call a solver on a problem without tangential law; return (iterations, residual)."""
-    n = inverse_mass.shape[0]
-    return solve(method, n, inverse_mass, free, velocity, contacts, compliance, 0.0, tolerance, limit)
+def run_solver(state: State, solver: int, compliance: float, tolerance: float, limit: int) -> int:
+    """Solve the problem in a state, without tangential law, by the solver at an address; return the iterations."""
+    state.problem.iterations = 0
+    solve_once(state, solver, state.bodies.free, state.bodies.solved, compliance, 0.0, tolerance, limit)
+    return state.problem.iterations
 
 
-def default_solver(registry: Registry) -> str:
+def default_solver() -> str:
     """Return the solver that NSM1 and NSM2 are shipped with."""
-    return str(registry.get("contact_model", "nsm1").declared()["solver"].default)
+    return str(plugins().get("contact_model", "nsm1").declared()["solver"].default)
 
 
-def snapshots(people: int, seed: int, registry: Registry) -> dict[str, DoorCrowd]:
+def snapshots(people: int, seed: int) -> dict[str, DoorCrowd]:
     """Return crowds at a door by kind: arriving, settled against the closed door, and 0.05 s after it opened."""
-    rough = registry.get("contact_model", "nsm1")(**COARSE)
-    made = {
-        kind: _walked_on(door_crowd(kind, people, seed, rough), SETTLING_STEPS, registry)
-        for kind in ("arriving", "settled")
-    }
-    made["opened"] = _opened(made["settled"], registry)
+    nsm1 = plugins().get("contact_model", "nsm1")
+    made = {kind: door_crowd(kind, people, seed, nsm1(**COARSE)) for kind in ("arriving", "settled")}
+    for crowd in made.values():
+        crowd.walk(nsm1(), SETTLING_STEPS)
+    made["opened"] = made["settled"].copy("opened")
+    made["opened"].open_door(True)
+    made["opened"].walk(nsm1(), 5)
     return made
 
 
-def _walked_on(crowd: DoorCrowd, steps: int, registry: Registry) -> DoorCrowd:
-    """Make some more steps with NSM1 as it is shipped."""
-    crowd.engine.advance(registry.get("contact_model", "nsm1")(), crowd.crowd, crowd.step, steps, STEP, False, False)
-    return DoorCrowd(crowd.kind, crowd.engine, crowd.crowd, crowd.step + steps)
-
-
-def _opened(settled: DoorCrowd, registry: Registry) -> DoorCrowd:
-    """Return a copy of a settled crowd 0.05 s after its door has opened."""
-    world = settled.engine.world
-    copied = world._replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
-    set_open(copied, 0, True)
-    crowd = copy_of(settled.crowd)
-    engine = Engine(copied, len(crowd.level), [])
-    return _walked_on(DoorCrowd("opened", engine, crowd, settled.step), 5, registry)
-
-
-def contact_problem(snapshot: DoorCrowd, law: Law, registry: Registry) -> ContactProblem:
+def contact_problem(snapshot: DoorCrowd, law: Law) -> ContactProblem:
     """Return the contact problem of a law in the sixth of its steps from a snapshot, as the model itself poses it."""
-    model = law.make(registry)
-    _, held = _after(snapshot, model, STEPS_BEFORE)
-    bodies, contacts = _after(snapshot, model, STEPS_BEFORE + 1)
-    n, c = int(bodies.count[0]), int(contacts.count[0])
-    known = {
-        (int(body), int(key)): float(percussion)
-        for body, key, percussion in zip(
-            held.body[: held.count[0]], held.key[: held.count[0]], held.percussion[: held.count[0]], strict=True
-        )
-    }
-    warm = np.array(
-        [known.get((int(b), int(k)), 0.0) for b, k in zip(contacts.body[:c], contacts.key[:c], strict=True)]
-    )
-    # A fresh bundle: nothing in it can come from the step that the model has made already.
-    return ContactProblem(
-        law, bodies.inverse_mass[:n].copy(), bodies.free[:n].copy(), contacts, warm.reshape(c), np.zeros((n, 2))
-    )
+    model = law.make()
+    before = _after(snapshot, model, STEPS_BEFORE).contacts
+    known = dict(zip(_keys(before), before.percussion[: before.number], strict=True))
+    # An engine of its own: nothing in it can come from the steps that the model has made already.
+    state = _after(snapshot, model, STEPS_BEFORE + 1)
+    warm = np.array([known.get(key, 0.0) for key in _keys(state.contacts)], dtype=np.float64)
+    return ContactProblem(law, state, warm)
 
 
-def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> tuple[Bodies, Contacts]:
-    """Return bodies and contacts of the last of some steps made in one tick from a snapshot, which stays as it is."""
-    crowd = copy_of(snapshot.crowd)
-    engine = Engine(snapshot.engine.world, len(crowd.level), [])
-    engine.advance(model, crowd, snapshot.step, steps, STEP, False, False)
-    return engine.bodies, engine.contacts
+def _keys(contacts: Contacts) -> list[tuple[int, int]]:
+    """Return what contacts are known by from step to step: their body, and the other one or the wall."""
+    return list(zip(contacts.body[: contacts.number].tolist(), contacts.key[: contacts.number].tolist(), strict=True))
+
+
+def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
+    """Return the state after some steps made in one tick from a snapshot, which stays as it is."""
+    crowd = snapshot.copy()
+    crowd.walk(model, steps)
+    return crowd.engine.state
 
 
 def velocity_error(problem: ContactProblem, truth: FloatArray) -> float:

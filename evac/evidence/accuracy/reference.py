@@ -4,7 +4,7 @@ Nothing here shares code with what it judges.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,12 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 #: Walls may be touched by this much on the way, so that ways along walls and round corners count as free [m].
@@ -53,6 +53,57 @@ def gradient_matrix(body: IntArray, other: IntArray, normal: FloatArray, bodies:
         ),
         shape=(c, 2 * bodies),
     )
+
+
+class ContactLaw(NamedTuple):
+    """A contact problem: G (c, k) sparse, masses and free velocities (k,), bias and velocities before (c,), K_N."""
+
+    gradient: Any
+    mass: FloatArray
+    free: FloatArray
+    bias: FloatArray
+    before: FloatArray
+    dissipation: float
+
+    def state(self, velocity: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return omega [1/kg], velocity w+ [m/s] and elastic percussion K_N max(0, -(w+ + w-)/2) [N s] of each."""
+        omega = np.asarray(self.gradient.multiply(self.gradient) @ (1.0 / self.mass)).ravel()
+        after = self.gradient @ velocity
+        return omega, after, self.dissipation * np.maximum(0.0, -0.5 * (after + self.before))
+
+    def residual(self, velocity: FloatArray, percussion: FloatArray) -> float:
+        """Return by how much velocities and percussions break the law and the balance of momentum [m/s].
+
+        The greatest of |v - V - M^-1 G^T P| and of |min(., .)| of the two complementary quantities of each
+        contact, percussions turned into velocities by omega.
+        """
+        balance = velocity - self.free - (self.gradient.T @ percussion) / self.mass
+        omega, after, spring = self.state(velocity)
+        law = np.minimum(omega * (percussion - spring), after + self.bias)
+        return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
+
+    def polished(self, velocity: FloatArray, percussion: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return velocities and percussions that solve, by a sparse LU, the equations of the contacts that push.
+
+        Rigid ones obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0.
+        """
+        mass = self.mass
+        omega, after, spring = self.state(velocity)
+        rigid = omega * (percussion - spring) > after + self.bias
+        pushes = rigid | (spring > 0.0)
+        held = self.gradient[pushes]
+        elastic = ~rigid[pushes]
+        compliance = np.where(elastic, 2.0 / self.dissipation if self.dissipation > 0.0 else 0.0, 0.0)
+        right = np.concatenate([mass * self.free, -np.where(elastic, self.before[pushes], self.bias[pushes])])
+        system = sparse.bmat([[sparse.diags(mass), -held.T], [held, sparse.diags(compliance)]], format="csc")
+        regular = sparse.diags(np.concatenate([np.zeros(len(mass)), np.full(held.shape[0], REGULAR)]))
+        factors = splu((system + regular).tocsc())
+        solution = np.zeros(len(right))
+        for _ in range(REFINEMENTS):
+            solution += factors.solve(right - system @ solution)
+        found = np.zeros(len(percussion))
+        found[pushes] = solution[len(mass) :]
+        return solution[: len(mass)], found
 
 
 def solve_contact_qp(
@@ -105,6 +156,7 @@ def solve_contact_qp(
             ]
         )
         bound = np.concatenate([start + bias, 0.5 * (start + before)])
+    law = ContactLaw(gradient, mass, free, bias, before, dissipation)
     best, found = free, np.inf
     for refinements, tolerance in ATTEMPTS:
         solution = _solved_by_clarabel(quadratic, matrix, bound, refinements, tolerance)
@@ -112,14 +164,13 @@ def solve_contact_qp(
         percussion = unit * np.array(solution.z)[:c]
         if dissipation > 0.0:
             percussion += 0.5 * unit * np.array(solution.z)[c:]
-        law = (gradient, mass, free, bias, before, dissipation)
         for _ in range(POLISHES):
-            left = law_residual(*law, velocity, percussion)
+            left = law.residual(velocity, percussion)
             if left < found:
                 best, found = velocity, left
             if found <= precision:
                 return np.asarray(best)
-            velocity, percussion = _polished(*law, velocity, percussion)
+            velocity, percussion = law.polished(velocity, percussion)
     raise EvacError(f"the reference of a contact problem was found to {found:.1e} m/s only, not to {precision:.0e} m/s")
 
 
@@ -143,68 +194,6 @@ def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refineme
     return clarabel.DefaultSolver(
         sparse.csc_matrix(quadratic), np.zeros(size), sparse.csc_matrix(matrix), bound, cones, settings
     ).solve()
-
-
-def _polished(
-    gradient: Any,
-    mass: FloatArray,
-    free: FloatArray,
-    bias: FloatArray,
-    before: FloatArray,
-    dissipation: float,
-    velocity: FloatArray,
-    percussion: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return velocities and percussions that solve, by a sparse LU, the equations of the contacts that push.
-
-    Rigid ones obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0.
-    """
-    omega, after, spring = _contact_state(gradient, mass, before, dissipation, velocity)
-    rigid = omega * (percussion - spring) > after + bias
-    pushes = rigid | (spring > 0.0)
-    held = gradient[pushes]
-    elastic = ~rigid[pushes]
-    compliance = np.where(elastic, 2.0 / dissipation if dissipation > 0.0 else 0.0, 0.0)
-    right = np.concatenate([mass * free, -np.where(elastic, before[pushes], bias[pushes])])
-    system = sparse.bmat([[sparse.diags(mass), -held.T], [held, sparse.diags(compliance)]], format="csc")
-    regular = sparse.diags(np.concatenate([np.zeros(len(mass)), np.full(held.shape[0], REGULAR)]))
-    factors = splu((system + regular).tocsc())
-    solution = np.zeros(len(right))
-    for _ in range(REFINEMENTS):
-        solution += factors.solve(right - system @ solution)
-    found = np.zeros(len(percussion))
-    found[pushes] = solution[len(mass) :]
-    return solution[: len(mass)], found
-
-
-def law_residual(
-    gradient: Any,
-    mass: FloatArray,
-    free: FloatArray,
-    bias: FloatArray,
-    before: FloatArray,
-    dissipation: float,
-    velocity: FloatArray,
-    percussion: FloatArray,
-) -> float:
-    """Return by how much velocities and percussions break the law and the balance of momentum [m/s].
-
-    The greatest of |v - V - M^-1 G^T P| and of |min(., .)| of the two complementary quantities of each
-    contact, percussions turned into velocities by omega.
-    """
-    balance = velocity - free - (gradient.T @ percussion) / mass
-    omega, after, spring = _contact_state(gradient, mass, before, dissipation, velocity)
-    law = np.minimum(omega * (percussion - spring), after + bias)
-    return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
-
-
-def _contact_state(
-    gradient: Any, mass: FloatArray, before: FloatArray, dissipation: float, velocity: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return omega [1/kg], the velocity w+ [m/s] and the elastic percussion K_N max(0, -(w+ + w-)/2) [N s] of each."""
-    omega = np.asarray(gradient.multiply(gradient) @ (1.0 / mass)).ravel()
-    after = gradient @ velocity
-    return omega, after, dissipation * np.maximum(0.0, -0.5 * (after + before))
 
 
 def geodesics(

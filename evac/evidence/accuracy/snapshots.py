@@ -11,12 +11,13 @@ import numpy as np
 from shapely.geometry import box
 
 from evac.building.model import Building, Exit, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
+from evac.evidence.models import make_engine
 from evac.evidence.scenes import packed
 from evac.physics.contact_model import ContactModel
 from evac.physics.engine import Engine
-from evac.physics.state import Crowd, make_crowd
+from evac.physics.state import Crowd, copy_of, make_crowd
 from evac.physics.world import make_world, set_open
 
 DENSITY = 3.5  # people per m2
@@ -27,7 +28,7 @@ STEP = 0.01  # s
 ROW = 0.42
 
 
-@dataclass(frozen=True)
+@dataclass
 class DoorCrowd:
     """A crowd in a room with a door, ready for its next step.
 
@@ -43,7 +44,32 @@ class DoorCrowd:
     kind: str
     engine: Engine
     crowd: Crowd
-    step: int
+    step: int = 0
+
+    def copy(self, kind: str = "") -> "DoorCrowd":
+        """Return a copy that walks on by itself, with a door of its own and an engine that has made no step."""
+        world, crowd = self.engine.state.world, copy_of(self.crowd)
+        own = world.replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
+        return DoorCrowd(kind or self.kind, make_engine(own, len(crowd.level)), crowd, self.step)
+
+    def open_door(self, is_open: bool) -> None:
+        """Open or close the door."""
+        set_open(self.engine.state.world, 0, is_open)
+
+    def walk(self, model: ContactModel, steps: int, step: float = STEP) -> None:
+        """Make so many steps of `step` [s] in one tick."""
+        self.engine.advance(model, self.crowd, self.step, steps, step, False, False)
+        self.step += steps
+
+
+def standing_crowd(kind: str, people: int, seed: int) -> DoorCrowd:
+    """Return a crowd before its first step: of a kind of `door_crowd`, whose door is open for ``"arriving"`` alone."""
+    side = float(np.sqrt(people / DENSITY))
+    generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
+    crowd = _rows(people, side) if kind == "in rows" else _crowd(people, side, generator)
+    found = DoorCrowd(kind, make_engine(make_world(door_room(side), door_fields(side)), people), crowd)
+    found.open_door(kind == "arriving")
+    return found
 
 
 def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCrowd:
@@ -60,19 +86,12 @@ def door_crowd(kind: str, people: int, seed: int, model: ContactModel) -> DoorCr
     model : ContactModel
         Used to get there; NSM1 leaves no overlaps.
     """
-    side = float(np.sqrt(people / DENSITY))
-    generator = np.random.default_rng(np.random.SeedSequence([seed, people]))
-    crowd = _rows(people, side) if kind == "in rows" else _crowd(people, side, generator)
-    building = door_room(side)
-    engine = Engine(make_world(building, door_fields(side)), people, [])
-    if kind != "arriving":
-        set_open(engine.world, 0, False)
-    packing = 0.35 * side / 1.3
+    crowd = standing_crowd(kind, people, seed)
+    packing = 0.35 * float(np.sqrt(people / DENSITY)) / 1.3
     seconds = {"arriving": packing, "settled": 2.0 * packing + 2.0, "in rows": 2.0}[kind]
-    made = 10 * int(np.ceil(10.0 * seconds))
-    for first in range(0, made, 10):
-        engine.advance(model, crowd, first, 10, STEP, False, False)
-    return DoorCrowd(kind, engine, crowd, made)
+    for _ in range(int(np.ceil(10.0 * seconds))):
+        crowd.walk(model, 10)
+    return crowd
 
 
 def door_room(side: float) -> Building:
@@ -113,6 +132,7 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),
             travel_time=distance.ravel(),
+            walls=NO_CELL_WALLS,
         ),
     )
 

@@ -3,21 +3,21 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from evac.arrays import FloatArray
-from evac.evidence.accuracy.data import add_data
 from evac.evidence.accuracy.goals import (
+    REFERENCE,
     STARTS,
     WIN_GOALS,
-    default_finding,
-    default_rows,
+    Row,
     factor_rows,
-    factors_in_words,
     goal_rows,
     race_rows,
+    solvers_of,
     win_rows,
 )
 from evac.evidence.accuracy.problems import (
@@ -31,9 +31,9 @@ from evac.evidence.accuracy.problems import (
     velocity_error,
 )
 from evac.evidence.accuracy.reference import PRECISION
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure, reference_time
-from evac.physics.solvers import SOLVERS
-from evac.registry import Registry
+from evac.evidence.verdicts import all_of, reported
 
 #: Tolerances that solvers stop at, in the unit of the law: m for NSM1, m/s for NSM2.
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
@@ -63,87 +63,90 @@ FULL = (Stage(100, 0.1), Stage(1_000, 0.2), Stage(4_000, 0.6, TOLERANCES[::2]), 
 LONG = {("settled", "NSM1", 4_000, "cold"): 5.0}
 
 
+SECTION = "a. Contact solvers: error against run time"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part a and add it to the page."""
-    registry = Registry()
-    default = default_solver(registry)
-    evidence.heading("a. Contact solvers: error against run time")
+    """Add part a to the page."""
+    stages = QUICK if evidence.quick else FULL
+    rows = evidence.measured("solvers", lambda: _all_rows(stages, evidence.seed))
+    default = default_solver()
+    races = race_rows(rows, default)
+    wins = win_rows(races, solvers_of(rows), default)
+    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
+    _judge(evidence, wins, factors, default)
+    evidence.heading(SECTION)
     evidence.text(
         f"""Each problem is what a contact model solves in the sixth of its steps (h = 0.01 s) from a snapshot of a
         crowd at a 1 m door: arriving, settled against the closed door, and 0.05 s after it opens. Cold starts from
         no percussions, warm from those of the step before. The error is the greatest distance of the velocities
-        found from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
-        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units and is another thing."""
+        from those of an independent interior-point solver (Clarabel, checked to {PRECISION:g} m/s): times h, in
+        metres, for NSM1, in m/s for NSM2. The residual that solvers stop at has the same units, but is not the
+        error: errors of the single contacts add up along the crowd."""
     )
     evidence.text(
-        """uzawa is the paper's solver: all percussions step along their gradient by 0.95 of the greatest fixed length.
-        accelerated_gradient steps each by its own length and goes on along the last step (Nesterov's momentum).
-        gauss_seidel puts one contact right after the other, outwards from the exit. conjugate_sweeps and
-        conjugate_faces join sweeps there and back by conjugate gradients, the second on one set of pushing contacts
-        at a time. accelerated_sweeps is gauss_seidel with Nesterov's momentum, there and back where that swings up;
-        it alone relaxes four contacts at a time, of bodies that are all different."""
+        """uzawa is the paper's solver. accelerated_gradient gives each percussion its own step and adds Nesterov's
+        momentum. gauss_seidel solves one contact after the other, outwards from the exit. conjugate_sweeps and
+        conjugate_faces join sweeps there and back by conjugate gradients. accelerated_sweeps is gauss_seidel with
+        Nesterov's momentum."""
     )
-    rows: list[dict[str, Any]] = []
-    for stage in QUICK if evidence.quick else FULL:
-        found = _stage_rows(stage, evidence.seed, registry)
-        rows += found
+    for stage in stages:
+        found = [row for row in rows if row["people"] == stage.people]
         evidence.plot(
             f"solvers_{stage.people}",
-            draw(stage, found),
-            f"{stage.people} people: true error over the time of one solve, cold (full lines) and warm (dashed). Lines"
-            " end where the allowed time ends, or below the precision of the reference. Dotted: the time of the"
-            " reference, for building its matrices, as many attempts as its precision takes, a direct solution of the"
-            " pushing contacts and the check of the law; its error is below the axis.",
+            partial(draw, stage, found),
+            f"{stage.people} people: true error over the CPU time of one solve, cold (full lines) and warm (dashed)."
+            " Dotted: the time of the reference, whose error is below the axis.",
         )
-    _add_races(evidence, rows, default)
-    factors = factor_rows(rows, {law.label: law.scale for law in LAWS})
-    evidence.text(factors_in_words(factors))
-    evidence.table("solvers_factors", factors, "True error over residual, all solves of a problem.")
-    evidence.table(
-        "solvers_default",
-        default_rows(rows, default),
-        f"The default solver, {default}: time of one solve [ms] to residuals (cold, and warm to 1e-6), and the times of"
-        " the others over it to 1e-6, cold: below 1 the default loses; with > where the other did not get there;"
-        " clarabel: with all that the reference's time includes.",
-    )
-    add_data(evidence, "solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
-    add_data(evidence, "solvers", rows, "All solves, with iterations, residuals and errors")
-
-
-def _add_races(evidence: Evidence, rows: Sequence[dict[str, Any]], default: str) -> None:
-    """Add who is the first to which goal: the table of wins, and the sentence at the head of the page."""
-    races = race_rows(rows, default)
-    wins = win_rows(races, default)
     goals = ", ".join(f"{goal:g}" for goal in WIN_GOALS)
     evidence.table(
         "solvers_wins",
         wins,
-        f"In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by the residual that it"
-        " stops at and by its true error. Times between two solves are interpolated, so that nobody is credited for"
-        f" doing more than a tolerance asks. {default} / first: how many times as long the default takes as the first"
-        " one, where it gets there.",
+        f"""In how many problems each solver is the first to {goals} (m for NSM1, m/s for NSM2), by residual and by true
+        error; times between two solves are interpolated. {default} / first: how many times as long the default takes as
+        the first one, where it gets there.""",
         {"greatest": ".2f", f"{default} / first: median": ".2f"},
     )
-    largest = max(row["people"] for row in rows)
-    evidence.finding(default_finding(races, wins, default), f"solvers_{largest}", f"Solvers on {largest} people")
-    add_data(evidence, "solvers_races", races, "Each of these races")
+    evidence.data("solvers_races", races, "Each of these races")
+    evidence.data("solvers_factors", factors, "True error over residual, by problem")
+    evidence.data("solvers_to_goal", goal_rows(rows), "Times [ms] of all solvers to 1e-4, 1e-6 and 1e-10")
+    evidence.data("solvers", rows, "All solves, with iterations, residuals and errors")
 
 
-def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, Any]]:
+def _judge(evidence: Evidence, wins: Sequence[Row], factors: Sequence[Row], default: str) -> None:
+    """Add the verdicts: how often the default is the first to a true error, what it loses, error over residual."""
+    by_error = [row for row in wins if row["by"] == "error"]
+    for start in STARTS:
+        here = [row for row in by_error if row["start"] == start]
+        first, problems = sum(row[default] for row in here), sum(row["problems"] for row in here)
+        evidence.verdict(all_of(f"{default} is first to a true error, {start} start", first, problems, SECTION))
+    worst = max((row["greatest"] or 0.0 for row in by_error), default=0.0)
+    evidence.verdict(reported("Its time over that of the first, at worst", f"{worst:.3g}", "1", SECTION))
+    medians = [row["error / residual: median"] for row in factors]
+    told = f"{min(medians):.2g} to {max(medians):.2g}, at most {max(row['greatest'] for row in factors):.2g}"
+    evidence.verdict(reported("True error over residual, median of a problem", told, "-", SECTION))
+
+
+def _all_rows(stages: Sequence[Stage], seed: int) -> list[Row]:
+    """Return the solves of all sizes."""
+    return [row for stage in stages for row in _stage_rows(stage, seed)]
+
+
+def _stage_rows(stage: Stage, seed: int) -> list[dict[str, Any]]:
     """Measure all solvers on all problems of one size."""
     rows = []
-    crowds = snapshots(stage.people, seed, registry)
+    crowds = snapshots(stage.people, seed)
     for kind, law in PROBLEMS:
-        problem = contact_problem(crowds[kind], law, registry)
-        start = time.perf_counter()
+        problem = contact_problem(crowds[kind], law)
+        start = time.process_time()
         truth = problem.reference()
-        duration = time.perf_counter() - start
+        duration = time.process_time() - start
         head = {"people": stage.people, "crowd": kind, "law": law.label, "contacts": problem.size, "unit": law.unit}
         rows.append(
             {
                 **head,
                 "start": "cold",
-                "solver": "clarabel",
+                "solver": REFERENCE,
                 "tolerance": None,
                 "time [s]": duration,
                 "iterations": None,
@@ -152,7 +155,7 @@ def _stage_rows(stage: Stage, seed: int, registry: Registry) -> list[dict[str, A
                 "reference run [s]": reference_time(3),
             }
         )
-        for solver in SOLVERS:
+        for solver in plugins().solvers:
             for first in STARTS:
                 cap = LONG.get((kind, law.label, stage.people, first), stage.cap)
                 for row in measure(problem, truth, solver, first == "warm", cap, stage.tolerances_for(law)):
@@ -188,13 +191,13 @@ def measure(
 
 
 def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
-    """Return the number of iterations that take about `cap` seconds; also compiles."""
+    """Return the number of iterations that take about `cap` seconds of CPU time; also compiles."""
     few, spans = 20, {}
     for iterations in (few, few, 5 * few):  # the first compiles; what a solve costs before its iterations drops out
         problem.start(False)
-        start = time.perf_counter()
+        start = time.process_time()
         problem.solve(solver, 0.0, iterations)
-        spans[iterations] = time.perf_counter() - start
+        spans[iterations] = time.process_time() - start
     each = max(spans[5 * few] - spans[few], 1e-6) / (4 * few)
     return max(few, int(cap / each))
 
@@ -202,13 +205,13 @@ def affordable(problem: ContactProblem, solver: str, cap: float) -> int:
 def median_solve(
     problem: ContactProblem, solver: str, is_warm: bool, tolerance: float, limit: int
 ) -> tuple[float, int, float]:
-    """Return median time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
+    """Return median CPU time of up to five solves [s], iterations and residual; slow solves are made fewer times."""
     spans: list[float] = []
     while len(spans) < 5 and sum(spans) < 0.05:
         problem.start(is_warm)
-        start = time.perf_counter()
+        start = time.process_time()
         iterations, found = problem.solve(solver, tolerance, limit)
-        spans.append(time.perf_counter() - start)
+        spans.append(time.process_time() - start)
     return float(np.median(spans)), iterations, found
 
 
@@ -221,7 +224,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
         for c, kind in enumerate(KINDS):
             axis = axes[r, c]
             here = [row for row in rows if row["law"] == law.label and row["crowd"] == kind]
-            for k, solver in enumerate(SOLVERS):
+            for k, solver in enumerate(solvers_of(rows)):
                 for first, style in zip(STARTS, ("-", "--"), strict=True):
                     line = [row for row in here if row["solver"] == solver and row["start"] == first]
                     axis.loglog(
@@ -235,7 +238,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
                         label=f"{solver}, {first}",
                     )
             for row in here:
-                if row["solver"] == "clarabel":
+                if row["solver"] == REFERENCE:
                     axis.axvline(1e3 * row["time [s]"], color="black", linestyle=":", linewidth=1.1, label="Clarabel")
             # The reference cannot tell errors below its own.
             axis.set_ylim(bottom=PRECISION * law.scale)
@@ -243,7 +246,7 @@ def draw(stage: Stage, rows: Sequence[dict[str, Any]]) -> Any:
             axis.tick_params(labelsize=7)
         axes[r, 0].set_ylabel(f"error [{here[0]['unit']}]", fontsize=8)
     for axis in axes[-1]:
-        axis.set_xlabel("time of one solve [ms]", fontsize=8)
+        axis.set_xlabel("CPU time of one solve [ms]", fontsize=8)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=7)
     return figure

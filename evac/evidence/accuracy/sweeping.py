@@ -14,10 +14,10 @@ import shapely
 from scipy import ndimage
 from scipy.ndimage import map_coordinates
 
+from evac.arrays import FloatArray
 from evac.building.model import Building
 from evac.directions.build import BEND
-from evac.evidence.accuracy.reference import FloatArray
-from evac.jit import kernel
+from evac.jit import FloatGrid, kernel
 
 #: Spacing of the grid [m].
 FINE = 0.00625
@@ -90,10 +90,10 @@ def wall_distances(walls: FloatArray, x: FloatArray, y: FloatArray, reach: float
 
 
 @kernel
-def sweep(cost, slowness, spacing):
+def sweep(cost: FloatGrid, slowness: FloatGrid, spacing: float) -> None:
     """Lower the costs of a grid (nx, ny) to the solution; slowness is inf where nobody walks."""
     nx, ny = cost.shape
-    change = np.inf
+    change = math.inf
     while change > STILL:
         change = 0.0
         for turn in range(4):
@@ -101,12 +101,12 @@ def sweep(cost, slowness, spacing):
                 i = k if turn % 2 == 0 else nx - 1 - k
                 for m in range(ny):
                     j = m if turn < 2 else ny - 1 - m
-                    if slowness[i, j] == np.inf:
+                    if slowness[i, j] == math.inf:
                         continue
-                    a = min(cost[i - 1, j] if i > 0 else np.inf, cost[i + 1, j] if i < nx - 1 else np.inf)
-                    b = min(cost[i, j - 1] if j > 0 else np.inf, cost[i, j + 1] if j < ny - 1 else np.inf)
+                    a = min(cost[i - 1, j] if i > 0 else math.inf, cost[i + 1, j] if i < nx - 1 else math.inf)
+                    b = min(cost[i, j - 1] if j > 0 else math.inf, cost[i, j + 1] if j < ny - 1 else math.inf)
                     low, high = min(a, b), max(a, b)
-                    if low == np.inf:
+                    if low == math.inf:
                         continue
                     step = slowness[i, j] * spacing
                     new = low + step

@@ -1,4 +1,4 @@
-"""Accuracy, part f: the rule of `evac run --tolerance`, checked on scenes that it was not found on."""
+"""Accuracy, part e: the rule of `evac run --tolerance`, checked on scenes that it was not found on."""
 
 import time
 from typing import Any
@@ -9,6 +9,7 @@ from evac.arrays import FloatArray
 from evac.evidence.accuracy.data import STYLES
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.verdicts import all_of
 from evac.scenario.case import Case
 from evac.scenario.loading import load_case
 from evac.scenario.tolerance import ERROR_PER_PATH, LONGEST, RELAXATION, SHORTEST, SOLVER_SHARE, settings_for
@@ -21,54 +22,45 @@ CASES = (("square_room", 0.75), ("square_room", 1.5), ("classroom", 0.75), ("cla
 FINER = 8
 
 
+SECTION = "e. The rule of --tolerance, on scenes it was not found on"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part f and add it to the page."""
+    """Add part e to the page."""
     tolerances = (1e-2, 3e-3) if evidence.quick else (1e-2, 3e-3, 1e-3)
     cases = CASES[:2] if evidence.quick else CASES
-    evidence.heading("f. The rule of --tolerance, on scenes it was not found on")
+    rows = evidence.measured(
+        "tolerance",
+        lambda: [
+            row for name, duration in cases for model in MODELS for row in _check(name, duration, model, tolerances)
+        ],
+    )
+    judge(evidence, rows)
+    evidence.heading(SECTION)
     evidence.text(
         f"""`evac run --tolerance` takes the step h = tolerance / ({ERROR_PER_PATH:g} v), v the greatest speed that
-        somebody wants or starts with, at most {LONGEST:g} s and shortened to a divisor of the tick: part b finds errors
-        of at most about that many times v h. Steps below {SHORTEST:g} s are refused. A model that has tolerances of its
-        own gets {SOLVER_SHARE:g} of the tolerance for gaps [m], and {SOLVER_SHARE:g} of it per {RELAXATION:g} s for
-        velocities [m/s], at most its default: an error of velocity is forgotten within the relaxation time. Here the
-        rule is applied to shipped cases that part b does not use. The error is the distance to the positions at a
-        step, and at tolerances of the solver, {FINER} times smaller than the smallest, for everybody still inside at
-        the end."""
+        somebody wants or starts with, at most {LONGEST:g} s and shortened to a divisor of the tick; steps below
+        {SHORTEST:g} s are refused. A model's own tolerances become {SOLVER_SHARE:g} of the tolerance for gaps [m], and
+        {SOLVER_SHARE:g} of it per {RELAXATION:g} s for velocities [m/s], at most the default."""
     )
-    rows = [row for name, duration in cases for model in MODELS for row in _check(name, duration, model, tolerances)]
-    evidence.table("tolerance", rows, "Errors of positions [mm] over the tolerance.")
-    evidence.plot("tolerance", draw(rows), "Full: median error, dashed: greatest; the rule holds below the black line.")
     evidence.text(
-        f"""{_kept_in_words(rows)} Runs beyond it: {_beyond(rows)}. The rule controls the error of the step. It does not
-        control what a crowd in contact makes of that: there small differences grow from collision to collision, and
-        who passes first is chance."""
+        f"""Here the rule is applied to shipped cases that part b does not use. The error is the distance to the
+        positions at a step, and at tolerances of the solver, {FINER} times smaller than the smallest, for everybody
+        still inside at the end. The rule controls the error of the step, not what a crowd in contact makes of it:
+        small differences grow there from collision to collision."""
     )
+    caption = "Full: median error, dashed: greatest; the rule holds below the black line."
+    evidence.plot("tolerance", lambda: draw(rows), caption)
+    evidence.data("tolerance", rows, "Errors of positions [mm] over the tolerance")
 
 
-def _kept_in_words(rows: list[dict[str, Any]]) -> str:
-    """Say how many runs and people are within the tolerance, and at which times those that are not are."""
-    kept: dict[float, list[bool]] = {}
-    for row in rows:
-        kept.setdefault(row["until [s]"], []).append(row["greatest error [mm]"] <= row["tolerance [mm]"])
-    told = ", ".join(f"{len(some) - sum(some)} of {len(some)} runs to {until:g} s" for until, some in kept.items())
+def judge(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
+    """Add the verdicts: runs in which everybody is within the tolerance, and people who are."""
+    kept = [row["greatest error [mm]"] <= row["tolerance [mm]"] for row in rows]
+    evidence.verdict(all_of("Runs in which everybody keeps the tolerance", sum(kept), len(kept), SECTION))
     people = sum(row["people"] for row in rows)
-    within = sum(row["share within"] * row["people"] for row in rows) / people
-    return (
-        f"In {sum(map(sum, kept.values()))} of {len(rows)} runs everybody is within the tolerance; of the {people}"
-        f" people of all runs {100.0 * within:.1f} % are. Beyond it are {told}."
-    )
-
-
-def _beyond(rows: list[dict[str, Any]]) -> str:
-    """Return, by model, how many runs are beyond the tolerance, and how far at most."""
-    words = []
-    for model in MODELS:
-        over = [row["greatest error [mm]"] / row["tolerance [mm]"] for row in rows if row["model"] == model]
-        late = [one for one in over if one > 1.0]
-        if late:
-            words.append(f"{len(late)} of {len(over)} of {model}, by up to {max(late):.2g} times the tolerance")
-    return "; ".join(words) or "none"
+    within = round(sum(row["share within"] * row["people"] for row in rows))
+    evidence.verdict(all_of("People within the tolerance, all runs", within, people, SECTION))
 
 
 def _check(name: str, duration: float, model: str, tolerances: tuple[float, ...]) -> list[dict[str, Any]]:
@@ -102,14 +94,14 @@ def _check(name: str, duration: float, model: str, tolerances: tuple[float, ...]
 
 
 def walked(case: Case, duration: float) -> tuple[FloatArray, np.ndarray, float]:
-    """Return positions (n, 2) [m], who is inside, and the wall time of the ticks [s] after `duration` seconds."""
+    """Return positions (n, 2) [m], who is inside, and the CPU time of the ticks [s] after `duration` seconds."""
     simulation = Simulation(case)
     simulation.recorders = []
-    start = time.perf_counter()
+    start = time.process_time()
     while simulation.time < duration - 1e-9 and not simulation.ended:
         simulation.advance_tick()
     crowd = simulation.population.crowd
-    return crowd.position.copy(), crowd.level >= 0, time.perf_counter() - start
+    return crowd.position.copy(), crowd.level >= 0, time.process_time() - start
 
 
 def draw(rows: list[dict[str, Any]]) -> Any:

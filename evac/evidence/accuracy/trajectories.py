@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.errors import ScenarioError
-from evac.evidence.accuracy.data import add_data
-from evac.evidence.accuracy.orders import DRIVES, EXACT, draw, drive_finding, order_rows, orders_in_words
+from evac.evidence.accuracy.orders import CLOSE, DRIVES, EXACT, draw, drives_compared, order_rows, orders_off
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
-from evac.evidence.scenes import FloatArray, Scene, one_direction, room
+from evac.evidence.scenes import Scene, one_direction, room
+from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import make_crowd
-from evac.registry import Registry
 from evac.scenario.tolerance import ERROR_PER_PATH
 
 #: Everything is solved as far as it goes: what is left is the error of the step.
@@ -68,62 +69,61 @@ class Problem:
     second_order: frozenset[tuple[str, str]] = frozenset()
 
 
+SECTION = "b. Trajectories: error against the step"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute part b and add it to the page."""
-    registry = Registry()
-    halvings, finest = (4, 8) if evidence.quick else (7, 10)
+    """Add part b to the page."""
+    finest = LARGEST / 2 ** (8 if evidence.quick else 10)
     shifts = shifts_of(PHASES[0] if evidence.quick else PHASES[1])
-    steps = [LARGEST / 2**k for k in range(halvings)]
-    evidence.heading("b. Trajectories: error against the step")
+    rows = evidence.measured("trajectories", lambda: _rows(shifts, 4 if evidence.quick else 7, finest))
+    orders = order_rows(rows)
+    off = orders_off(orders)
+    known = sum(row["measured order"] is not None for row in orders)
+    question = f"Orders of convergence within {CLOSE:g} of the theoretical ones"
+    evidence.verdict(all_of(question, known - len(off), known, SECTION))
+    worst = max(row["error / (v h)"] for row in rows if row["h [s]"] < 0.0101)
+    evidence.verdict(at_most("Error over path of a step, h <= 0.01 s", worst, ERROR_PER_PATH, "v h", SECTION))
+    better, number = drives_compared(rows)
+    question = "Problems in which the default, exponential drive has the smaller error"
+    evidence.verdict(reported(question, f"{better} of {number}", "-", SECTION))
+    evidence.heading(SECTION)
     evidence.text(
-        f"""Error of the positions at the end of each problem (greatest over people, root mean square over {len(shifts)}
-        shifted starts, because it is chance when in a step a contact falls). Free walk and wall hit are compared
-        with their exact solutions, the others with the same model at a step of {LARGEST / 2**finest:.1e} s. Each
-        model is compared with the limit of its own law: this is the error of the step, not the difference between
-        laws. Steps that a model refuses are left out."""
+        f"""Error of the positions at the end of each problem (greatest over people, root mean square over
+        {len(shifts)} shifted starts, because it is chance when in a step a contact falls). Free walk and wall hit
+        are compared with their exact solutions, the others with the same model at a step of {finest:.1e} s: this is
+        the error of the step, not the difference between the laws. Steps that a model refuses are left out."""
     )
-    rows = [
+    evidence.text(
+        """Theory: first order, of half a step times the change of velocity from start to end; second order where
+        people start unaccelerated and the drive is exponential or none (DEM, NSM1 inertial). NSM2 looks for
+        contacts at the middle of a step and answers at its end, which is of first order. DEM's error is h^2 times a
+        factor that depends on what part of a step the length of the contact leaves over, which scatters its
+        measured orders."""
+    )
+    evidence.data("trajectory_orders", orders, "Orders of every problem, model and drive")
+    if off:
+        caption = "Those that are not the theoretical ones, over the five smallest steps and over the last halving."
+        evidence.table("trajectory_orders", off, caption)
+    evidence.plot(
+        "trajectories_step",
+        lambda: draw(rows, "h [s]"),
+        "Errors over the step; full: exponential, dashed: explicit, on each other where there is no drive. Errors below"
+        f" {EXACT:g} m, those of solver and rounding, are not drawn; models that have no others are named.",
+    )
+    evidence.plot("trajectories_time", lambda: draw(rows, "time [s]"), "The same errors over run time.")
+    evidence.data("trajectories", rows, "All errors")
+
+
+def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[dict[str, Any]]:
+    """Return the rows of all problems and models."""
+    steps = [LARGEST / 2**k for k in range(halvings)]
+    return [
         row
         for problem in PROBLEMS
         for label, plugin, parameters in VARIANTS
-        for row in measure(problem, label, plugin, parameters, shifts, steps, LARGEST / 2**finest, registry)
+        for row in measure(problem, label, plugin, parameters, shifts, steps, finest)
     ]
-    orders = order_rows(rows)
-    evidence.table(
-        "trajectory_orders",
-        orders,
-        "Measured orders of convergence (slope over the five smallest steps, and over the two smallest) beside the"
-        " theoretical ones, and the error at h = 0.01 s. A dash: no error of the step.",
-    )
-    evidence.text(
-        f"""{orders_in_words(orders)} What theory promises: positions that walk on with the new velocity are of first
-        order, with an error of half a step times the change of velocity from start to end, hence of second order
-        where people start unaccelerated and the drive is exponential or none (DEM; NSM1 inertial, which leaves bodies
-        touching wherever in a step they meet); of first order with the explicit drive. NSM2 looks for contacts at the
-        middle of a step and answers at its end: each contact is of first order. The scatter that is left in DEM's
-        orders is none of chance: its error is h^2 times a factor that depends on what part of a step the length of
-        the contact leaves over, which is the same for all starts; at large steps, of some ten to a contact, that part
-        of the error also hides the part of first order that an explicit drive makes."""
-    )
-    fine = [row for row in rows if row["h [s]"] < 0.0101]
-    worst = max(fine, key=lambda row: row["error / (v h)"])
-    start = max(fine, key=lambda row: row["worst start / (v h)"])
-    evidence.text(
-        f"""In units of the path walked in a step, v h, the error is at most {worst["error / (v h)"]:.2g} at steps up to
-        0.01 s ({worst["problem"]}, {worst["model"]}, {worst["drive"]}), from the worst of the starts
-        {start["worst start / (v h)"]:.2g} ({start["problem"]}, {start["model"]}, {start["drive"]}); the rule of
-        --tolerance counts on {ERROR_PER_PATH:g}."""
-    )
-    evidence.plot(
-        "trajectories_step",
-        draw(rows, "h [s]"),
-        "Errors over the step; full: exponential, dashed:"
-        f" explicit, on each other where there is no drive. Errors below {EXACT:g} m, those of solver and rounding, are"
-        " not drawn; models that have no others are named.",
-    )
-    evidence.finding(drive_finding(rows), "trajectories_step", "Errors of positions over the step")
-    evidence.plot("trajectories_time", draw(rows, "time [s]"), "The same errors over run time.")
-    add_data(evidence, "trajectories", rows, "All errors")
 
 
 def shifts_of(number: int) -> list[float]:
@@ -139,10 +139,9 @@ def measure(
     shifts: Sequence[float],
     steps: Sequence[float],
     finest: float,
-    registry: Registry,
 ) -> list[dict[str, Any]]:
-    """Return a row per drive and step: error over all shifts, run time."""
-    model = registry.get("contact_model", plugin)(**parameters)
+    """Return a row per drive and step: error over all shifts, CPU time."""
+    model = plugins().get("contact_model", plugin)(**parameters)
     truths = []
     for shift in shifts:
         if problem.exact is not None:
@@ -177,13 +176,14 @@ def measure(
 
 
 def walked(problem: Problem, model: ContactModel, shift: float, step: float, drive: str) -> tuple[FloatArray, float]:
-    """Return the positions at the end (n, 2) [m] and the time it took [s]."""
+    """Return the positions at the end (n, 2) [m] and the CPU time that it took [s]."""
     engine, crowd = problem.scene(shift).start()
+    engine.load(model)
     steps = round(problem.duration / step)
-    start = time.perf_counter()
+    start = time.process_time()
     # Ticks far apart: a person keeps its place in the list of bodies, and the warm start its memory.
     engine.advance(model, crowd, 0, steps, step, drive == "explicit", False)
-    return crowd.position, time.perf_counter() - start
+    return crowd.position, time.process_time() - start
 
 
 def _distance(places: FloatArray, truth: FloatArray) -> float:

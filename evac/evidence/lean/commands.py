@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from evac.evidence.report import Evidence, timed
+from evac.evidence.verdicts import reported
 from evac.running import run as run_case
 from evac.scenario.loading import load_case
 
@@ -21,9 +22,29 @@ print(evac.run(evac.load("square_room", sys.argv[2:]), sys.argv[1]).phases["outp
 """
 
 
+FRESH, AGAIN = "fresh process, with imports [ms]", "afterwards [ms]"
+
+
 def report_output(evidence: Evidence, repeats: int) -> None:
     """Add what picture and animation cost: the first time in a fresh process, and afterwards."""
     fresh = 1 if evidence.quick else 5
+    rows = evidence.measured("output", lambda: _output_rows(fresh, repeats))
+    section = "Picture and animation"
+    for row in rows[1:]:
+        what = "picture" if row["picture"] == "in" else "animation"
+        told = f"{row[FRESH]:.0f} ms, then {row[AGAIN]:.0f} ms"
+        evidence.verdict(reported(f"Square room: {what}, in a fresh process and again", told, "-", section))
+    evidence.heading(section)
+    evidence.table(
+        "output",
+        rows,
+        f"Time of the output of the square room; medians of {fresh} fresh processes and of {repeats} runs in this one, "
+        "which has loaded matplotlib.",
+    )
+
+
+def _output_rows(fresh: int, repeats: int) -> list[dict[str, Any]]:
+    """Return the row of no output, of the picture and of the animation."""
     rows: list[dict[str, Any]] = []
     for picture, animation in ((False, False), (True, False), (False, True)):
         switches = {"output.picture": picture, "output.animation": animation}
@@ -31,17 +52,11 @@ def report_output(evidence: Evidence, repeats: int) -> None:
             {
                 "picture": "in" if picture else "out",
                 "animation": "in" if animation else "out",
-                "fresh process, with imports [ms]": 1e3 * float(np.median([_fresh(switches) for _ in range(fresh)])),
-                "afterwards [ms]": 1e3 * float(np.median([_again(switches) for _ in range(repeats + 1)][1:])),
+                FRESH: 1e3 * float(np.median([_fresh(switches) for _ in range(fresh)])),
+                AGAIN: 1e3 * float(np.median([_again(switches) for _ in range(repeats + 1)][1:])),
             }
         )
-    evidence.heading("Picture and animation")
-    evidence.table(
-        "output",
-        rows,
-        f"Time of the output of the square room; medians of {fresh} fresh processes and of {repeats} runs in this one, "
-        "which has loaded matplotlib.",
-    )
+    return rows
 
 
 def _fresh(switches: dict[str, bool]) -> float:
@@ -56,6 +71,10 @@ def _again(switches: dict[str, bool]) -> float:
     """Return the time of the output of a run in this process [s]."""
     with TemporaryDirectory() as folder:
         return run_case(load_case("square_room", switches), Path(folder) / "result").phases["output"]
+
+
+#: Commands whose times stand at the head of the page.
+SHOWN = ("evac --help", "evac check primary_school", "evac run square_room")
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
@@ -80,12 +99,29 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 
 def report_commands(evidence: Evidence) -> None:
-    """Add the start-up time of each command; a quick run leaves out the school."""
+    """Add the start-up time of each command."""
     repeats = 1 if evidence.quick else 9
+    rows = evidence.measured("commands", lambda: _command_rows(evidence.quick, repeats))
+    section = "Start-up of each command"
+    for row in rows:
+        if row["command"] in SHOWN:
+            evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
+    evidence.heading(section)
+    evidence.text(
+        """Run, repeat, export and render include the work that they are called for, on the square room with its
+        picture and animation as shipped; render draws one picture."""
+    )
+    evidence.table(
+        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
+    )
+
+
+def _command_rows(quick: bool, repeats: int) -> list[dict[str, Any]]:
+    """Return the row of each command; a quick run leaves out the school."""
     rows: list[dict[str, Any]] = []
     with TemporaryDirectory() as folder:
         for name, arguments in commands(Path(folder)).items():
-            if evidence.quick and "primary_school" in arguments:
+            if quick and "primary_school" in arguments:
                 continue
             start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
             timing = timed(start, repeats)
@@ -99,12 +135,4 @@ def report_commands(evidence: Evidence) -> None:
                     "reference run [ms]": 1e3 * timing.reference,
                 }
             )
-    evidence.heading("Start-up of each command")
-    evidence.text(
-        """Run, repeat, export and render include the work that they are called for, on the square room with its
-        picture and animation as shipped; render draws one picture. Of evidence, which takes minutes, only the help is
-        timed."""
-    )
-    evidence.table(
-        "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
-    )
+    return rows

@@ -10,14 +10,17 @@ import numpy as np
 from evac.directions.routes import STRATEGIES
 from evac.evidence.lean import unused_route
 from evac.evidence.lean.commands import report_commands, report_output
+from evac.evidence.lean.kernels import KernelCase, report_kernels
 from evac.evidence.models import model_overrides
-from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.report import Evidence
+from evac.evidence.verdicts import all_of, reported
+from evac.physics.overlaps import separate
+from evac.physics.seams import reaches
 from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
 MODELS = ("DEM", "NSM1 inertial", "NSM2")
-SCENES = ("square_room", "primary_school")
 
 #: Arrays of the crowd that must be the same to the last bit, at every tick.
 COMPARED = ("position", "velocity", "level", "distance", "exit_time")
@@ -38,8 +41,9 @@ class Part:
         What names it in a case that does not need it.
     full : bool
         Whether unused fields, forces and behaviours are forced in (``evac run --full``).
-    tests : bool
-        Whether the compiled step is told to do what it need not (``evac run --full``, too).
+    loop : tuple of str
+        What is forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and
+        ``"tests"``, which makes it do what it need not.
     base : Part, optional
         The run that it is compared with, which has everything else; None compares with nothing.
     """
@@ -47,12 +51,19 @@ class Part:
     name: str
     overrides: Mapping[str, Any] = field(default_factory=dict)
     full: bool = False
-    tests: bool = False
+    loop: tuple[str, ...] = ()
     base: "Part | None" = None
 
 
 LEAN = Part("nothing")
 FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
+
+#: What `evac explain` says of the kernels that the step loop may not need, by their attributes of `Parts`.
+LOOP = {
+    "seams": "contacts across portals",
+    "stronger": "which tries again",
+    "separation": "separation of overlaps",
+}
 
 #: What a case can name without needing it.
 NAMED = (
@@ -65,41 +76,78 @@ NAMED = (
 
 def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
     """Return the parts that can be forced into a shipped case under a model, which needs none of them."""
-    used = {route.strategy for route in Simulation(load_case(name)).fields.routes}
+    simulation = Simulation(load_case(name, model_overrides(model)))
+    used = {route.strategy for route in simulation.fields.routes}
     parts = [
         Part(f"fields: {strategy}", {"behaviours.unused_route": {"strategy": strategy}}, base=LEAN)
         for strategy in STRATEGIES
         if strategy not in used
     ]
     parts.append(FIELDS)
+    for label, is_in, _ in simulation.engine.explain(simulation.contact):
+        if not is_in:
+            part = next(part for part, words in LOOP.items() if words in label)
+            parts.append(Part(label, loop=(part,), base=LEAN))
     tests = "portals: tests for walls, portals and exits"
     if model == "NSM2":
         sticky = Part("tangential law", {"contact.nsm2.tangential_dissipation": TANGENTIAL})
-        parts.append(Part(tests, sticky.overrides, tests=True, base=sticky))
-        parts.append(Part("tangential contact, with these tests", tests=True, base=LEAN))
+        parts.append(Part(tests, sticky.overrides, loop=("tests",), base=sticky))
+        parts.append(Part("tangential contact, with these tests", loop=("tests",), base=LEAN))
     else:
-        parts.append(Part(tests, tests=True, base=LEAN))
+        parts.append(Part(tests, loop=("tests",), base=LEAN))
     return [*parts, *named]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: seconds of set-up and of the loop, and the arrays of every tick."""
+    """One run: CPU time of set-up and of the loop [s], and the arrays of every tick."""
 
     setup: float
     loop: float
     states: list[dict[str, np.ndarray]]
 
 
+PARTS = "Parts forced in"
+
+
 def run(evidence: Evidence) -> None:
-    """Compute the page."""
+    """Measure and write the page."""
     rounds, school_rounds = (2, 1) if evidence.quick else (25, 5)
-    rows = scene_rows("square_room", 10.0, NAMED, rounds)
-    rows += scene_rows("primary_school", 2.0 if evidence.quick else 20.0, NAMED[-1:], school_rounds)
+    rows = evidence.measured("parts", lambda: _part_rows(evidence.quick, rounds, school_rounds))
+    same = sum(row["same bits"] == "yes" for row in rows)
+    evidence.verdict(all_of("Parts forced in without changing a bit of any trajectory", same, len(rows), PARTS))
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        for column in ("loop [%]", "set-up [ms]"):
+            most = max((row for row in rows if row["scene"] == scene), key=lambda row: row[column])
+            told = f"{most[column]:+.0f} ({most['part forced in']}, {most['model']})"
+            evidence.verdict(reported(f"{scene}: most expensive part, {column}", told, "-", PARTS))
     _report_parts(evidence, rows, f"{rounds} rounds for the square room, {school_rounds} for the school")
+    report_kernels(evidence, _kernel_cases(evidence.quick))
     report_output(evidence, rounds)
     report_commands(evidence)
-    evidence.write_page("Leaving out what a scene does not need")
+    evidence.write_page(
+        "Leaving out what a scene does not need",
+        "Examined: what fields, forces, behaviours and tests cost where a scene does not need them, whether forcing"
+        " them in changes the result, which kernels a scene compiles and loads, and how long each command takes to"
+        " start.",
+    )
+
+
+def _part_rows(quick: bool, rounds: int, school_rounds: int) -> list[dict[str, Any]]:
+    """Return the rows of both scenes."""
+    rows = scene_rows("square_room", 10.0, NAMED, rounds)
+    return rows + scene_rows("primary_school", 2.0 if quick else 20.0, NAMED[-1:], school_rounds)
+
+
+def _kernel_cases(quick: bool) -> list[KernelCase]:
+    """Return the cases whose kernels are compared; a quick run has one."""
+    everything = {key: value for part in NAMED for key, value in part.overrides.items()}
+    cases = [
+        KernelCase(scene, model, model_overrides(model), named)
+        for scene, named in (("square_room", everything), ("primary_school", dict(NAMED[-1].overrides)))
+        for model in MODELS
+    ]
+    return cases[:1] if quick else cases
 
 
 def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
@@ -114,8 +162,8 @@ def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -
         parts = parts_of(name, model, named)
         variants = {part.name: part for part in [LEAN, *(part.base for part in parts if part.base), *parts]}
         cases = {key: load_case(name, {**shared, **part.overrides}, (), registry) for key, part in variants.items()}
-        trial(cases[LEAN.name], LEAN)  # not counted: the kernels are loaded
-        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds)]
+        # The first round is not counted: it loads the kernels.
+        trials = [{key: trial(cases[key], part) for key, part in variants.items()} for _ in range(rounds + 1)][1:]
         for part in parts:
             rows.append({"scene": name, "model": model} | _part_row(part, trials))
     return rows
@@ -142,18 +190,33 @@ def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, An
 
 def trial(case: Any, part: Part) -> Trial:
     """Run a case tick by tick with a part forced in."""
-    start = time.perf_counter()
+    start = time.process_time()
     simulation = Simulation(case, full=part.full)
-    ready = time.perf_counter()
-    simulation.engine.full = part.tests
+    force(simulation, part.loop)
+    ready = time.process_time()
     spent, states = 0.0, []
     while not simulation.ended:
-        tick = time.perf_counter()
+        tick = time.process_time()
         simulation.advance_tick()
-        spent += time.perf_counter() - tick
+        spent += time.process_time() - tick
         crowd = simulation.population.crowd
         states.append({name: getattr(crowd, name).copy() for name in COMPARED})
     return Trial(ready - start, spent, states)
+
+
+def force(simulation: Simulation, loop: Sequence[str]) -> None:
+    """Load what the scene needs into the step loop, and what is forced in, see `Part`."""
+    engine, model = simulation.engine, simulation.contact
+    engine.full = False
+    engine.load(model)
+    parts, solvers = engine.state.parts, simulation.registry.solvers
+    if "seams" in loop:
+        parts.seams = reaches.address
+    if "stronger" in loop:
+        parts.stronger = solvers[solvers[model.values()["solver"]].stronger].solve.address
+    if "separation" in loop:
+        parts.separation = separate.address
+    engine.full = "tests" in loop
 
 
 def same_bits(one: Trial, other: Trial) -> bool:
@@ -167,63 +230,21 @@ def same_bits(one: Trial, other: Trial) -> bool:
 
 def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
     """Add what the parts cost."""
-    same = sum(row["same bits"] == "yes" for row in rows)
-    told = "A quick run is too short to tell what it costs."
-    if not evidence.quick:
-        told = f"Greatest costs: {'; '.join(_greatest(rows, scene) for scene in SCENES)}."
-    evidence.text(
-        f"""Forcing in what a scene does not need leaves the trajectories the same to the last bit in {same} of
-        {len(rows)} comparisons. {told}"""
-    )
-    evidence.heading("Parts forced in")
+    evidence.heading(PARTS)
     evidence.text(
         f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,
-        in turns ({rounds}). A cost is the difference to the run without the part in the same round: the median, and the
-        least and the greatest, between which noise may lie on both sides of zero. After every tick
-        {", ".join(COMPARED)} of everybody are compared byte by byte with that run. A field is forced in by a behaviour
-        that offers its route to nobody; forces and behaviours are named by the case without being needed, and are
-        compared with a run that has the fields of all strategies. The tests of every body in every step for walls,
-        portals and exits on its path are switched on in the compiled step; the same switch turns on NSM2's tangential
-        law at K_T = 0, so that there the tests alone are measured at K_T = {TANGENTIAL:g} kg, where both runs need the
-        law. Stair speeds and a contact solve in a step without contacts cannot be forced in, and a position correction
-        would change the trajectories."""
+        in turns ({rounds}). A cost is the median difference of CPU time to the run without the part in the same
+        round, which noise may put below zero. After every tick {", ".join(COMPARED)} of everybody are compared byte by
+        byte."""
     )
-    formats = {"loop [%]": "+.1f", "loop, least [%]": "+.1f", "loop, greatest [%]": "+.1f"}
-    evidence.table("parts", rows, "What each part adds when forced in.", formats)
-    _plot_parts(evidence, rows)
-
-
-def _greatest(rows: Sequence[dict[str, Any]], scene: str) -> str:
-    """Return which parts cost most in a scene, in the loop and in the set-up."""
-    own = [row for row in rows if row["scene"] == scene]
-    loop = max(own, key=lambda row: float(row["loop [%]"]))
-    setup = max(own, key=lambda row: float(row["set-up [ms]"]))
-    return (
-        f"{scene}: {loop['loop [%]']:+.0f} % of the loop ({loop['part forced in']}, {loop['model']}) and "
-        f"{setup['set-up [ms]']:+.0f} ms of set-up ({setup['part forced in']}, {setup['model']})"
+    evidence.text(
+        f"""A field is forced in by a behaviour that offers its route to nobody. Forces and behaviours are named by the
+        case without being needed, and compared with a run that has the fields of all strategies. Kernels that the step
+        loop does not need, or not yet, are loaded before the run. The tests of every body for walls, portals and exits
+        on its path are switched on in the compiled step, together with NSM2's tangential law; at K_T =
+        {TANGENTIAL:g} kg, where both runs need that law, the tests are measured alone. Stair speeds, and a contact
+        solve in a step without contacts, cannot be forced in."""
     )
-
-
-def _plot_parts(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
-    """Draw what each part adds to the loop, with its range, a column for each scene and a bar for each model."""
-    names = list(dict.fromkeys(row["part forced in"] for row in rows))
-    figure, axes = new_figure(10.0, 1.0 + 0.5 * len(names), 1, len(SCENES), sharey=True)
-    height = 0.8 / len(MODELS)
-    for axis, scene in zip(axes, SCENES, strict=True):
-        for shift, model in enumerate(MODELS):
-            own = [row for row in rows if row["scene"] == scene and row["model"] == model]
-            place = [names.index(row["part forced in"]) + height * (shift - 0.5 * (len(MODELS) - 1)) for row in own]
-            middle = [row["loop [%]"] for row in own]
-            ends = [
-                [row["loop [%]"] - row["loop, least [%]"] for row in own],
-                [row["loop, greatest [%]"] - row["loop [%]"] for row in own],
-            ]
-            axis.barh(place, middle, height, color=MODEL_COLOURS[model], label=model)
-            axis.errorbar(middle, place, xerr=ends, fmt="none", ecolor="0.4", elinewidth=0.8)
-        axis.axvline(0.0, color="0.3", linewidth=0.8)
-        axis.set(xlabel="added to the loop [%]", title=scene)
-    axes[0].set_yticks(range(len(names)), names, fontsize=8)
-    axes[0].invert_yaxis()
-    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, ncols=len(MODELS), loc="outside upper center")
-    caption = "What each part adds to the loop: median, least and greatest; parts without bars are not in that scene."
-    evidence.plot("parts", figure, caption)
+    caption = "What each part adds when forced in; the file has the extremes."
+    columns = ("scene", "model", "part forced in", "set-up [ms]", "loop [%]", "same bits")
+    evidence.table("parts", rows, caption, {"loop [%]": "+.1f"}, columns)

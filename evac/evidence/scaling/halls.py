@@ -5,17 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
 from evac.directions.routes import Route
 from evac.people.distributions import generator_for
 from evac.physics.state import Crowd, make_crowd
-
-FloatArray = NDArray[np.float64]
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].
 RADIUS = (0.2, 0.24)

@@ -1,48 +1,50 @@
 """Kernels that repeat one phase of a step on a crowd as it stands, to time the phases apart."""
 
 from evac.jit import kernel
-from evac.physics import stepping
-from evac.physics.motion import restore, save
+from evac.physics.contacts import find_contacts
+from evac.physics.drive import drive, drive_overdamped, set_desired
+from evac.physics.driver import conclude, cut, open_step
 from evac.physics.neighbours import build_lists
+from evac.physics.state import State
+from evac.physics.status import OK
 
 
 @kernel
-def repeat_lists(world, bodies, lists, repeats):
+def repeat_lists(state: State, repeats: int) -> int:
     """Build the neighbour lists so many times; return the last status."""
-    status = 0
+    status = OK
     for _ in range(repeats):
-        status = build_lists(world, bodies, lists)
+        status = build_lists(state.world, state.bodies, state.lists)
     return status
 
 
 @kernel
-def repeat_search(world, bodies, lists, contacts, tally, repeats):
+def repeat_search(state: State, repeats: int) -> int:
     """Find the contacts within the reaches of the last step so many times; return the last status."""
-    status = 0
+    status = OK
     for _ in range(repeats):
-        status = stepping.seek(world, bodies, lists, contacts)
+        status = find_contacts(state)
     return status
 
 
 @kernel
-def repeat_drive(world, bodies, lists, forces, clock, tally, time, overdamped, repeats):
-    """Set the desired directions and free velocities so many times; return the last status."""
-    status = 0
+def repeat_drive(state: State, repeats: int) -> int:
+    """Set the desired directions and free velocities so many times; return a status, OK."""
     for _ in range(repeats):
-        status, _fastest = stepping.free_motion(
-            world, bodies, lists, forces, clock, tally, time, clock.step, overdamped
-        )
-    return status
+        set_desired(state.world, state.bodies)
+        if state.traits.overdamped:
+            drive_overdamped(state)
+        else:
+            drive(state)
+    return OK
 
 
 @kernel
-def repeat_move(world, bodies, lists, contacts, events, clock, tally, time, old_share, repeats):
-    """Save, sum the work, move and go back so many times; return the last status."""
-    status = 0
-    fired = events.count[0]
+def repeat_move(state: State, repeats: int) -> int:
+    """Save, sum the work, keep the percussions, move and go back so many times; return the last status."""
+    status = OK
     for _ in range(repeats):
-        save(bodies)
-        status = stepping.finish(world, bodies, lists, contacts, events, clock, tally, time, clock.step, old_share)
-        restore(bodies, lists)
-        events.count[0] = fired
+        open_step(state)
+        status = conclude(state)
+        cut(state, OK, 1)
     return status

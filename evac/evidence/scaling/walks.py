@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from evac.evidence.models import COARSE, make_model
+from evac.evidence.models import COARSE, make_engine, make_model
 from evac.evidence.scaling.halls import Hall
+from evac.jit import Struct
 from evac.physics.contact_model import ContactModel
-from evac.physics.engine import Engine
 from evac.physics.state import Crowd, copy_of
 from evac.physics.world import make_world
 
@@ -63,7 +63,7 @@ class Walk:
 
     def __init__(self, hall: Hall, step: float) -> None:
         self.crowd: Crowd = copy_of(hall.crowd)
-        self.engine = Engine(make_world(hall.building, hall.fields), len(self.crowd.level), [])
+        self.engine = make_engine(make_world(hall.building, hall.fields), len(self.crowd.level))
         self.step = step
         self.per_tick = round(TICK / step)
         self.made = 0  # steps
@@ -144,7 +144,7 @@ class Cost:
 
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
-    """Time some ticks of a walk, Python's part included.
+    """Take the CPU time of some ticks of a walk, Python's part included.
 
     Raises
     ------
@@ -155,9 +155,9 @@ def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
     before = walk.engine.report()
     for _ in range(ticks):
         inside = walk.inside
-        start = time.perf_counter()
+        start = time.process_time()
         walk.advance(model)
-        spans.append((time.perf_counter() - start) / walk.per_tick)
+        spans.append((time.process_time() - start) / walk.per_tick)
         per_person.append(spans[-1] / max(inside, 1))
     after = walk.engine.report()
     steps = ticks * walk.per_tick
@@ -170,12 +170,13 @@ def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
     )
 
 
-def memory(walk: Walk) -> int:
-    """Return the bytes of all arrays that grow with the people."""
-    engine = walk.engine
-    return sum(_bytes(bundle) for bundle in (walk.crowd, engine.bodies, engine.lists, engine.contacts, engine.events))
+def memory(walk: Walk, model: ContactModel) -> int:
+    """Return the bytes of all arrays that grow with the people, those of the model's law among them."""
+    state, people = walk.engine.state, len(walk.crowd.level)
+    growing = (state.bodies, state.lists, state.contacts, state.warm_start, state.problem, state.events)
+    return sum(map(_bytes, (walk.crowd, *growing, model.own(people, state.world))))
 
 
-def _bytes(bundle: Any) -> int:
-    """Return the bytes of an array, or of all arrays in a bundle."""
-    return int(bundle.nbytes) if isinstance(bundle, np.ndarray) else sum(_bytes(part) for part in bundle)
+def _bytes(struct: Struct) -> int:
+    """Return the bytes of all arrays in a struct."""
+    return sum(value.nbytes for value in struct.values().values() if isinstance(value, np.ndarray))

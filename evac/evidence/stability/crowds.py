@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 from evac.evidence import scenes
+from evac.evidence.models import plugins
 from evac.evidence.report import Evidence, new_figure
-from evac.evidence.scenes import Bounds, FloatArray, Scene
-from evac.evidence.stability.maps import Cell, write_cells
+from evac.evidence.scenes import Bounds, Scene
+from evac.evidence.stability.maps import Cell, cell_rows
 from evac.evidence.stability.trial import (
+    REFUSED,
     VARIANTS,
     Trial,
     Verdict,
@@ -24,8 +27,8 @@ from evac.evidence.stability.trial import (
     last_speed,
     make_model,
 )
+from evac.evidence.verdicts import all_of, at_most, reported
 from evac.physics.contact_model import ContactModel
-from evac.physics.solvers import SOLVERS
 from evac.physics.state import Crowd, make_crowd
 
 #: Greatest speed of a crowd that stands [m/s].
@@ -42,15 +45,37 @@ COLUMNS = 8
 
 ROOM = (0.0, 0.0, 6.0, 4.0)
 
+#: Columns of the table of standing crowds.
+STANDING_AXES = ("step h [s]", "bound [m/s]")
 
-def dissipation(evidence: Evidence) -> None:
+
+def dissipation(evidence: Evidence) -> list[str]:
     """Try NSM2 at K_N from 0 to infinity with each solver: restitution, and bodies squeezed between walls."""
-    values = [0.0, 1e2, 1e5, np.inf] if evidence.quick else [0.0, *10.0 ** np.arange(0.0, 9.1), np.inf]
+    rows = evidence.measured("dissipation", lambda: _dissipation_rows(evidence.quick))
+    section = "NSM2: dissipation from zero to infinity"
+    off = max(abs(row[f"{name}: restitution"] - row[f"{name}: theory"]) for row in rows for name in ("pair", "wall"))
+    evidence.verdict(at_most("NSM2: greatest error of the coefficient of restitution", off, SMALL_SPEED, "", section))
+    evidence.text(
+        """NSM2 from K_N = 0 to infinity at h = 0.01 s with every solver: a pair of 60 and 100 kg head-on, a wall
+        hit of 80 kg, and a squeeze of five people of 80 kg who overlap between two walls 1.9 m apart and walk
+        against one of them for 2 s. The percussions of the squeeze grow with K_N; at infinity its first step has no
+        solution and is solved again with K_N = 1e5, counted as a fallback. Right: at most 2 mm more overlap than at
+        the start; degraded: 2 cm (h v)."""
+    )
+    evidence.data("dissipation", rows, "Restitution and squeeze")
+    caption = "Restitution of NSM2, measured with every solver, over the theory."
+    evidence.plot("dissipation", lambda: _draw_restitution(rows), caption)
+    return []
+
+
+def _dissipation_rows(quick: bool) -> list[dict[str, Any]]:
+    """Return the row of each K_N and solver."""
+    values = [0.0, 1e2, 1e5, np.inf] if quick else [0.0, *10.0 ** np.arange(0.0, 9.1), np.inf]
     pair = _without_walking(ROOM, [(2.5, 2.0), (2.92, 2.0)], [(1.5, 0.0), (-1.0, 0.0)], mass=np.array([60.0, 100.0]))
     wall = _without_walking(ROOM, [(5.7, 2.0)], [(1.5, 0.0)], mass=80.0)
     rows: list[dict[str, Any]] = []
     for value in values:
-        for solver in SOLVERS:
+        for solver in plugins().solvers:
             model = make_model("NSM2 K_N = 1e5", normal_dissipation=value, solver=solver)
             row: dict[str, Any] = {"K_N [kg]": value, "solver": solver}
             for name, scene, rebound, mass in (
@@ -62,18 +87,7 @@ def dissipation(evidence: Evidence) -> None:
                 row |= {f"{name}: restitution": rebound(trial), f"{name}: theory": expected}
                 row[name] = judge(trial, partial(_off, rebound, expected), SMALL_SPEED, SMALL_SPEED, "").kind
             rows.append(row | _try_squeeze(model))
-    evidence.table(
-        "dissipation",
-        rows,
-        "NSM2 from K_N = 0 to infinity, h = 0.01 s: a pair of 60 and 100 kg head-on and a wall hit of 80 kg, right to "
-        "1e-3; and a squeeze: five people of 80 kg who overlap between two walls 1.9 m apart, at 0.1 m/s to and fro, "
-        "and walk against one of them for 2 s (2 m/s, tau 0.5 s). All six contacts oppose each other there: the "
-        "percussions of the first step grow with K_N, and at infinity the step has no solution and is solved again "
-        "with K_N = 1e5, counted as a fallback. The reported force is that of a solve with K_N = 0. Right: at most "
-        "2 mm more overlap than at the start; degraded: h v more, 2 cm.",
-        {key: ".6f" for key in rows[0] if "restitution" in key or "theory" in key},
-    )
-    _draw_restitution(evidence, rows)
+    return rows
 
 
 def restitution(dissipation: float, mass: float) -> float:
@@ -103,7 +117,7 @@ def _try_squeeze(model: ContactModel) -> dict[str, Any]:
     start = deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
     engine.advance(model, crowd, 0, 1, 0.01, False, False)
-    percussion = float(engine.contacts.percussion[: engine.contacts.count[0]].max())
+    percussion = float(engine.state.contacts.percussion[: engine.state.contacts.number].max())
     trial = attempt(model, scene, 0.01, 2.0)
     verdict = judge(trial, lambda _: max(0.0, greatest_overlap(trial) - start), 2e-3, 0.02, "m", is_reported=True)
     return {
@@ -131,7 +145,8 @@ def _off(rebound: Callable[[Trial], float], expected: float, trial: Trial) -> fl
     return abs(rebound(trial) - expected)
 
 
-def _draw_restitution(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> None:
+def _draw_restitution(rows: Sequence[dict[str, Any]]) -> Any:
+    """Draw measured and theoretical restitution over K_N."""
     figure, axis = new_figure(6.5, 4.0)
     smooth = np.logspace(-0.5, 10.0, 400)
     finite = [row for row in rows if 0.0 < row["K_N [kg]"] < np.inf]
@@ -143,7 +158,7 @@ def _draw_restitution(evidence: Evidence, rows: Sequence[dict[str, Any]]) -> Non
     axis.set_xlabel("K_N [kg]")
     axis.set_ylabel("coefficient of restitution")
     axis.legend(fontsize=8)
-    evidence.plot("dissipation", figure, "Restitution of NSM2, measured with every solver, over the theory.")
+    return figure
 
 
 def standing_crowd() -> Scene:
@@ -154,43 +169,43 @@ def standing_crowd() -> Scene:
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
 
-def standing(evidence: Evidence) -> None:
+def standing(evidence: Evidence) -> list[str]:
     """Tabulate the greatest speed of 40 people pressed against a wall, for all models, solvers, drives and steps."""
-    steps = [0.1, 0.01] if evidence.quick else [0.1, 0.03, 0.01, 1e-3, 1e-4]
-    default = make_model("NSM1 inertial").values()["solver"]
-    chosen = [
-        (variant, solver, drive)
-        for variant in VARIANTS
-        for solver in (("",) if variant == "DEM" else SOLVERS)
-        for drive in ("exponential", "explicit")
-        if not evidence.quick or (drive == "exponential" and solver in ("", default))
-    ]
-    rows: list[dict[str, Any]] = []
-    cells: list[Cell] = []
-    falls: dict[str, list[float]] = {variant: [] for variant, _, _ in chosen}
-    for variant, solver, drive in chosen:
-        row: dict[str, Any] = {"model": variant, "solver": solver or "-", "drive": drive}
-        for step in steps:
-            verdict = try_standing(variant, solver, drive == "explicit", step)
-            row[f"h = {step:g} s"] = f"{verdict.error:.2g}" if np.isfinite(verdict.error) else verdict.kind
-            cells.append(Cell(f"{variant}, {solver}, {drive}", step, STANDS, verdict))
-            if verdict.error > STANDS:
-                falls[variant].append(verdict.error)
-        rows.append(row)
-    write_cells(evidence, "standing_cells", cells, ("step h [s]", "bound [m/s]"))
-    evidence.table(
-        "standing",
-        rows,
-        f"Greatest speed [m/s] of 40 people pressed against a wall, over the last of 10 s; they stand where it is "
-        f"below {STANDS} m/s. At h = 1e-4 s the crowd starts from where h = 1e-3 s left it, and gets 2 s. What each "
-        "run counted is in [standing_cells.csv](standing_cells.csv).",
+    found = evidence.measured("standing_cells", lambda: cell_rows(_standing_cells(evidence.quick), STANDING_AXES))
+    section = "Standing crowds"
+    rows: dict[str, dict[str, Any]] = {}
+    still: dict[str, list[bool]] = {}
+    for cell in found:
+        variant, solver, drive = cell["panel"].split(", ")
+        row = rows.setdefault(cell["panel"], {"model": variant, "solver": solver or "-", "drive": drive})
+        speed = cell["error"]
+        row[f"h = {cell[STANDING_AXES[0]]:g} s"] = f"{speed:.2g}" if np.isfinite(speed) else cell["verdict"]
+        if cell["verdict"] != REFUSED:
+            still.setdefault(variant, []).append(speed <= STANDS)
+    for variant, stands in still.items():
+        evidence.verdict(all_of(f"{variant}: runs in which a standing crowd stands", sum(stands), len(stands), section))
+    evidence.text(
+        f"""Greatest speed of 40 people pressed against a wall, over the last of 10 s, for every model, solver,
+        drive and step; they stand where it is at most {STANDS} m/s. At h = 1e-4 s the crowd starts from where h =
+        1e-3 s left it, and gets 2 s. NSM2 with restitution returns each push of the drive, so that its crowds
+        jitter."""
     )
-    for variant, speeds in falls.items():
-        tried = len(steps) * sum(row["model"] == variant for row in rows)
-        words = "stands in every run that is not refused"
-        if speeds:
-            words = f"does not stand in {len(speeds)} of {tried} runs, with up to {max(speeds):.2g} m/s"
-        evidence.text(f"- {variant} {words}.")
+    evidence.data("standing", list(rows.values()), "Speeds [m/s]")
+    evidence.data("standing_cells", found, "What each run counted")
+    return [cell["verdict"] for cell in found]
+
+
+def _standing_cells(quick: bool) -> list[Cell]:
+    """Return a cell for each model, solver, drive and step; a quick run has the default solver and drive only."""
+    default = make_model("NSM1 inertial").values()["solver"]
+    return [
+        Cell(f"{variant}, {solver}, {drive}", step, STANDS, try_standing(variant, solver, drive == "explicit", step))
+        for variant in VARIANTS
+        for solver in (("",) if variant == "DEM" else plugins().solvers)
+        for drive in ("exponential", "explicit")
+        if not quick or (drive == "exponential" and solver in ("", default))
+        for step in ([0.1, 0.01] if quick else [0.1, 0.03, 0.01, 1e-3, 1e-4])
+    ]
 
 
 def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verdict:
@@ -220,8 +235,22 @@ def tolerable_jitter(variant: str, step: float) -> float:
     return left + step * WALKING / 0.5 if variant == "NSM2 K_N = 0" else WALKING
 
 
-def static_overlap(evidence: Evidence) -> None:
+def static_overlap(evidence: Evidence) -> list[str]:
     """Tabulate the overlap of one person pressed against a wall under DEM, beside F / k."""
+    rows = evidence.measured("static_overlap", _static_rows)
+    told = f"{max(row['error'] for row in rows):.1g}"
+    evidence.verdict(reported("DEM: static overlap, relative error", told, "0 (theory)", "DEM: stiffness and step"))
+    evidence.text(
+        """DEM, one person of 80 kg pressed against a wall for 4 s, tau = 0.1 s: the overlap is F / k, with the
+        exponential drive times (1 - exp(-h/tau)) tau / h, for a step pushes with m v (1 - exp(-h/tau)) instead of F
+        h."""
+    )
+    evidence.data("static_overlap", rows, "Overlaps")
+    return []
+
+
+def _static_rows() -> list[dict[str, Any]]:
+    """Return the row of each stiffness, load and drive."""
     tau = 0.1
     cases = [
         (stiffness, speed, 0.1 * float(np.sqrt(80.0 / stiffness)), drive)
@@ -250,18 +279,27 @@ def static_overlap(evidence: Evidence) -> None:
                 "error": abs(last_overlap(trial) * stiffness / (load * share) - 1.0),
             }
         )
-    evidence.table(
-        "static_overlap",
-        rows,
-        "DEM, one person of 80 kg pressed against a wall for 4 s, tau = 0.1 s. A step of the exponential drive pushes "
-        "with m v (1 - exp(-h/tau)), which is less than F h by the stated share; so are overlap and reported force.",
-        {"overlap over F / k": ".6f", "theory": ".6f"},
-    )
+    return rows
 
 
-def reported_force(evidence: Evidence) -> None:
+def reported_force(evidence: Evidence) -> list[str]:
     """Tabulate the contact force reported for a person in a pressed row, over the steps, beside the load's."""
-    steps = [0.01] if evidence.quick else [0.1, 0.01, 1e-3, 1e-4]
+    rows = evidence.measured("reported_force", lambda: _force_rows(evidence.quick))
+    evidence.table(
+        "reported_force",
+        rows,
+        "Contact force reported for the first of five people of 80 kg in a row who press against a wall (1.5 m/s, tau "
+        "0.5 s), over the force by hand, 9 m v / tau: the wall holds all five, the second one passes on four. Mean and "
+        "standard deviation of 100 moments, 0.01 s apart, after 2 s. A solver's residual of w m/s is an uncertainty of "
+        "m w / h: forces of short steps need a smaller velocity_tolerance. NSM2 with restitution returns each push of "
+        "the drive, so that its contacts open and close, and the force comes and goes.",
+    )
+    return []
+
+
+def _force_rows(quick: bool) -> list[dict[str, Any]]:
+    """Return the row of each model and drive."""
+    steps = [0.01] if quick else [0.1, 0.01, 1e-3, 1e-4]
     rows = []
     for variant in VARIANTS:
         if variant == "NSM1 overdamped":
@@ -274,15 +312,7 @@ def reported_force(evidence: Evidence) -> None:
                 row[f"h = {step:g} s"] = told
             share = 1.0 if drive == "explicit" else -float(np.expm1(-0.01 / 0.5)) * 0.5 / 0.01
             rows.append(row | {"theory, h = 0.01 s": share})
-    evidence.table(
-        "reported_force",
-        rows,
-        "Contact force reported for the first of five people of 80 kg in a row who press against a wall (1.5 m/s, tau "
-        "0.5 s), over the force by hand, 9 m v / tau: the wall holds all five, the second one passes on four. Mean and "
-        "standard deviation of 100 moments, 0.01 s apart, after 2 s. A solver's residual of w m/s is an uncertainty of "
-        "m w / h: forces of short steps need a smaller velocity_tolerance. NSM2 with restitution returns each push of "
-        "the drive, so that its contacts open and close, and the force comes and goes.",
-    )
+    return rows
 
 
 def pressed_forces(variant: str, step: float, explicit: bool) -> FloatArray | None:

@@ -1,15 +1,18 @@
 """DEM's limit of stability: stiffness against step on a pressed crowd, and the limit of contact networks."""
 
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from evac.evidence import scenes
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene
-from evac.evidence.stability.maps import Cell, Curve, show_map
+from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import greatest_frequency, hardened_overlap, step_limit, uncut_speed
 from evac.evidence.stability.trial import STIFFNESS, Trial, Verdict, attempt, judge, last_overlap, make_model
+from evac.evidence.verdicts import all_of, reported
 from evac.physics.state import Crowd, make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
@@ -94,8 +97,8 @@ def try_step(scene: Scene, stiffness: float, step: float, explicit: bool, checke
     return judge(trials[0], growth, GROWTH, GROWTH, "times the nudge")
 
 
-def stiffness_map(evidence: Evidence) -> None:
-    """Map stiffness against step, with the limit of the pressed crowd's own network drawn in."""
+def stiffness_cells(evidence: Evidence) -> Mapped:
+    """Try stiffness against step, with the limit of the pressed crowd's own network drawn in."""
     stiffnesses = 10.0 ** np.arange(3.0, 9.1, 3.0 if evidence.quick else 0.5)
     steps = 10.0 ** np.arange(-5.0, -0.9, 1.0 if evidence.quick else 0.25)
     cells, curves = [], {}
@@ -114,20 +117,45 @@ def stiffness_map(evidence: Evidence) -> None:
     for drive in DRIVES:
         for words in ("as a run does it", "border check left out"):
             curves[f"{drive}, {words}"] = [Curve("limit of the contact network", list(stiffnesses), limits[drive])]
-    show_map(
-        evidence,
-        "dem_stiffness",
-        sorted(cells, key=lambda cell: cell.panel),
-        ("stiffness k [kg/s²]", "step h [s]"),
-        "DEM, 30 people pressed against a wall, nudged: does the nudge grow beyond 100 times itself within 400 steps? "
-        "The curve is the limit of the network's own greatest frequency (eigenvalues), driving included.",
-        curves,
-        columns=2,
-    )
+    return sorted(cells, key=lambda cell: cell.panel), curves
 
 
-def network_limits(evidence: Evidence) -> None:
+stiffness_map = partial(
+    show_map,
+    name="dem_stiffness",
+    compute=stiffness_cells,
+    axes=("stiffness k [kg/s²]", "step h [s]"),
+    caption="DEM, 30 people pressed against a wall, nudged: does the nudge grow beyond 100 times itself within 400 "
+    "steps? The curve is the limit of the network's own greatest frequency (eigenvalues), driving included.",
+    columns=2,
+)
+
+#: Heading of this section of the page.
+SECTION = "DEM: stiffness and step"
+
+
+def network_limits(evidence: Evidence) -> list[str]:
     """Tabulate the limit of several networks: theory, what the model lets pass, and where a nudge begins to grow."""
+    rows = evidence.measured("dem_networks", lambda: _network_rows(evidence))
+    safe = sum(
+        min(row[key] or np.inf for key in ("a run cuts beyond [s]", "a run refuses beyond [s]"))
+        < row["limit by theory [s]"]
+        for row in rows
+    )
+    evidence.verdict(all_of("DEM: networks cut or refused below the limit of theory", safe, len(rows), SECTION))
+    evidence.table(
+        "dem_networks",
+        rows,
+        "DEM at k = 1.2e5 kg/s², 60 kg: the greatest stable step of four contact networks, by the eigenvalues of the "
+        "network and by plain steps of eq. 17 made apart from the engine; beyond which step a run cuts its steps, and "
+        "beyond which it does not start.",
+        {key: ".5f" for key in rows[0] if key.endswith("[s]")},
+    )
+    return []
+
+
+def _network_rows(evidence: Evidence) -> list[dict[str, Any]]:
+    """Return the row of each network and drive."""
     stiffness = 1.2e5
     cases = {
         "two people at a wall": pair_at_wall(),
@@ -152,26 +180,40 @@ def network_limits(evidence: Evidence) -> None:
                     "a run refuses beyond [s]": _refused_limit(scene, stiffness, explicit),
                 }
             )
-    evidence.table(
-        "dem_networks",
-        rows,
-        "DEM at k = 1.2e5 kg/s², 60 kg: the greatest stable step of four contact networks, by the eigenvalues of the "
-        "network and by plain steps of eq. 17 made apart from the engine; beyond which step a run cuts its steps, and "
-        "beyond which it does not start. At least one of the last two must lie below the theory's limit.",
-        {key: ".5f" for key in rows[0] if key.endswith("[s]")},
-    )
+    return rows
 
 
-def hardened_contacts(evidence: Evidence) -> None:
+#: Who is pressed against a wall by the load of a crowd [m], [kg].
+HEAVY_RADIUS, HEAVY_MASS = 0.2, 800.0
+
+
+def hardened_contacts(evidence: Evidence) -> list[str]:
     """Tabulate the overlap of one heavy body pressed against a wall by loads up to a thousand people's."""
-    radius, mass, tau, step = 0.2, 800.0, 0.1, 0.01
     hardening = float(make_model("DEM").values()["hardening"])
+    rows = evidence.measured("dem_hardening", lambda: _hardened_rows(hardening, evidence.quick))
+    told = f"{max(row['error'] for row in rows):.1g}"
+    evidence.verdict(reported("DEM: overlap of hardened contacts, relative error", told, "0 (theory)", SECTION))
+    evidence.table(
+        "dem_hardening",
+        rows,
+        f"""DEM at k = 1.2e5 kg/s², one body of radius {HEAVY_RADIUS:g} m and {HEAVY_MASS:g} kg pressed against a
+        wall for 20 s: contacts harden beyond {hardening:g} of the radius. Theory is the root of the integrated
+        stiffness, F / k what a linear spring would do, which has the centre in the wall beyond an overlap of the
+        radius.""",
+        {"overlap [m]": ".6f", "theory [m]": ".6f"},
+    )
+    return []
+
+
+def _hardened_rows(hardening: float, quick: bool) -> list[dict[str, Any]]:
+    """Return the row of each load."""
+    tau, step = 0.1, 0.01
     rows = []
-    for load in (5e3, 2e5) if evidence.quick else (5e3, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6):
-        exact = hardened_overlap(load, STIFFNESS, radius, hardening)
+    for load in (5e3, 2e5) if quick else (5e3, 1e4, 2e4, 5e4, 1e5, 2e5, 5e5, 1e6):
+        exact = hardened_overlap(load, STIFFNESS, HEAVY_RADIUS, hardening)
         bounds = (0.0, 0.0, 8.0, 4.0)
-        place, speed = (8.0 - radius + 0.98 * exact, 2.0), load * tau / mass
-        crowd = make_crowd([place], radius=radius, mass=mass, tau=tau, speed=speed)
+        place, speed = (8.0 - HEAVY_RADIUS + 0.98 * exact, 2.0), load * tau / HEAVY_MASS
+        crowd = make_crowd([place], radius=HEAVY_RADIUS, mass=HEAVY_MASS, tau=tau, speed=speed)
         scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
         trial = attempt(make_model("DEM"), scene, step, 20.0, explicit=True, every=10.0)
         rows.append(
@@ -180,19 +222,12 @@ def hardened_contacts(evidence: Evidence) -> None:
                 "overlap [m]": last_overlap(trial),
                 "theory [m]": exact,
                 "F / k [m]": load / STIFFNESS,
-                "overlap over radius": last_overlap(trial) / radius,
+                "overlap over radius": last_overlap(trial) / HEAVY_RADIUS,
                 "error": abs(last_overlap(trial) / exact - 1.0),
                 "sub-steps per step": trial.report["sub_steps"] / trial.report["steps"],
             }
         )
-    evidence.table(
-        "dem_hardening",
-        rows,
-        f"DEM at k = 1.2e5 kg/s², one body of radius {radius:g} m and {mass:g} kg pressed against a wall for 20 s: "
-        f"contacts harden beyond {hardening:g} of the radius. Theory is the root of the integrated stiffness, F / k "
-        "what a linear spring would do, which has the centre in the wall beyond an overlap of the radius.",
-        {"overlap [m]": ".6f", "theory [m]": ".6f"},
-    )
+    return rows
 
 
 def _plain_limit(scene: Scene, stiffness: float, explicit: bool) -> float | None:

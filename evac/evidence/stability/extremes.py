@@ -255,33 +255,30 @@ def try_triangle(model: str) -> Verdict:
     return Verdict(RIGHT if inside == 0.0 else WRONG, inside, f"{inside:.0f} of 5 still inside after 30 s")
 
 
-def extreme_scenes(evidence: Evidence) -> None:
+def extreme_scenes(evidence: Evidence) -> list[str]:
     """Try every extreme scene with every contact model and tabulate the verdicts."""
-    rows = []
-    for name, extreme in extremes(evidence.quick).items():
-        variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
-        for variant in variants:
-            verdict = try_extreme(extreme, variant)
-            rows.append(
-                {
-                    "scene": name,
-                    "model": variant,
-                    "verdict": verdict.kind,
-                    "judged by": extreme.words,
-                    "error": verdict.error,
-                    "words": verdict.words,
-                }
-            )
-    for name in ("dem", "nsm1", "nsm2"):
-        verdict = try_triangle(name)
-        rows.append(
-            {
-                "scene": "building of one triangle",
-                "model": name,
-                "verdict": verdict.kind,
-                "judged by": "people still inside after 30 s",
-                "error": verdict.error,
-                "words": verdict.words,
-            }
-        )
+    rows = evidence.measured("extremes", lambda: _scene_rows(evidence.quick))
     evidence.table("extremes", rows, f"Extreme scenes at h = {STEP} s.")
+    return [row["verdict"] for row in rows]
+
+
+def _scene_rows(quick: bool) -> list[dict[str, Any]]:
+    """Return the row of every scene and contact model."""
+    rows = []
+    for name, extreme in extremes(quick).items():
+        variants = VARIANTS if extreme.make().crowd.radius.size < 1000 and extreme.duration < 1000.0 else LARGE
+        rows += [_scene_row(name, variant, extreme.words, try_extreme(extreme, variant)) for variant in variants]
+    for name in ("dem", "nsm1", "nsm2"):
+        rows.append(_scene_row("building of one triangle", name, "people still inside after 30 s", try_triangle(name)))
+    return rows
+
+
+def _scene_row(scene: str, model: str, judged_by: str, verdict: Verdict) -> dict[str, Any]:
+    return {
+        "scene": scene,
+        "model": model,
+        "verdict": verdict.kind,
+        "judged by": judged_by,
+        "error": verdict.error,
+        "words": verdict.words,
+    }

@@ -1,15 +1,14 @@
 """The maps: what each contact model makes of a plane of two numbers, cell by cell, beside its theory."""
 
-import csv
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.evidence.report import Evidence, new_figure
-from evac.evidence.scenes import FloatArray
 from evac.evidence.stability.trial import BEYOND, DEGRADED, HANDLED, REFUSED, RIGHT, VERDICTS, WRONG, Verdict
 
 #: Colours of the verdicts (Okabe-Ito, with grey and black).
@@ -54,40 +53,83 @@ class Curve:
     y: Sequence[float]
 
 
+#: What a map is made of: its cells, and by panel the curves of the theory.
+Mapped = tuple[Sequence[Cell], Mapping[str, Sequence[Curve]]]
+
+
 def show_map(
     evidence: Evidence,
     name: str,
-    cells: Sequence[Cell],
+    compute: Callable[[Evidence], Mapped],
     axes: tuple[str, str],
     caption: str,
-    curves: Mapping[str, Sequence[Curve]] | None = None,
     columns: int = 3,
-) -> None:
-    """Write NAME.csv with every cell, draw NAME.png, and put the plot and the sums by panel on the page.
+) -> list[str]:
+    """Write NAME.csv with every cell, draw NAME.png, put the plot and the sums by panel on the page; return the kinds.
 
     Parameters
     ----------
     evidence : Evidence
     name : str
-    cells : sequence of Cell
+    compute : callable
         Each panel's cells form a full grid.
     axes : (str, str)
         What x and y are, with units.
     caption : str
-    curves : dict of panel to curves
-        The theory.
     columns : int
         Panels beside each other.
     """
-    write_cells(evidence, name, cells, axes)
+
+    @cache
+    def mapped() -> Mapped:
+        return compute(evidence)
+
+    rows = evidence.measured(name, lambda: cell_rows(mapped()[0], axes))
+    evidence.plot(name, lambda: _draw(*mapped(), axes, columns), caption)
+    evidence.table(
+        f"{name}_sums",
+        [_sums(panel, [row for row in rows if row["panel"] == panel]) for panel in _panels(rows)],
+        f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
+    )
+    return [row["verdict"] for row in rows]
+
+
+def cell_rows(cells: Sequence[Cell], axes: tuple[str, str]) -> list[dict[str, Any]]:
+    """Return a row for each cell, with its verdict, error and words."""
+    return [
+        {
+            "panel": cell.panel,
+            axes[0]: cell.x,
+            axes[1]: cell.y,
+            "verdict": cell.verdict.kind,
+            "error": cell.verdict.error,
+            "words": cell.verdict.words,
+        }
+        for cell in cells
+    ]
+
+
+def _panels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(row["panel"] for row in rows))
+
+
+def _sums(panel: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str | int | float]:
+    """Return how many cells of a panel got each verdict, and the greatest error of those that ran."""
+    errors = [row["error"] for row in rows if np.isfinite(row["error"])]
+    counts = {kind: sum(row["verdict"] == kind for row in rows) for kind in VERDICTS}
+    return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
+
+
+def _draw(cells: Sequence[Cell], curves: Mapping[str, Sequence[Curve]], axes: tuple[str, str], columns: int) -> Any:
+    """Draw the panels of a map."""
     panels = list(dict.fromkeys(cell.panel for cell in cells))
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     figure, drawn = new_figure(1.0 + 3.4 * columns, 0.9 + 3.1 * rows, rows, columns, squeeze=False)
-    labels = dict.fromkeys(curve.label for panel in (curves or {}).values() for curve in panel)
+    labels = dict.fromkeys(curve.label for panel in curves.values() for curve in panel)
     styles = dict(zip(labels, STYLES, strict=False))
     for axis, panel in zip(drawn.ravel(), panels, strict=False):
-        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], (curves or {}).get(panel, ()), styles)
+        _draw_panel(axis, [cell for cell in cells if cell.panel == panel], curves.get(panel, ()), styles)
         axis.set_title(panel, fontsize=9)
     for axis in drawn.ravel()[len(panels) :]:
         axis.set_visible(False)
@@ -96,36 +138,7 @@ def show_map(
     for axis in drawn[:, 0]:
         axis.set_ylabel(axes[1])
     _draw_legend(figure, cells, styles)
-    evidence.plot(name, figure, caption)
-    evidence.table(
-        f"{name}_sums",
-        [_sums(panel, [cell for cell in cells if cell.panel == panel]) for panel in panels],
-        f"Cells by verdict; every cell with its error and words is in [{name}.csv]({name}.csv).",
-    )
-    messages: dict[str, str] = {}
-    for cell in cells:
-        if cell.verdict.kind == REFUSED:
-            messages.setdefault(re.sub(r"[-\d.e+()]+", "", cell.verdict.words), cell.verdict.words)
-    if messages:
-        evidence.text("Refusals, one of each kind:")
-        for message in messages.values():
-            evidence.text(f"- {message}")
-
-
-def write_cells(evidence: Evidence, name: str, cells: Sequence[Cell], axes: tuple[str, str]) -> None:
-    """Write NAME.csv: one line for each cell, with its verdict, error and words."""
-    with (evidence.folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["panel", *axes, "verdict", "error", "words"])
-        for cell in cells:
-            writer.writerow([cell.panel, cell.x, cell.y, cell.verdict.kind, cell.verdict.error, cell.verdict.words])
-
-
-def _sums(panel: str, cells: Sequence[Cell]) -> dict[str, str | int | float]:
-    """Return how many cells of a panel got each verdict, and the greatest error of those that ran."""
-    errors = [cell.verdict.error for cell in cells if np.isfinite(cell.verdict.error)]
-    counts = {kind: sum(cell.verdict.kind == kind for cell in cells) for kind in VERDICTS}
-    return {"panel": panel, **counts, "greatest error": max(errors, default=float("nan"))}
+    return figure
 
 
 def _draw_panel(axis: Any, cells: Sequence[Cell], curves: Sequence[Curve], styles: Mapping[str, str]) -> None:

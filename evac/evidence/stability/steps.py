@@ -1,11 +1,15 @@
 """Maps of the step: against the relaxation time, the walking speed, the ratio of masses and of radii."""
 
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from evac.evidence import scenes
 from evac.evidence.report import Evidence
 from evac.evidence.scenes import Scene
-from evac.evidence.stability.maps import Cell, Curve, show_map
+from evac.evidence.stability.maps import Cell, Curve, Mapped, show_map
 from evac.evidence.stability.theory import lag_limit, step_limit, walk_lag
 from evac.evidence.stability.trial import (
     SMALL_OVERLAP,
@@ -18,7 +22,11 @@ from evac.evidence.stability.trial import (
     judge_overlap,
     make_model,
 )
+from evac.evidence.verdicts import reported
 from evac.physics.state import make_crowd
+
+#: Steps over which the overlap is tabulated [s].
+OVERLAP_STEPS = (0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4)
 
 #: A lag behind the exact walk that counts as right [m].
 SMALL_LAG = 0.01
@@ -37,8 +45,8 @@ def walk_against_wall(speed: float, tau: float = 0.5) -> Scene:
     return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
 
 
-def tau_map(evidence: Evidence) -> None:
-    """Map the relaxation time against the step, for both drives, on a free walk whose exact path is known."""
+def tau_cells(evidence: Evidence) -> Mapped:
+    """Try the relaxation time against the step, for both drives, on a free walk whose exact path is known."""
     taus = 10.0 ** np.arange(-4.0, 1.1, 1.0 if evidence.quick else 0.5)
     steps = [0.01, 0.1] if evidence.quick else [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25, 0.5]
     bounds = (0.0, 0.0, 12.0, 4.0)
@@ -71,20 +79,22 @@ def tau_map(evidence: Evidence) -> None:
             if variant == "DEM":
                 limits = [refusal(tau, explicit) for tau in fine]
                 curves[panel].append(Curve("limit of a packing, ω² = 6 k / m", list(fine), limits))
-    show_map(
-        evidence,
-        "tau",
-        cells,
-        ("relaxation time tau [s]", "step h [s]"),
-        "One person walks from rest to 1.5 m/s for 5 s; the error is the greatest distance [m] to the exact path. "
-        "Right: 1 cm. Degraded: up to the error of the same steps in theory, and 1 % of it.",
-        curves,
-        columns=2,
-    )
+    return cells, curves
 
 
-def speed_map(evidence: Evidence) -> None:
-    """Map the walking speed against the step, on people who walk against a wall."""
+tau_map = partial(
+    show_map,
+    name="tau",
+    compute=tau_cells,
+    axes=("relaxation time tau [s]", "step h [s]"),
+    caption="One person walks from rest to 1.5 m/s for 5 s; the error is the greatest distance [m] to the exact path. "
+    "Right: 1 cm. Degraded: up to the error of the same steps in theory, and 1 % of it.",
+    columns=2,
+)
+
+
+def speed_cells(evidence: Evidence) -> Mapped:
+    """Try the walking speed against the step, on people who walk against a wall."""
     speeds = [0.0, 1.5, 10.0] if evidence.quick else [0.0, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0]
     steps = [0.01, 0.1, 0.5] if evidence.quick else [1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.5]
     cells, curves = [], {}
@@ -100,22 +110,38 @@ def speed_map(evidence: Evidence) -> None:
             curves[variant] = [Curve("overlap h v / 2 of 2 mm", list(fast), list(2.0 * SMALL_OVERLAP / fast))]
     impact = SMALL_OVERLAP / np.sqrt(80.0 / STIFFNESS)
     curves["DEM"] = [Curve("impact v sqrt(m / k) of 2 mm", [impact, impact], [1e-4, 1.0]), _packing_limit([0.05, 20.0])]
-    show_map(
-        evidence,
-        "speed",
-        cells,
-        ("walking speed [m/s]", "step h [s]"),
-        "Twelve people of 80 kg, tau 0.5 s, walk against a wall for 3 s (slow ones for 8 s); the error is the "
-        "greatest overlap [m], of "
-        "bodies and with walls. Right: 0.1 mm for NSM1, its tolerance, at every step; 2 mm for the others. "
-        "Degraded: up to what theory allows, h v for NSM2, 2 sum(m v / tau) / k + v sqrt(sum(m) / k) for DEM.",
-        curves,
-    )
+    return cells, curves
 
 
-def overlap_order(evidence: Evidence) -> None:
+speed_map = partial(
+    show_map,
+    name="speed",
+    compute=speed_cells,
+    axes=("walking speed [m/s]", "step h [s]"),
+    caption="Twelve people of 80 kg, tau 0.5 s, walk against a wall for 3 s (slow ones for 8 s); the error is the "
+    "greatest overlap [m], of "
+    "bodies and with walls. Right: 0.1 mm for NSM1, its tolerance, at every step; 2 mm for the others. "
+    "Degraded: up to what theory allows, h v for NSM2, 2 sum(m v / tau) / k + v sqrt(sum(m) / k) for DEM.",
+)
+
+
+def overlap_order(evidence: Evidence) -> list[str]:
     """Tabulate the greatest overlap against the step, with the power of h that it falls with."""
-    steps = [0.1, 0.01] if evidence.quick else [0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4]
+    rows = evidence.measured("overlap", lambda: _overlap_rows([0.1, 0.01] if evidence.quick else OVERLAP_STEPS))
+    powers = ", ".join(f"{row['power of h']:.2f} ({row['model']})" for row in rows if row["model"].startswith("NSM2"))
+    evidence.verdict(reported("NSM2: power of h of the overlap", powers, "1 (theory)", "Walking speed and step"))
+    evidence.table(
+        "overlap",
+        rows,
+        "Greatest overlap [m] of the twelve people who walk against a wall at 1.5 m/s, against the step. Theory: DEM's "
+        "does not depend on h, NSM1's is at most its tolerance of 1e-4 m, NSM2's falls with the first power of h. "
+        "(nan: refused.)",
+    )
+    return []
+
+
+def _overlap_rows(steps: Sequence[float]) -> list[dict[str, Any]]:
+    """Return the row of each model."""
     rows = []
     for variant in VARIANTS:
         trials = [attempt(make_model(variant), walk_against_wall(1.5), step, 2.0, every=0.1) for step in steps]
@@ -126,17 +152,11 @@ def overlap_order(evidence: Evidence) -> None:
             power = float(np.polyfit(np.log(np.array(steps)[usable]), np.log(np.array(overlap)[usable]), 1)[0])
         cells = {f"h = {step:g} s": f"{value:.2g}" for step, value in zip(steps, overlap, strict=True)}
         rows.append({"model": variant, **cells, "power of h": power})
-    evidence.table(
-        "overlap",
-        rows,
-        "Greatest overlap [m] of the twelve people who walk against a wall at 1.5 m/s, against the step. Theory: DEM's "
-        "does not depend on h, NSM1's is at most its tolerance of 1e-4 m, NSM2's falls with the first power of h. "
-        "(nan: refused.)",
-    )
+    return rows
 
 
-def mass_map(evidence: Evidence) -> None:
-    """Map the ratio of masses against the step, on a pack in which heavy and light take turns."""
+def mass_cells(evidence: Evidence) -> Mapped:
+    """Try the ratio of masses against the step, on a pack in which heavy and light take turns."""
     ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     cells = []
@@ -149,19 +169,21 @@ def mass_map(evidence: Evidence) -> None:
             for step in steps:
                 trial = attempt(make_model(variant), scene, step, 2.0)
                 cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
-    show_map(
-        evidence,
-        "mass_ratio",
-        cells,
-        ("ratio of masses", "step h [s]"),
-        "Twenty people, light (80 kg / sqrt(ratio)) and heavy (80 kg sqrt(ratio)) in turns, walk against a wall at "
-        "1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
-        {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios),
-    )
+    return cells, {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios)
 
 
-def radius_map(evidence: Evidence) -> None:
-    """Map the ratio of radii against the step, on a mixed crowd."""
+mass_map = partial(
+    show_map,
+    name="mass_ratio",
+    compute=mass_cells,
+    axes=("ratio of masses", "step h [s]"),
+    caption="Twenty people, light (80 kg / sqrt(ratio)) and heavy (80 kg sqrt(ratio)) in turns, walk against a wall at "
+    "1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
+)
+
+
+def radius_cells(evidence: Evidence) -> Mapped:
+    """Try the ratio of radii against the step, on a mixed crowd."""
     ratios = [1.0, 100.0] if evidence.quick else [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     bounds = (0.0, 0.0, 4.0, 4.0)
@@ -175,15 +197,17 @@ def radius_map(evidence: Evidence) -> None:
             for step in steps:
                 trial = attempt(make_model(variant), scene, step, 2.0)
                 cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
-    show_map(
-        evidence,
-        "radius_ratio",
-        cells,
-        ("ratio of radii", "step h [s]"),
-        "Thirty people of 80 kg, the largest of radius 0.25 m, the others smaller in equal ratios, walk against a wall "
-        "at 1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
-        {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios),
-    )
+    return cells, {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios)
+
+
+radius_map = partial(
+    show_map,
+    name="radius_ratio",
+    compute=radius_cells,
+    axes=("ratio of radii", "step h [s]"),
+    caption="Thirty people of 80 kg, the largest of radius 0.25 m, the others smaller in equal ratios, walk against a "
+    "wall at 1.5 m/s for 2 s; the error is the greatest overlap [m], judged as on the map of speeds.",
+)
 
 
 def _packing_limit(x: list[float]) -> Curve:

@@ -6,7 +6,8 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from evac.evidence.scenes import FloatArray, Scene
+from evac.arrays import FloatArray
+from evac.evidence.scenes import Scene
 
 #: Bodies this far apart still count as touching [m].
 TOUCHING = 1e-9

@@ -2,19 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
 
+from evac.arrays import FloatArray
 from evac.errors import EvacError
 from evac.evidence import models
-from evac.evidence.scenes import FloatArray, Scene
+from evac.evidence.scenes import Scene
 from evac.evidence.stability.theory import allowed_overlap, touching_pairs, wall_gaps
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import Crowd
 from evac.physics.tallies import MEASURES
-from evac.registry import Registry
 
 RIGHT = "right"
 HANDLED = "handled"
@@ -133,15 +132,10 @@ class Verdict:
     words: str  # by how much, how handled, or why refused
 
 
-@cache
-def _registry() -> Registry:
-    return Registry()
-
-
 def make_model(variant: str, **parameters: Any) -> ContactModel:
     """Return a contact model by its name in `VARIANTS`, with more parameters or others."""
     name, given = VARIANTS[variant]
-    return models.make_model(name, _registry(), **{**given, **parameters})
+    return models.make_model(name, **{**given, **parameters})
 
 
 def attempt(

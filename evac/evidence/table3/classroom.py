@@ -2,19 +2,23 @@
 
 import itertools
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.evidence.models import MODELS, model_overrides
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
+from evac.evidence.verdicts import reported
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
-FloatArray = NDArray[np.float64]
+Row = dict[str, Any]
 
 #: Rows of desks in a column, as the case lists its pupils.
 ROWS = 6
@@ -24,6 +28,14 @@ MOMENTS = (5.0, 10.0, 15.0, 20.0)
 
 #: Confidence of the intervals of shares.
 CONFIDENCE = 0.95
+
+#: What the paper says of each model, without numbers.
+PUBLISHED: Mapping[str, str] = {
+    "DEM": "without problem",
+    "NSM1 inertial": "often blocks",
+    "NSM1 overdamped": "often blocks",
+    "NSM2": "without problem",
+}
 
 
 @dataclass(frozen=True)
@@ -45,52 +57,93 @@ def run_class(task: ClassTask) -> tuple[FloatArray, NDArray[np.bool_]]:
     return np.array(times), np.array(blocked)
 
 
+@dataclass(frozen=True)
+class ClassRuns:
+    """Exit times (runs, pupils) [s] and blocked runs (runs,), by model."""
+
+    times: dict[str, FloatArray]
+    blocked: dict[str, NDArray[np.bool_]]
+
+
 def report_classroom(evidence: Evidence) -> None:
     """Add the classroom to the page."""
     runs = 6 if evidence.quick else 50
     seeds = [evidence.seed + run for run in range(runs)]
-    tasks = [ClassTask(name, tuple(part)) for name in MODELS for part in (seeds[::2], seeds[1::2])]
-    parts = evidence.map(run_class, tasks)
-    times = {name: np.concatenate([parts[2 * k][0], parts[2 * k + 1][0]]) for k, name in enumerate(MODELS)}
-    blocked = {name: np.concatenate([parts[2 * k][1], parts[2 * k + 1][1]]) for k, name in enumerate(MODELS)}
-    evidence.heading("The classroom: who blocks, and escape times per desk (section 4.2)")
-    shares = [_share_row(name, blocked[name], times[name]) for name in MODELS]
-    order = ", ".join(f"{row['model']} {row['blocked']} of {row['runs']}" for row in shares)
-    evidence.text(
-        f"""{runs} runs of each model with the seeds {seeds[0]} to {seeds[-1]}, the same people for every model. Blocked
-        for good were: {order}. The paper reports that DEM and NSM2 evacuate without problem and that NSM1 often blocks,
-        and gives no shares; our door stands in the corner (buildings/classroom/README.md says why, and that it
-        matters)."""
-    )
-    evidence.table("classroom_blocked", shares, "Runs that end with people left: share with Clopper-Pearson interval.")
-    _report_without_selection(evidence, times)
-    _report_desks(evidence, times, blocked)
 
+    @cache
+    def measured() -> ClassRuns:
+        return _class_runs(evidence, seeds)
 
-def _report_without_selection(evidence: Evidence, times: dict[str, FloatArray]) -> None:
-    """Add what compares the models on all runs, blocked ones included."""
-    rows = []
-    for name, all_times in times.items():
-        row: dict[str, Any] = {"model": name, "runs": len(all_times), "last out, median [s]": None}
-        if math.isfinite(middle := median_last(all_times)):
-            row["last out, median [s]"] = middle
-        for moment in MOMENTS:
-            out = (all_times <= moment).sum(axis=1)
-            row |= {f"out by {moment:g} s": float(out.mean()), f"+- by {moment:g} s": _standard_error(out)}
-        rows.append(row)
-    pupils = next(iter(times.values())).shape[1]
-    endless = [row["model"] for row in rows if row["last out, median [s]"] is None]
+    blocked = evidence.measured("classroom_blocked", lambda: _blocked_rows(measured()))
+    everybody = evidence.measured("classroom_all", lambda: _all_rows(measured()))
+    desks = evidence.measured("classroom_desks", lambda: _desk_rows(measured()))
+    section = "The classroom: who blocks, and escape times per desk (section 4.2)"
+    for row in blocked:
+        told = f"{row['blocked']} of {row['runs']} ({row['from [%]']:.0f} to {row['to [%]']:.0f} %)"
+        evidence.verdict(reported(f"Classroom, {row['model']}: blocked runs", told, PUBLISHED[row["model"]], section))
+    evidence.heading(section)
     evidence.text(
-        f"""Times to leave exist only for runs that did not block, and which runs block depends on the model: to compare
-        models by the times at the desks below is to compare different selections of runs. Without a selection, over
-        all runs, compare the number of the {pupils} pupils who are out by a given time, and the median of the last
-        exit, where a blocked run counts as endless
-        ({"it is endless for " + ", ".join(endless) if endless else "it is finite for every model"})."""
+        f"""{runs} runs of each model with the seeds {seeds[0]} to {seeds[-1]}, the same people for every model. The
+        paper gives no shares of blocked runs. Our door stands in the corner, which matters
+        (buildings/classroom/README.md)."""
     )
+    evidence.table("classroom_blocked", blocked, "Runs that end with people left; share with Clopper-Pearson interval.")
     caption = (
         "All runs, blocked ones included: pupils out by a time, mean with standard error; a dash for an endless median."
     )
-    evidence.table("classroom_all", rows, caption)
+    evidence.table("classroom_all", everybody, caption)
+    falls = ", ".join(f"{falls_of(desks, name)} ({name})" for name in MODELS)
+    evidence.text(
+        f"""Times per desk exist only for runs that did not block, which are other runs for each model: compare
+        models by the table above. Within a column the mean time should grow from each desk to the one behind it; of
+        {len(desks) - len(desks) // ROWS} such steps it falls in {falls}. Experimental times are printed in a figure
+        that is not available, so no fit is claimed."""
+    )
+    evidence.data(
+        "classroom_desks", desks, "Mean escape time of each desk, its standard error, and its way to the door"
+    )
+    caption = (
+        "Mean escape times [s] at the desks (figure 6 of the paper): DEM, NSM1 inertial, NSM2 from top to bottom, each "
+        "over its runs that did not block."
+    )
+    evidence.plot("classroom_desks", lambda: _draw_desks(desks, blocked), caption)
+
+
+def falls_of(desks: Sequence[Row], model: str) -> int:
+    """Return how often the mean time falls from a desk to the one behind it in its column."""
+    return sum(
+        near["column"] == far["column"] and (near[f"{model} [s]"] or 0.0) > (far[f"{model} [s]"] or np.inf)
+        for near, far in itertools.pairwise(desks)
+    )
+
+
+def _class_runs(evidence: Evidence, seeds: list[int]) -> ClassRuns:
+    """Return the runs of all models."""
+    tasks = [ClassTask(name, tuple(part)) for name in MODELS for part in (seeds[::2], seeds[1::2])]
+    parts = evidence.map(run_class, tasks)
+    times, blocked = (
+        {name: np.concatenate([parts[2 * k][which], parts[2 * k + 1][which]]) for k, name in enumerate(MODELS)}
+        for which in (0, 1)
+    )
+    return ClassRuns(times, blocked)
+
+
+def _blocked_rows(found: ClassRuns) -> list[Row]:
+    return [_share_row(name, found.blocked[name], found.times[name]) for name in MODELS]
+
+
+def _all_rows(found: ClassRuns) -> list[Row]:
+    """Return what compares the models on all runs, blocked ones included."""
+    rows = []
+    for name, times in found.times.items():
+        middle = median_last(times)
+        row: Row = {"model": name, "runs": len(times)}
+        row["last out, median [s]"] = middle if math.isfinite(middle) else None
+        for moment in MOMENTS:
+            out = (times <= moment).sum(axis=1)
+            row |= {f"out by {moment:g} s": float(out.mean()), f"+- by {moment:g} s": _standard_error(out)}
+        rows.append(row)
+    return rows
 
 
 def median_last(times: FloatArray) -> float:
@@ -108,7 +161,7 @@ def share_interval(count: int, runs: int, confidence: float = CONFIDENCE) -> tup
     return low, high
 
 
-def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> dict[str, Any]:
+def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> Row:
     count, runs = int(blocked.sum()), len(blocked)
     low, high = share_interval(count, runs)
     return {
@@ -123,17 +176,15 @@ def _share_row(name: str, blocked: NDArray[np.bool_], times: FloatArray) -> dict
     }
 
 
-def _report_desks(evidence: Evidence, times: dict[str, FloatArray], blocked: dict[str, NDArray[np.bool_]]) -> None:
-    """Add the table of desks, what it says about distance, and the plan."""
-    case = load_case("classroom")
-    simulation = Simulation(case)
+def _desk_rows(found: ClassRuns) -> list[Row]:
+    """Return the mean escape times of every desk over the runs that did not block, from the door back."""
+    simulation = Simulation(load_case("classroom"))
     place = simulation.population.crowd.position
     way = simulation.fields.travel_time_at(0, place, 0)
     column = len(place) // ROWS - np.arange(len(place)) // ROWS
-    rows: list[dict[str, Any]] = []
-    means = {name: times[name][~blocked[name]] for name in MODELS if not blocked[name].all()}
+    rows = []
     for desk in np.lexsort((place[:, 1], column)):
-        row: dict[str, Any] = {
+        row: Row = {
             "column": int(column[desk]),
             "row": int(desk % ROWS + 1),
             "x [m]": place[desk, 0],
@@ -141,38 +192,11 @@ def _report_desks(evidence: Evidence, times: dict[str, FloatArray], blocked: dic
             "way to the door [m]": way[desk],
         }
         for name in MODELS:
-            values = means[name][:, desk] if name in means else np.zeros(0)
+            values = found.times[name][~found.blocked[name], desk]
             row[f"{name} [s]"] = float(values.mean()) if len(values) else None
             row[f"{name} +- [s]"] = _standard_error(values)
         rows.append(row)
-    falls = {
-        name: sum(
-            near[f"{name} [s]"] > far[f"{name} [s]"]
-            for near, far in itertools.pairwise(rows)
-            if near["column"] == far["column"]
-        )
-        for name in means
-    }
-    steps = len(rows) - len(rows) // ROWS
-    fallen = ", ".join(f"{count} ({name})" for name, count in falls.items())
-    evidence.text(
-        f"""The times per desk are means over the runs that did not block: {_selected(blocked)}. Within a column the
-        mean escape time should grow from each desk to the one behind it, farther from the door;
-        of {steps} such steps it falls in {fallen}. Experimental times per desk are printed in a figure that is not
-        available, so no fit is claimed."""
-    )
-    caption = (
-        f"Mean escape time of each desk over the runs that did not block ({_selected(blocked)}), with its standard "
-        "error; columns counted from the door, rows from the back. The way is the length of the shortest path of a "
-        "point."
-    )
-    evidence.table("classroom_desks", rows, caption, {"x [m]": ".3f", "y [m]": ".3f", "way to the door [m]": ".2f"})
-    _plot_desks(evidence, simulation, rows, blocked)
-
-
-def _selected(blocked: dict[str, NDArray[np.bool_]]) -> str:
-    """Return how many runs of each model did not block."""
-    return ", ".join(f"{name} {int((~one).sum())} of {len(one)}" for name, one in blocked.items())
+    return rows
 
 
 def _standard_error(values: NDArray[Any]) -> float | None:
@@ -180,39 +204,24 @@ def _standard_error(values: NDArray[Any]) -> float | None:
     return float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
 
 
-def _plot_desks(
-    evidence: Evidence, simulation: Simulation, rows: list[dict[str, Any]], blocked: dict[str, NDArray[np.bool_]]
-) -> None:
+def _draw_desks(desks: Sequence[Row], blocked: Sequence[Row]) -> Any:
     """Draw the plan with the mean escape times of three models at each desk, as figure 6 of the paper."""
+    building = Simulation(load_case("classroom")).building
     figure, axis = new_figure(7.0, 7.6)
-    for x1, y1, x2, y2 in simulation.building.walls:
+    for x1, y1, x2, y2 in building.walls:
         axis.plot([x1, x2], [y1, y2], color="0.35", linewidth=1.5)
-    for way_out in simulation.building.exits:
+    for way_out in building.exits:
         for x1, y1, x2, y2 in way_out.segments:
             axis.plot([x1, x2], [y1, y2], color="#CC79A7", linewidth=4.0)
-    shown = ("DEM", "NSM1 inertial", "NSM2")
-    for row in rows:
-        for k, name in enumerate(shown):
-            mean = row[f"{name} [s]"]
-            text = "-" if mean is None else f"{mean:.1f}"
-            axis.text(
-                row["x [m]"],
-                row["y [m]"] + 0.15 * (1 - k),
-                text,
-                ha="center",
-                va="center",
-                fontsize=8,
-                color=MODEL_COLOURS[name],
-            )
-    for name in shown:
-        counted = int((~blocked[name]).sum())
-        label = f"{name}, {counted} of {len(blocked[name])} runs"
-        axis.plot([], [], "s", color=MODEL_COLOURS[name], label=label)
+    shown = [row for row in blocked if row["model"] in ("DEM", "NSM1 inertial", "NSM2")]
+    for k, runs in enumerate(shown):
+        name, colour = runs["model"], MODEL_COLOURS[runs["model"]]
+        for row in desks:
+            text = "-" if row[f"{name} [s]"] is None else f"{row[f'{name} [s]']:.1f}"
+            place = row["x [m]"], row["y [m]"] + 0.15 * (1 - k)
+            axis.text(*place, text, ha="center", va="center", fontsize=8, color=colour)
+        axis.plot([], [], "s", color=colour, label=f"{name}, {runs['runs not blocked']} of {runs['runs']} runs")
     figure.legend(loc="outside upper center", ncols=len(shown), frameon=False)
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axis.grid(False)
-    caption = (
-        "Mean escape times [s] at the desks (figure 6 of the paper): DEM, NSM1 inertial, NSM2 from top to bottom, each "
-        "over its runs that did not block."
-    )
-    evidence.plot("classroom_desks", figure, caption)
+    return figure

@@ -1,22 +1,21 @@
 """Figures 2 and 3 of the paper drawn again: a disc that hits the ground, two people who walk into each other."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely.geometry import box
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Level
-from evac.directions.fields import Fields, PackedFields
+from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.evidence.models import make_model
+from evac.evidence.models import make_engine, make_model
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
-from evac.physics.engine import Engine
+from evac.evidence.verdicts import reported
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-
-FloatArray = NDArray[np.float64]
 
 EXTENT = 10.0  # m
 STEP = 0.01  # s, of both figures
@@ -30,11 +29,35 @@ TAUS = (0.1, 0.25, 0.5)
 OFFSET = 0.1
 SPEED = 1.5
 DURATION = 4.0
+BACK = "back at 95 % of its velocity after [s]"
+
+
+#: Time at which the disc of figure 2 touches the ground [s].
+HIT = (START - RADIUS) * float(np.sqrt(2.0))
 
 
 def draw_figure_2(evidence: Evidence) -> None:
-    """Draw the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
-    exact = (START - RADIUS) * np.sqrt(2.0)
+    """Add the disc that hits the ground, NSM1 beside NSM2 (K_N = K_T = 0)."""
+    rows = evidence.measured("figure2", lambda: _figure_2()[0])
+    section = "Figure 2 of the paper"
+    told = ", ".join(f"{row['gap after contact [mm]']:z.3f} mm ({row['model']})" for row in rows)
+    evidence.verdict(reported("Gap that a hit of the ground leaves", told, "-", section))
+    evidence.heading(section)
+    evidence.text(
+        f"""A disc of radius {RADIUS} m starts at ({START}, {START}) m with 1 m/s, 45 degrees downwards, and hits
+        the ground y = 0 at t = {HIT:.6f} s; K_N = K_T = 0, h = {STEP} s. NSM1 comes to lie on the ground exactly,
+        over one step with a velocity in between; NSM2 stops at mid-step and leaves a gap or an overlap of the order
+        of h."""
+    )
+    formats = {key: "z.6f" for key in rows[0] if key != "model"}
+    evidence.table("figure2", rows, "The steps before and after the contact.", formats)
+    caption = "Left: path of the centre, grey: in contact; right: velocity along y, grey: exact time of contact."
+    evidence.plot("figure2", lambda: _figure_2()[1], caption)
+
+
+@cache
+def _figure_2() -> tuple[list[dict[str, Any]], Any]:
+    """Return the rows and the chart of figure 2."""
     figure, axes = new_figure(9.0, 3.8, 1, 2)
     rows = []
     for name in ("NSM1 inertial", "NSM2"):
@@ -42,7 +65,7 @@ def draw_figure_2(evidence: Evidence) -> None:
         step = np.arange(len(position))
         axes[0].plot(position[:, 0], position[:, 1], ".-", color=MODEL_COLOURS[name], label=name)
         axes[1].step(step * STEP, velocity[:, 1], ".-", where=_jump(name), color=MODEL_COLOURS[name], label=name)
-        before = int(exact / STEP)
+        before = int(HIT / STEP)
         rows.append(
             {
                 "model": name,
@@ -56,23 +79,31 @@ def draw_figure_2(evidence: Evidence) -> None:
         )
     axes[0].axhline(RADIUS, color="0.5", linewidth=0.8)
     axes[0].set(xlim=(0.72, 0.84), ylim=(0.2195, 0.2305), xlabel="x [m]", ylabel="y of the centre [m]")
-    axes[1].axvline(exact, color="0.5", linewidth=0.8)
+    axes[1].axvline(HIT, color="0.5", linewidth=0.8)
     axes[1].set(xlim=(0.37, 0.43), xlabel="t [s]", ylabel="velocity along y [m/s]")
     axes[0].legend(frameon=False)
-    evidence.heading("Figure 2 of the paper")
-    evidence.text(
-        f"""A disc of radius {RADIUS} m starts at ({START}, {START}) m with 1 m/s, 45 degrees downwards, and hits the
-        ground y = 0 at t = {exact:.6f} s; K_N = K_T = 0, h = {STEP} s. NSM1 comes to lie on the ground exactly, over
-        one step with a velocity in between; NSM2 stops at mid-step and leaves a gap or an overlap of the order of h."""
-    )
-    formats = {key: "z.6f" for key in rows[0] if key != "model"}
-    evidence.table("figure2", rows, "The steps before and after the contact.", formats)
-    caption = "Left: path of the centre, grey: in contact; right: velocity along y, grey: exact time of contact."
-    evidence.plot("figure2", figure, caption)
+    return rows, figure
 
 
 def draw_figure_3(evidence: Evidence) -> None:
-    """Draw two people who walk into each other, for several tau, under NSM2."""
+    """Add two people who walk into each other, for several tau, under NSM2."""
+    rows = evidence.measured("figure3", lambda: _figure_3()[0])
+    section = "Figure 3 of the paper"
+    told = ", ".join(f"{row[BACK]:.2f} s (tau {row['tau [s]']:g} s)" for row in rows)
+    evidence.verdict(reported("NSM2: time to 95 % of the desired velocity after a hit", told, "-", section))
+    evidence.heading(section)
+    evidence.text(
+        f"""Two identical people walk against each other at {SPEED} m/s, {OFFSET} m beside each other's line, NSM2 with
+        K_N = 1e5 kg, h = {STEP} s (the paper prints no numbers)."""
+    )
+    evidence.table("figure3", rows, "Time to come back to the desired velocity.", {"tau [s]": "g"})
+    caption = "Left: paths (first: full, second: dashed); right: velocity of the first."
+    evidence.plot("figure3", lambda: _figure_3()[1], caption)
+
+
+@cache
+def _figure_3() -> tuple[list[dict[str, Any]], Any]:
+    """Return the rows and the chart of figure 3."""
     figure, axes = new_figure(9.0, 3.8, 1, 2)
     rows = []
     for tau, colour in zip(TAUS, ("#0072B2", "#D55E00", "#009E73"), strict=True):
@@ -87,22 +118,14 @@ def draw_figure_3(evidence: Evidence) -> None:
             {
                 "tau [s]": tau,
                 "first hit [s]": time[struck],
-                "back at 95 % of its velocity after [s]": time[back] - time[struck],
+                BACK: time[back] - time[struck],
                 "drift sideways [m]": position[-1, 0, 1] - position[0, 0, 1],
             }
         )
     axes[0].set(xlabel="x [m]", ylabel="y [m]")
     axes[1].set(xlabel="t [s]", ylabel="velocity along x of the first [m/s]")
     axes[0].legend(frameon=False)
-    spans = [f"{row['back at 95 % of its velocity after [s]']:.2f} s for tau = {row['tau [s]']} s" for row in rows]
-    evidence.heading("Figure 3 of the paper")
-    evidence.text(
-        f"""Two identical people walk against each other at {SPEED} m/s, {OFFSET} m beside each other's line, NSM2 with
-        K_N = 1e5 kg, h = {STEP} s (the paper prints no numbers). After the hit each needs to come back to its desired
-        velocity: {", ".join(spans)}."""
-    )
-    evidence.table("figure3", rows, "Time to come back to the desired velocity.", {"tau [s]": "g"})
-    evidence.plot("figure3", figure, "Left: paths (first: full, second: dashed); right: velocity of the first.")
+    return rows, figure
 
 
 def _jump(name: str) -> Any:
@@ -114,7 +137,7 @@ def _hit_ground(name: str) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities (81, 2) at every step."""
     ground = np.array([[-EXTENT, 0.0, EXTENT, 0.0]])
     crowd = make_crowd([[START, START]], [[np.sqrt(0.5), -np.sqrt(0.5)]], radius=RADIUS, tau=1e12, speed=0.0)
-    engine = Engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1, [])
+    engine = make_engine(make_world(_plane(ground), _fields([[1.0, 0.0]])), 1)
     model = make_model(name, normal_dissipation=0.0) if name == "NSM2" else make_model(name, gap_tolerance=1e-12)
     position, velocity = [crowd.position[0].copy()], [crowd.velocity[0].copy()]
     for step in range(80):
@@ -129,7 +152,7 @@ def _meet(tau: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     start = [[-1.5, 0.5 * OFFSET], [1.5, -0.5 * OFFSET]]
     crowd = make_crowd(start, [[SPEED, 0.0], [-SPEED, 0.0]], radius=0.25, tau=tau, speed=SPEED)
     crowd.route[1] = 1
-    engine = Engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2, [])
+    engine = make_engine(make_world(_plane(np.zeros((0, 4))), _fields([[1.0, 0.0], [-1.0, 0.0]])), 2)
     model = make_model("NSM2")
     position, velocity = [crowd.position.copy()], [crowd.velocity.copy()]
     steps = round(DURATION / STEP)
@@ -163,5 +186,6 @@ def _fields(directions: list[list[float]]) -> Fields:
             offset=4 * np.arange(routes, dtype=np.int64),
             direction=np.repeat(ahead, 4, axis=0),
             travel_time=np.concatenate([4.0 * EXTENT - node @ one for one in ahead]),
+            walls=NO_CELL_WALLS,
         ),
     )

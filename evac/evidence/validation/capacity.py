@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, hall_and_stair, rectangle
 from evac.evidence.validation.flows import STAIR_FLOW
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval
 from evac.output.flows import steady_flow
-
-FloatArray = NDArray[np.float64]
 
 STAIR_WIDTHS = (1.0, 1.2, 1.8)  # m
 WAYS = ("down", "up")
@@ -35,8 +33,6 @@ LABORATORY = {
 
 #: Who is faster than so many times the own stair speed is pushed [-].
 PUSHED = 1.2
-
-COLUMN = {"down": "speed_down", "up": "speed_up"}
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,11 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, Face, across, rectangle, straight_stair, two_rooms
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
 from evac.output.flows import steady_flow
-
-FloatArray = NDArray[np.float64]
 
 #: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
 DENSITIES = (0.5, 1.0, 2.0, 3.0)

@@ -8,13 +8,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
+from evac.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, corner, rectangle, straight_stair
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
-
-FloatArray = NDArray[np.float64]
 
 #: Body, mass and relaxation of who is timed by hand.
 ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}

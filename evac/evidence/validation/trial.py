@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from evac.arrays import FloatArray
 from evac.evidence.models import model_overrides
 from evac.evidence.validation.buildings import Face, Segment, write_case
 from evac.output.results import Results
 from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
 from evac.scenario.case import Case
-
-FloatArray = NDArray[np.float64]
 
 #: Of the interval of a mean over runs.
 CONFIDENCE = 0.95

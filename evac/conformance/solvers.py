@@ -1,0 +1,253 @@
+"""What solvers of the contact problem have to hold to, on small problems whose answers are known."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evac.errors import PluginError
+from evac.physics.allocation import make_problem
+from evac.physics.rows import call_solver
+from evac.physics.solver import Solver
+from evac.physics.state import Problem
+
+FloatArray = NDArray[np.float64]
+
+#: Residual that solves are asked for [m/s], and the most iterations that they are given.
+TOLERANCE, LIMIT = 1e-8, 200_000
+
+#: How far residuals and velocities may be from their definitions: a share, and [m/s].
+ROUNDING, LEAST = 1e-6, 1e-12
+
+#: How far percussions may be from the exact ones, as a share of the greatest.
+SHARE = 1e-5
+
+
+class Exercise(NamedTuple):
+    """A contact problem with its answer, as docs/physics.md states it.
+
+    Attributes
+    ----------
+    title : str
+    mass, free : (n,), (n, 2)
+        Of the bodies [kg], and their velocities if nobody touched [m/s].
+    body, other : (c,)
+        The bodies of each contact; -1 is a wall.
+    normal : (c, 2)
+        Unit vectors towards `body`.
+    bias, before : (c,)
+        What is added to the normal velocities after the step, and those before it [m/s].
+    dissipation : float
+        K_N [kg].
+    percussion : (c,)
+        The exact answer [N s].
+    """
+
+    title: str
+    mass: FloatArray
+    free: FloatArray
+    body: NDArray[np.int64]
+    other: NDArray[np.int64]
+    normal: FloatArray
+    bias: FloatArray
+    before: FloatArray
+    dissipation: float
+    percussion: FloatArray
+
+    @property
+    def omega(self) -> FloatArray:
+        """1/m_i + 1/m_j of each contact [1/kg]."""
+        return 1.0 / self.mass[self.body] + np.where(self.other >= 0, 1.0 / self.mass[self.other], 0.0)
+
+    @property
+    def spring(self) -> FloatArray:
+        """Return omega / (omega + 2/K_N) of each contact, 0 where K_N = 0."""
+        return self.omega / (self.omega + 2.0 / self.dissipation) if self.dissipation > 0.0 else 0.0 * self.omega
+
+    def velocities(self, percussion: FloatArray) -> FloatArray:
+        """Return the velocities after percussions, (n, 2) [m/s]."""
+        velocity, push, two = self.free.copy(), percussion[:, None] * self.normal, self.other >= 0
+        np.add.at(velocity, self.body, push / self.mass[self.body, None])
+        np.subtract.at(velocity, self.other[two], push[two] / self.mass[self.other[two], None])
+        return velocity
+
+    def residual(self, percussion: FloatArray) -> float:
+        """Return max omega |P - P_local| [m/s]."""
+        velocity = self.velocities(percussion)
+        apart = velocity[self.body] - np.where(self.other[:, None] >= 0, velocity[self.other], 0.0)
+        alone = (self.normal * apart).sum(axis=1) - self.omega * percussion
+        local = np.maximum(0.0, -(alone + self.bias) / self.omega)
+        elastic = -self.spring * (alone + self.before) / self.omega
+        return float(np.max(self.omega * np.abs(percussion - np.maximum(local, elastic))))
+
+    def pose(self) -> Problem:
+        """Return the problem packed for solvers, see `evac.physics.rows`, without percussions."""
+        n, c = len(self.mass), len(self.body)
+        problem = make_problem(n, c)
+        problem.size, problem.bodies, problem.rigid = c, n, int(self.dissipation == 0.0)
+        scale, root = np.sqrt(self.omega), np.append(self.mass**-0.5, 0.0)
+        rows = slice(0, c)
+        problem.scale[rows] = scale
+        problem.body[rows], problem.other[rows] = self.body, np.where(self.other >= 0, self.other, n)
+        problem.inverse_root[:] = root
+        problem.data[rows, 0:2] = self.normal * (root[problem.body[rows]] / scale)[:, None]
+        problem.data[rows, 2:4] = -self.normal * (root[problem.other[rows]] / scale)[:, None]
+        problem.data[rows, 4] = self.bias / scale
+        problem.elastic[rows, 0], problem.elastic[rows, 1] = self.before / scale, self.spring
+        problem.free[:n] = self.free * np.sqrt(self.mass)[:, None]
+        problem.velocity[:] = problem.free
+        return problem
+
+
+def exercise(
+    title: str,
+    mass: ArrayLike,
+    free: ArrayLike,
+    contacts: list[tuple[int, int, tuple[float, float]]],
+    percussion: ArrayLike,
+    dissipation: float = 0.0,
+    bias: ArrayLike = 0.0,
+) -> Exercise:
+    """Return an exercise whose velocities before the step are the free ones; contacts are (body, other, normal)."""
+    velocity = np.array(free, dtype=np.float64)
+    body, other = np.array([one[:2] for one in contacts]).T
+    normal = np.array([one[2] for one in contacts])
+    apart = velocity[body] - np.where(other[:, None] >= 0, velocity[other], 0.0)
+    return Exercise(
+        title,
+        np.array(mass, dtype=np.float64),
+        velocity,
+        body,
+        other,
+        normal,
+        np.array(np.broadcast_to(np.asarray(bias, dtype=np.float64), len(body))),
+        (normal * apart).sum(axis=1),
+        dissipation,
+        np.array(percussion, dtype=np.float64),
+    )
+
+
+def queue(people: int) -> Exercise:
+    """Return a queue that walks against a wall and stops: each contact carries all who are behind it."""
+    mass = np.linspace(60.0, 100.0, people)
+    contacts = [(k, k - 1, (1.0, 0.0)) for k in range(people)]  # the first one at the wall, -1
+    return exercise(
+        f"a queue of {people} at a wall", mass, [(-1.5, 0.0)] * people, contacts, 1.5 * np.cumsum(mass[::-1])[::-1]
+    )
+
+
+def exercises() -> list[Exercise]:
+    """Return the problems, from one contact on."""
+    west, root = (-1.0, 0.0), math.sqrt(0.5)
+    pair = {"mass": [60.0, 100.0], "free": [(1.5, 0.3), (-1.0, -0.7)], "contacts": [(0, 1, west)]}
+    row = [(0, 1, west), (1, 2, west)]
+    return [
+        exercise("two people who part", [60.0, 100.0], [(-1.0, 0.0), (1.0, 0.0)], [(0, 1, west)], [0.0]),
+        exercise("somebody in a corner", [80.0], [(-1.5, -1.0)], [(0, -1, (1.0, 0.0)), (0, -1, (0.0, 1.0))], [120, 80]),
+        exercise("a wall out of reach", [80.0], [(-root, -root)], [(0, -1, (root, root))], [24.0], bias=0.7),
+        queue(12),
+        exercise("two people, inelastic", **pair, percussion=[2.5 / (1 / 60 + 1 / 100)]),
+        exercise("two people, K_N = 100", **pair, percussion=[5.0 / (1 / 60 + 1 / 100 + 0.02)], dissipation=100.0),
+        exercise(
+            "three in line, elastic",
+            [80.0] * 3,
+            [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)],
+            row,
+            [320.0 / 3.0, 160.0 / 3.0],
+            dissipation=math.inf,
+        ),
+    ]
+
+
+def check_signature(solver: type[Solver]) -> None:
+    """The kernel takes a problem, a tolerance and a limit, and returns a count."""
+    call_solver.check(getattr(solver, "solve", None), f"{solver.name}: solve")
+
+
+def check_answers(solver: type[Solver]) -> None:
+    """Small problems have their exact answers, and a solve that starts from one leaves it."""
+    for one in exercises():
+        problem = one.pose()
+        for tolerance in (TOLERANCE, 10.0 * TOLERANCE):
+            _solve(solver, one, problem, tolerance, LIMIT)
+            if not problem.residual <= tolerance:
+                raise PluginError(
+                    f"{solver.name}: does not solve {one.title}: a residual of {problem.residual:.3g} m/s is left"
+                    f" after {LIMIT} iterations"
+                )
+            wrong = float(np.abs(_percussions(problem) - one.percussion).max())
+            if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
+                raise PluginError(f"{solver.name}: percussions are wrong by {wrong:.3g} N s in {one.title}")
+
+
+def check_limits(solver: type[Solver]) -> None:
+    """A solve ends at its limit, and says what residual is left."""
+    one = queue(40)
+    for limit in (1, 2, 7, 30):
+        problem = one.pose()
+        made = _solve(solver, one, problem, 1e-14, limit)
+        if not 0 < made <= limit:
+            raise PluginError(f"{solver.name}: makes {made} iterations of {limit} for {one.title}")
+        residual = one.residual(_percussions(problem))
+        if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
+            raise PluginError(
+                f"{solver.name}: reports a residual of {problem.residual:.3g} m/s in {one.title}, which is"
+                f" {residual:.3g}; set problem.residual = row_residual(problem) of evac.physics.rows"
+            )
+
+
+def check_work_arrays(solver: type[Solver]) -> None:
+    """What is in the arrays at a solver's disposal before a solve does not matter, and the problem is left as it is."""
+    one, found = queue(12), []
+    for rest in (0.0, math.nan):
+        problem = one.pose()
+        for name in Problem.kinds:
+            if name.startswith(("work", "image", "face", "branch")):
+                array = getattr(problem, name)
+                array[...] = rest if array.dtype == np.float64 else 0 if rest == 0.0 else 1
+        problem.residual = rest
+        given = {name: np.copy(getattr(problem, name)) for name in _GIVEN}
+        _solve(solver, one, problem, TOLERANCE, LIMIT)
+        for name, before in given.items():
+            if not np.array_equal(before, getattr(problem, name)):
+                raise PluginError(f"{solver.name}: changes problem.{name}, which belongs to the problem")
+        found.append(problem.percussion.tobytes() + problem.velocity.tobytes())
+    if found[0] != found[1]:
+        raise PluginError(f"{solver.name}: its answer depends on what was in the work arrays before; set them first")
+
+
+#: What a solver only reads.
+_GIVEN = ("size", "bodies", "rigid", "body", "other", "data", "elastic", "scale", "inverse_root", "free")
+
+
+def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: float, limit: int) -> int:
+    """Solve, and check what holds wherever a solve ends; return the iterations."""
+    made = int(solver.solve(problem, tolerance, limit))
+    percussion = _percussions(problem)
+    if not np.isfinite(percussion).all() or percussion.min() < 0.0:
+        raise PluginError(
+            f"{solver.name}: a percussion of {percussion.min():.3g} N s in {one.title}; people can only push"
+        )
+    expected = one.velocities(percussion)
+    velocity = problem.velocity * np.append(problem.inverse_root[:-1], 1.0)[:, None]
+    wrong = float(np.abs(velocity - np.vstack([expected, [0.0, 0.0]])).max())
+    if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
+        raise PluginError(
+            f"{solver.name}: velocities differ by {wrong:.3g} m/s from the free ones plus percussions in {one.title};"
+            " change both together, with evac.physics.rows.push_row"
+        )
+    return made
+
+
+def _percussions(problem: Problem) -> FloatArray:
+    return problem.percussion[: problem.size] / problem.scale[: problem.size]
+
+
+SOLVER_CHECKS: tuple[Callable[[type[Solver]], None], ...] = (
+    check_signature,
+    check_answers,
+    check_limits,
+    check_work_arrays,
+)

@@ -1,0 +1,158 @@
+"""Which kernels a scene compiles and loads, and what compiling them takes where none is on disk."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from evac.evidence.report import Evidence
+from evac.evidence.verdicts import reported
+from evac.jit.kernels import Entry
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+#: Runs a case in a process of its own and prints what it compiled.
+PROBE = """
+import json, sys
+from evac.evidence.lean.kernels import compiled
+print(json.dumps(compiled(*json.loads(sys.argv[1]))))
+"""
+
+#: Simulated time, in which a scene has met what it needs [s].
+DURATION = 20.0
+
+SECTION = "Kernels"
+CPU = "CPU [s]"
+
+#: The two runs of a case.
+AS_IT_IS, ALL_IN = "as it is", "all in"
+
+
+@dataclass(frozen=True)
+class KernelCase:
+    """A shipped case under a model, and what it could name without needing it.
+
+    Attributes
+    ----------
+    scene, model : str
+    overrides : mapping
+        What chooses the model.
+    named : mapping
+        Overrides that name forces and behaviours, for the run that has everything forced in.
+    """
+
+    scene: str
+    model: str
+    overrides: Mapping[str, Any]
+    named: Mapping[str, Any]
+
+
+def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
+    """Add which kernels the cases compile, and what leaving out saves where none is on disk."""
+    rows = evidence.measured("kernels", lambda: [row for case in cases for row in kernel_rows(case)])
+    table = summary_rows(rows)
+    for row in table:
+        told = f"{row['kernels']} kernels, {row[CPU]:.1f} CPU s;"
+        told += f" left out {row['left out: kernels']}, {row[f'left out: {CPU}']:.1f} CPU s"
+        evidence.verdict(reported(f"{row['scene']}, {row['model']}: compiling", told, "-", SECTION))
+    evidence.heading(SECTION)
+    evidence.text(
+        f"""A case runs for {DURATION:g} s in a fresh process without compiled kernels on disk: as it is, and with
+        `--full` and named forces and behaviours that it does not need ("all in"). Kernels are compiled when they are
+        first needed and then kept on disk. CPU is the process time of compiling them, without the import of numba.
+        numba lowers a function once, however many kernels call it; LLVM optimises it with each of them. Kernels of the
+        directions, of the placement of people and of their ways are among them."""
+    )
+    evidence.table(
+        "kernels_compiled",
+        table,
+        "Kernels compiled, the functions in them and what that takes; left out: what is compiled only if forced in.",
+    )
+    evidence.table(
+        "kernels_loaded",
+        loaded_rows(rows),
+        "Which kernels each case loads: in, or only if forced in.",
+    )
+    evidence.data("kernels", rows, "CPU time and size of each kernel in each run")
+
+
+def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
+    """Return a row per kernel that a case compiles as it is, and with everything forced in."""
+    rows = []
+    for variant in (AS_IT_IS, ALL_IN):
+        overrides = dict(case.overrides) | (dict(case.named) if variant == ALL_IN else {})
+        found = _in_fresh_process(case.scene, overrides, variant == ALL_IN)
+        head = {"scene": case.scene, "model": case.model, "variant": variant, "functions": found["functions"]}
+        for label, (span, size) in found["kernels"].items():
+            rows.append({**head, "kernel": label, CPU: span, "object code [kB]": 1e-3 * size})
+    return rows
+
+
+def compiled(name: str, overrides: Mapping[str, Any], full: bool) -> dict[str, Any]:
+    """Run a case; return CPU time [s] and bytes of each kernel that it compiles, and how many functions are in them."""
+    from evac.jit import compiler  # imports numba before anything is timed
+
+    found: dict[str, tuple[float, int]] = {}
+    compile_entry = compiler.compile_entry
+
+    def timed(entry: Entry, symbol: str) -> bytes:
+        start = time.process_time()
+        code: bytes = compile_entry(entry, symbol)
+        found[entry.label] = time.process_time() - start, len(code)
+        return code
+
+    compiler.compile_entry = timed
+    quiet = {"output.animation": False, "output.picture": False, "simulation.duration": DURATION}
+    Simulation(load_case(name, {**overrides, **quiet}), full=full).run()
+    return {"kernels": found, "functions": len(compiler.compiled_functions())}
+
+
+def _in_fresh_process(name: str, overrides: Mapping[str, Any], full: bool) -> dict[str, Any]:
+    """Return what `compiled` does in a process of its own that finds no kernels on disk."""
+    with TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", PROBE, json.dumps([name, overrides, full])]
+        environment = os.environ | {"EVAC_CACHE_DIR": folder}
+        done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def summary_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row per case: kernels, functions and CPU time as it is, and those that it leaves out."""
+    table = []
+    for scene, model in dict.fromkeys((row["scene"], row["model"]) for row in rows):
+        own = [row for row in rows if (row["scene"], row["model"]) == (scene, model)]
+        lean, full = ([row for row in own if row["variant"] == variant] for variant in (AS_IT_IS, ALL_IN))
+        needed = {row["kernel"] for row in lean}
+        out = [row for row in full if row["kernel"] not in needed]
+        table.append(
+            {
+                "scene": scene,
+                "model": model,
+                "kernels": len(lean),
+                "functions": lean[0]["functions"],
+                CPU: sum(row[CPU] for row in lean),
+                "left out: kernels": len(out),
+                "left out: functions": full[0]["functions"] - lean[0]["functions"],
+                f"left out: {CPU}": sum(row[CPU] for row in out),
+            }
+        )
+    return table
+
+
+def loaded_rows(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row per kernel, and in a column for each case whether it is in, or only if forced in."""
+    cases = list(dict.fromkeys((row["scene"], row["model"]) for row in rows))
+    variants: dict[str, dict[tuple[str, str], str]] = {}
+    for row in sorted(rows, key=lambda row: bool(row["variant"] == ALL_IN)):
+        words = "forced in" if row["variant"] == ALL_IN else "in"
+        variants.setdefault(row["kernel"], {}).setdefault((row["scene"], row["model"]), words)
+    return [
+        {"kernel": kernel} | {", ".join(case): variants[kernel].get(case, "-") for case in cases}
+        for kernel in sorted(variants)
+    ]

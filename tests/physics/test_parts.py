@@ -1,0 +1,206 @@
+"""Parts of the step loop that are loaded when a step is found to need them: no bit tells when that was."""
+
+import numpy as np
+import pytest
+
+from evac.errors import PluginError
+from evac.jit import Struct, inner, kernel
+from evac.parameters import Parameter
+from evac.physics.contact_model import ContactModel
+from evac.physics.force import Force
+from evac.physics.state import State, make_crowd
+from evac.physics.status import NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER
+from evac_plugins.contact_dem import Dem
+from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm2 import Nsm2
+from tests.physics.scenes import SOLVERS, fields_towards, make_building, make_engine, random_crowd, walk
+
+ROOM = make_building(walls=[(0, 0, 5, 0), (5, 0, 5, 2.1), (5, 2.9, 5, 5), (5, 5, 0, 5), (0, 5, 0, 0)])
+GAP = make_building(walls=[(-3, 0, 1, 0), (1, 0.36, -3, 0.36)])
+STEPS = 100
+
+#: A solver that often does not converge within the iterations that it is given.
+WEAK = {"solver": "uzawa", "iterations": 25, "velocity_tolerance": 1e-3}
+
+
+def jam(full, **settings):
+    """Sixty people press towards a door."""
+    crowd = random_crowd(60, (0, 0), (5, 5), seed=8, **settings)
+    return crowd, make_engine(crowd, ROOM, fields_towards((6, 2.5)), full=full)
+
+
+def squeeze(full):
+    """Somebody of 0.4 m walks into a gap of 0.36 m, that nothing can part it from, after a fifth of a second."""
+    crowd = make_crowd([(-3.5, 0.18)], [(1.5, 0.0)], speed=1.5, radius=0.2)
+    return crowd, make_engine(crowd, GAP, full=full)
+
+
+#: Scene, contact model, and what is found missing there.
+SCENES = {
+    "nsm1, unconverged": (jam, Nsm1(**WEAK), [NEEDS_STRONGER_SOLVER]),
+    "nsm2, unconverged": (jam, Nsm2(**WEAK), [NEEDS_STRONGER_SOLVER]),
+    "nsm1, overlaps": (jam, Nsm1(gap_tolerance=1e-5), [NEEDS_SEPARATION]),
+    "nsm2, overlaps": (jam, Nsm2(position_correction=True), [NEEDS_SEPARATION]),
+    "nsm1, squeezed": (squeeze, Nsm1(), [NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER]),
+}
+
+
+def note_parts(engine):
+    """Return a list that gets each status that asks for a part, and the step that is waiting for it."""
+    met, load = [], engine._load_part
+
+    def noting(model, status):
+        met.append((status, engine.state.clock.now))
+        load(model, status)
+
+    engine._load_part = noting
+    return met
+
+
+def advance(engine, model, crowd, first, last):
+    for step in range(first, last, 10):
+        engine.advance(model, crowd, step, 10, 0.01, False, True)
+
+
+def assert_same(one, other):
+    (crowd, engine), (twin, its_engine) = one, other
+    for name in crowd.kinds:
+        np.testing.assert_array_equal(getattr(crowd, name), getattr(twin, name), err_msg=name)
+    assert engine.report() == its_engine.report()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_part_loaded_within_a_tick_gives_the_bits_of_one_loaded_before(name):
+    scene, model, missing = SCENES[name]
+    lean, full = scene(False), scene(True)
+    met = note_parts(lean[1])
+    advance(lean[1], model, lean[0], 0, STEPS)
+    assert [status for status, _ in met] == missing
+    assert met[0][1] % 10 > 0  # steps of the tick have been made before
+    met = note_parts(full[1])
+    full[1].load(model)
+    advance(full[1], model, full[0], 0, STEPS)
+    assert {step for _, step in met} == {0}  # before the first step
+    assert_same(lean, full)
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("ticks", [-1, 0, 1])
+def test_a_run_resumed_beside_the_tick_that_loads_a_part_gives_the_same_bits(name, ticks):
+    scene, model, missing = SCENES[name]
+    whole = scene(False)
+    met = note_parts(whole[1])
+    advance(whole[1], model, whole[0], 0, STEPS)
+    stop = 10 * (met[0][1] // 10 + ticks)
+    assert 0 <= stop < STEPS
+
+    begun = scene(False)
+    advance(begun[1], model, begun[0], 0, stop)
+    saved, crowd = begun[1].snapshot(), begun[0]
+    _, engine = scene(False)
+    engine.restore(saved)
+    again = note_parts(engine)
+    advance(engine, model, crowd, stop, STEPS)
+    assert_same(whole, (crowd, engine))
+    if ticks <= 0:
+        assert [status for status, _ in again] == missing
+
+
+def test_a_part_that_is_never_needed_is_never_loaded():
+    crowd = make_crowd([(0, 0)], speed=1.5)
+    engine = walk(Nsm1(), crowd, 100)
+    assert (engine.state.parts.stronger, engine.state.parts.separation) == (0, 0)
+    assert engine.state.parts.solver == SOLVERS["accelerated_sweeps"].solve.address
+
+
+# What is refused before a kernel is called with other arguments than it takes
+
+
+class Constants(Struct):
+    """What a law reads."""
+
+    stiffness: float
+
+
+@kernel
+def law_of_constants(state: State, own: Constants, h: float) -> int:
+    return 0
+
+
+@kernel
+def law_without_step(state: State, own: Constants) -> int:
+    return 0
+
+
+@kernel
+def law_unannotated(state: State, own: Constants, h) -> int:
+    return 0
+
+
+@inner
+def law_without_address(state, own, h):
+    return 0
+
+
+@kernel
+def plain_force(gap: float, nx: float, ny: float) -> float:
+    return 0.0
+
+
+class Odd(ContactModel):
+    """A model whose law does not read what it is given."""
+
+    name = "odd"
+    law = law_of_constants
+
+
+class OddForce(Force):
+    """A force whose kernel takes other arguments."""
+
+    name = "odd"
+    pair = plain_force
+    strength = Parameter(1.0, "strength", unit="N")
+
+    def cutoff(self):
+        return 1.0
+
+
+@pytest.mark.parametrize("law", [law_of_constants, law_without_step, law_without_address])
+def test_a_law_of_another_signature_is_refused(law):
+    """Among them one whose struct is not that of the model's `own`, here none."""
+    model = type("Odd", (Odd,), {"law": law})()
+    with pytest.raises(PluginError, match=r"'odd': law must be a kernel \(State, NoParameters, float64\) -> \(int64\)"):
+        walk(model, make_crowd([(0, 0)]), 1)
+
+
+def test_a_law_without_annotations_names_the_argument():
+    model = type("Odd", (Odd,), {"law": law_unannotated})()
+    with pytest.raises(PluginError, match=r"law_unannotated: 'h' has no annotation"):
+        walk(model, make_crowd([(0, 0)]), 1)
+
+
+@pytest.mark.parametrize("pair", [plain_force, None])
+def test_a_force_of_another_signature_is_refused(pair):
+    force = type("OddForce", (OddForce,), {"pair": pair})()
+    crowd = make_crowd([(0, 0)])
+    with pytest.raises(PluginError, match="force 'odd': pair must be a kernel"):
+        walk(Dem(), crowd, 1, forces=[force])
+
+
+def test_an_unknown_solver_names_the_closest_one():
+    with pytest.raises(PluginError, match=r"contact\.nsm1\.solver: no solver 'uzava'; did you mean 'uzawa'"):
+        walk(Nsm1(solver="uzava"), make_crowd([(0, 0)]), 1)
+
+
+@kernel
+def law_of_no_status(state: State, own: Constants, h: float) -> int:
+    return 77
+
+
+def test_a_law_that_returns_no_status_is_named():
+    def own(self, people, world):
+        return Constants(stiffness=1.0)
+
+    model = type("Odd", (Odd,), {"law": law_of_no_status, "own": own})()
+    with pytest.raises(PluginError, match="'odd': its law returned 77"):
+        walk(model, make_crowd([(0, 0)]), 1)
