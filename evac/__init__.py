@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from evac.output.trajectory import Trajectory as Trajectory
     from evac.output.trajectory import read_trajectory as read_trajectory
     from evac.parameters import Parameter as Parameter
+    from evac.phases import Progress as Progress
     from evac.physics.contact_model import ContactModel as ContactModel
     from evac.physics.force import Force as Force
     from evac.physics.solver import Solver as Solver
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from evac.running import run as run
     from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
-    from evac.simulation import Progress as Progress
     from evac.simulation import Simulation as Simulation
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
@@ -55,7 +55,7 @@ _HOMES = {
     "Importer": "evac.building.importer",
     "Parameter": "evac.parameters",
     "PluginError": "evac.errors",
-    "Progress": "evac.simulation",
+    "Progress": "evac.phases",
     "Recorder": "evac.output.recorder",
     "Registry": "evac.registry",
     "ResultError": "evac.errors",

@@ -29,6 +29,10 @@ class ResultError(EvacError):
     """A result folder or a trajectory file cannot be read or written."""
 
 
+class CacheWarning(UserWarning):
+    """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
+
+
 @contextmanager
 def plugin_code(what: str) -> Iterator[None]:
     """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line."""

@@ -1,8 +1,9 @@
-"""Wall time of a run, phase by phase."""
+"""How far a run is, and the wall time that it takes, phase by phase."""
 
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 #: Phases in the order in which they begin. A run spends in "preparation" what is none of the stations that follow, in
 #: "kernels" the time in which compiled code is loaded or compiled, and in "output" everything that is shown or written.
@@ -17,6 +18,16 @@ PHASES = (
     "recording",
     "output",
 )
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a progress display needs, once a tick."""
+
+    time: float  # simulated [s]
+    duration: float  # [s]
+    people: int
+    out: int
 
 
 class Phases:

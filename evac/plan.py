@@ -1,16 +1,24 @@
 """What a scene needs: each part that can be left out, in or out, and why. Leaving out changes no bit."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.build import build_fields
+from evac.directions.descent import add_lengths, descend
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
+from evac.directions.sampling import sample_travel_times
 from evac.errors import plugin_code
+from evac.jit import Entry
+from evac.jit.kernels import entries_of
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
+from evac.people.placement import PLACING
+from evac.people.ways import walk_all
 from evac.physics.force import Force
+from evac.physics.parts import entries_of_loop
 
 if TYPE_CHECKING:
     from evac.building.model import Building
@@ -77,6 +85,27 @@ def needed_behaviours(
             if full or behaviour.is_needed(scene):
                 needed.append((behaviour, scene))
     return needed
+
+
+def set_up_kernels() -> list[Entry]:
+    """Return the kernels that the directions and people of a scene need."""
+    return [descend, add_lengths, sample_travel_times, *PLACING, walk_all]
+
+
+def run_kernels(
+    case: "Case",
+    building: "Building",
+    model: "ContactModel",
+    forces: Sequence[Force],
+    behaviours: Sequence[Behaviour],
+    full: bool,
+) -> list[Entry]:
+    """Return the kernels of the step loop and of behaviours that a run will need, as far as is known at its start."""
+    has_seams = full or len(building.levels) > 1
+    found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
+    for behaviour in behaviours:
+        found += entries_of(sys.modules[type(behaviour).__module__])
+    return found
 
 
 def explain(

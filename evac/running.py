@@ -12,8 +12,8 @@ from evac.errors import EvacError, ResultError, note
 from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
 from evac.output.results import Results
 from evac.output.trajectory import MAGIC, read_trajectory
-from evac.phases import Phases
-from evac.simulation import Progress, Simulation
+from evac.phases import Phases, Progress
+from evac.simulation import Simulation
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case

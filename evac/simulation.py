@@ -1,7 +1,7 @@
 """The simulation: everything put together, and the loop."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac import assembly
+from evac import assembly, plan
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import EvacError, PluginError, naming, noting, plugin_code
+from evac.jit.loading import addresses_of
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
@@ -23,27 +24,16 @@ from evac.people.groups import check_people
 from evac.people.population import build_population
 from evac.people.unusual import unusual
 from evac.people.ways import check_ways
-from evac.phases import Phases
+from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.plan import Part, explain, needed_behaviours, needed_forces, solve_fields
 from evac.registry import Registry
 from evac.scene import Scene
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
-
-
-@dataclass(frozen=True)
-class Progress:
-    """What a progress display needs, once a tick."""
-
-    time: float  # simulated [s]
-    duration: float  # [s]
-    people: int
-    out: int
 
 
 class Simulation:
@@ -57,6 +47,11 @@ class Simulation:
         Result folder for the recorders; None keeps nothing on disk.
     full : bool
         Do even what the scene does not need; gives the same bits, slower.
+
+    will_run : bool
+        False for a look at what is ready before the first step: kernels of the step loop are then not loaded yet.
+    compiling : callable, optional
+        Called with the number of kernels that have been compiled and of all that must be, if any.
 
     Raises
     ------
@@ -82,19 +77,25 @@ class Simulation:
         Why the run has ended; empty while it goes on.
     """
 
-    def __init__(self, case: "Case", folder: Path | None = None, full: bool = False) -> None:
+    def __init__(
+        self,
+        case: "Case",
+        folder: Path | None = None,
+        full: bool = False,
+        *,
+        will_run: bool = True,
+        compiling: Callable[[int, int], None] | None = None,
+    ) -> None:
         self.case = case
         self.registry: Registry = case.registry
         self.folder = folder
         self.full = full
-        self.seed = case.simulation.seed
-        self.step = 0
-        self.phases = Phases()
-        self.ended = ""
+        self.seed, self.step = case.simulation.seed, 0
+        self.phases, self.ended = Phases(), ""
         with self.phases.enter("preparation"):
-            self._make()
+            self._make(will_run, compiling)
 
-    def _make(self) -> None:
+    def _make(self, will_run: bool, compiling: Callable[[int, int], None] | None) -> None:
         """Make everything that the case names, and let the plugins prepare."""
         case, full = self.case, self.full
         with plugin_code("evac_configure"):
@@ -103,37 +104,38 @@ class Simulation:
         self.recorders = assembly.make_recorders(case)
         self._is_recording = False
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
-        self.forces = needed_forces(forces, full)
-        self._build(behaviours)
+        self.forces = plan.needed_forces(forces, full)
+        with self.phases.enter("building"):
+            building = assembly.make_building(case)
+            check_people(case, building)
+        with self.phases.enter("kernels"):
+            kernels = plan.run_kernels(case, building, self.contact, self.forces, behaviours, full) if will_run else []
+            addresses_of([*plan.set_up_kernels(), *kernels], compiling)
+        self._build(building, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
         with plugin_code("evac_prepare"):
             self.registry.hook.evac_prepare(simulation=self)
 
-    def _build(self, behaviours: list[Behaviour]) -> None:
-        """Make the stations of the main path, one from the other."""
+    def _build(self, building: Building, behaviours: list[Behaviour]) -> None:
+        """Make the stations of the main path that follow the building, one from the other."""
         case = self.case
-        with self.phases.enter("building"):
-            building = assembly.make_building(case)
-            check_people(case, building)
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(solve_fields, case, behaviours=behaviours, full=self.full)
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
             self.scene = Scene(building, solve(building), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
-                self.behaviours = needed_behaviours(scenes, self.full)
+                self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
             self.contact.check_scene(border)
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
-        names = [level.name for level in building.levels]
-        self.engine = Engine(
-            self.scene.world, len(people.crowd.level), self.forces, self.full, names, self.registry.solvers
-        )
+        n, names = len(people.crowd.level), [level.name for level in building.levels]
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -152,14 +154,14 @@ class Simulation:
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
-    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[Part]:
+    def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[plan.Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
         names = [force.name for force in self.forces]
         cutoffs = dict(zip(names, self.engine.state.forces.cutoff.tolist(), strict=True))
         felt = {force.name: cutoffs.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         loop = self.engine.explain(self.contact)
-        return explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
+        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
 
     @property
     def building(self) -> Building:

@@ -36,7 +36,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     try:
-        simulation = Simulation(case)
+        simulation = Simulation(case, will_run=False)
     except EvacError:
         # What is wrong with people or directions is easier to see beside the building.
         from evac.assembly import make_building

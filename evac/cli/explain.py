@@ -19,6 +19,6 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     from evac.simulation import Simulation
 
-    rows = [part.as_row() for part in Simulation(case).plan]
+    rows = [part.as_row() for part in Simulation(case, will_run=False).plan]
     show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
     return 0

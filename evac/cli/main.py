@@ -6,9 +6,12 @@ import gc
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TextIO
 
-from evac.errors import EvacError
+from evac.errors import CacheWarning, EvacError
 
 #: Exit status of bad input, and of what Ctrl-C stopped.
 BAD_INPUT = 2
@@ -22,6 +25,7 @@ COMMANDS = {
     "check": "evac.cli.check",
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
+    "cache": "evac.cli.cache",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
     "evidence": "evac.cli.evidence",
@@ -37,7 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     start_fast()
     arguments = parser().parse_args(argv)
     try:
-        status: int = arguments.execute(arguments)
+        with _cache_warnings():
+            status: int = arguments.execute(arguments)
     except EvacError as error:
         print("\n".join([f"evac: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return BAD_INPUT
@@ -45,6 +50,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("evac: interrupted", file=sys.stderr)
         return INTERRUPTED_STATUS
     return status
+
+
+@contextmanager
+def _cache_warnings() -> Iterator[None]:
+    """Show what the library warns of as commands show other warnings; those of other libraries stay as they are."""
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if issubclass(category, CacheWarning):
+            print(f"warning: {message}", file=sys.stderr)
+        else:
+            before(message, category, filename, lineno, file, line)
+
+    with warnings.catch_warnings():
+        before, warnings.showwarning = warnings.showwarning, show
+        yield
 
 
 def start_fast() -> None:

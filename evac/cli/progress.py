@@ -9,7 +9,7 @@ from rich import progress as bars
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from evac.simulation import Progress
+    from evac.phases import Progress
 
 #: Wall time between two updates of the bar, and between two plain lines [s].
 BAR_EVERY = 0.1
@@ -38,6 +38,7 @@ class Display:
         self._task = self._bar.add_task("starting", total=None, numbers="")
         self._start = self._shown = time.perf_counter()
         self._first: Progress | None = None
+        self._compiling_since: float | None = None
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -52,8 +53,27 @@ class Display:
         """Say what is going on."""
         self._bar.reset(self._task, total=None, description=what, numbers="")
 
+    def compiling(self, done: int, kernels: int) -> None:
+        """Show how many kernels have been compiled, and for how long; what follows the last one is set-up."""
+        now = time.perf_counter()
+        if self._compiling_since is None:
+            self._compiling_since = self._shown = now
+            if not self._is_bar:
+                print(
+                    f"compiling kernels: {kernels} of them, which are kept for later runs", file=sys.stderr, flush=True
+                )
+        numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
+        if done == kernels:
+            self._compiling_since = None
+            self.phase("computing directions")
+        elif self._is_bar:
+            self._bar.update(self._task, description="compiling", total=kernels, completed=done, numbers=numbers)
+        elif now - self._shown >= LINE_EVERY:
+            self._shown = now
+            print(numbers, file=sys.stderr, flush=True)
+
     def __call__(self, state: "Progress") -> None:
-        """Show a tick, unless one was shown just now; the speed counts from the first tick, which may compile."""
+        """Show a tick, unless one was shown just now; the speed counts from the first tick, which may load parts."""
         now = time.perf_counter()
         if self._first is None:
             self._first, self._start, self._shown = state, now, now

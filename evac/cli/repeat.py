@@ -34,7 +34,10 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
     check_folder(folder)
-    show_warnings(Simulation(case).warnings())
+    with Display() as display:
+        display.phase("reading the building, computing directions")
+        warnings = Simulation(case, compiling=display.compiling).warnings()
+    show_warnings(warnings)
     make_folder(folder)
     print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
     with Display() as display:

@@ -18,7 +18,7 @@ from evac.cli.main import INTERRUPTED_STATUS
 from evac.cli.progress import Display
 
 if TYPE_CHECKING:
-    from evac.simulation import Progress
+    from evac.phases import Progress
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -54,8 +54,8 @@ def execute(arguments: argparse.Namespace) -> int:
         folder = arguments.out or default_folder(case)
         check_folder(folder)
         display.phase("reading the building, computing directions")
-        simulation = Simulation(case, folder, arguments.full)
-        display.phase("first tick (kernels that are not cached are compiled, up to a minute)")
+        simulation = Simulation(case, folder, arguments.full, compiling=display.compiling)
+        display.phase("first tick")
         with _Interrupt(display) as progress:
 
             def writing() -> None:

@@ -4,6 +4,7 @@ numba's own dispatcher optimises each function, and again in each that calls it.
 lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numba
@@ -19,7 +20,7 @@ from numba.core.typing.typeof import typeof_impl
 from evac.errors import PluginError
 from evac.jit.instructions import BUILTINS, type_of
 from evac.jit.kernels import Entry, Kernel
-from evac.jit.processor import Processor
+from evac.jit.processor import Processor, host
 
 
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
@@ -51,7 +52,10 @@ class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
     """Makes libraries that are not optimised before they are whole."""
 
     _library_class = _Library
-    processor = Processor.host()
+
+    def __init__(self, processor: Processor) -> None:
+        self.processor = processor
+        super().__init__("evac")
 
     def _customize_tm_options(self, options: dict[str, Any]) -> None:
         options.update(self.processor.options())
@@ -60,12 +64,18 @@ class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
         return self.processor.features
 
 
+@lru_cache
+def _codegen(processor: Processor) -> _Codegen:
+    """Return what makes machine code for a processor; what it is given to optimise is the same for all."""
+    return _Codegen(processor)
+
+
 class _Context(cpu.CPUContext):  # type: ignore[misc]
     """Lowers functions without a wrapper for Python; it knows plain numbers, tuples, ranges and mathematics."""
 
     def init(self) -> None:
         super().init()
-        self._internal_codegen = _Codegen("evac")
+        self._internal_codegen = _codegen(host())
 
     def get_function(self, fn: Any, sig: Any, _firstcall: bool = True) -> Any:
         """Find also what numba has compiled by itself: functions of a plugin under ``numba.njit``, and of numpy."""
@@ -153,8 +163,8 @@ def compiled_functions() -> list[str]:
 
 
 @global_compiler_lock  # type: ignore[untyped-decorator]
-def compile_entry(entry: Entry, symbol: str) -> bytes:
-    """Return the object code of a kernel, in which it has the name `symbol`.
+def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
+    """Return the object code of a kernel for a processor, in which it has the name `symbol`.
 
     Raises
     ------
@@ -168,7 +178,7 @@ def compile_entry(entry: Entry, symbol: str) -> bytes:
     except numba.core.errors.NumbaError as error:
         raise PluginError(f"kernel {entry.label} cannot be compiled: {error}") from None
     result = compiling.overloads[tuple(arguments)]
-    library = compiling.targetctx.codegen().create_library(symbol)
+    library = _codegen(processor).create_library(symbol)
     library.add_ir_module(_wrapper(compiling.targetctx, result.fndesc, arguments, entry, symbol))
     library.add_linking_library(result.library)
     module = library.whole()

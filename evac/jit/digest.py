@@ -32,16 +32,21 @@ def digest_of(entry: Entry, processor: str) -> str:
     kinds, returned = entry.signature
     signature = "; ".join(describe(kind) for _, kind in kinds)
     digest = hashlib.sha256(f"{versions()}\n{processor}\n{signature} -> {returned}\n".encode())
-    seen: set[int] = set()
+    for kernel in kernels_in(entry):
+        digest.update(_parts_of(kernel)[0])
+    return digest.hexdigest()[:20]
+
+
+def kernels_in(entry: Entry) -> list[Kernel]:
+    """Return an entry and all kernels that it calls, directly or not, in an order that is always the same."""
+    found: dict[int, Kernel] = {}
     waiting: list[Kernel] = [entry]
     while waiting:
         kernel = waiting.pop()
-        if id(kernel) not in seen:
-            seen.add(id(kernel))
-            text, called = _parts_of(kernel)
-            digest.update(text)
-            waiting.extend(called)
-    return digest.hexdigest()[:20]
+        if id(kernel) not in found:
+            found[id(kernel)] = kernel
+            waiting.extend(_parts_of(kernel)[1])
+    return list(found.values())
 
 
 @cache

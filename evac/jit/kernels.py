@@ -8,6 +8,7 @@ With the environment variable NUMBA_DISABLE_JIT set, kernels run as the Python f
 import ctypes
 import os
 from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from evac.errors import PluginError
@@ -229,6 +230,13 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inner(function: Callable[..., Any]) -> Any:
     """Make a function that kernels can call of a module-level function; it needs no annotations."""
     return Kernel(function)
+
+
+def entries_of(module: ModuleType) -> list[Entry]:
+    """Return the entries that a module and its classes define."""
+    holders = [module, *(value for value in vars(module).values() if isinstance(value, type))]
+    found = [value for holder in holders for value in vars(holder).values() if isinstance(value, Entry)]
+    return [entry for entry in dict.fromkeys(found) if entry.__module__ == module.__name__]
 
 
 def structs_of(kind: Kind) -> set[type[Struct]]:

@@ -1,15 +1,28 @@
 """From entries to addresses: read object code from disk, compile what is missing, load it into the process."""
 
-from collections.abc import Callable, Sequence
+import threading
+import warnings
+from collections.abc import Iterable
+from contextlib import closing
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from llvmlite import binding as llvm
 
+from evac.errors import CacheWarning
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED, Entry
-from evac.jit.processor import Processor
-from evac.jit.store import Store, cache_root
+from evac.jit.processor import Processor, generic, host, missing_features
+from evac.jit.store import Store, user_store
+from evac.jit.workers import Progress, Task, compile_tasks
+
+#: Kernels that a wheel contains, compiled for the generic processor.
+SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
+
+_lock = threading.RLock()
+
+_addresses: dict[str, int] = {}
 
 
 @lru_cache(maxsize=1)
@@ -21,49 +34,72 @@ def _engine() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target.create_target_machine(jit=True))
 
 
-@lru_cache(maxsize=1)
-def _stores() -> list[Store]:
-    root = cache_root()
-    return [Store(root / "kernels")] if root else []
+def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> None:
+    """Load the machine code of entries, and compile what is not on disk.
 
+    Parameters
+    ----------
+    entries : iterable of Entry
+        Those that are missing are compiled together, if there are many in several processes.
+    progress : callable, optional
+        Called with the number of kernels compiled so far and of all that must be; never if none must.
 
-def file_name(entry: Entry) -> str:
-    """Return how the files of a kernel begin."""
-    return entry.label.replace("<", "").replace(">", "")
-
-
-def load(entry: Entry, symbol: str, code: bytes) -> None:
-    """Load object code and let the entry call it."""
-    engine = _engine()
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    entry.bind(engine.get_function_address(symbol))
-
-
-def addresses_of(entries: Sequence[Entry], progress: Callable[[int, int], None] | None = None) -> None:
-    """Load the machine code of entries, and compile what is not on disk; where nothing is compiled, do nothing."""
+    Raises
+    ------
+    PluginError
+        A kernel cannot be compiled.
+    """
     if INTERPRETED:
         return
-    processor = Processor.host()
-    missing = []
-    for entry in entries:
-        if entry.is_ready:
-            continue
-        digest = digest_of(entry, f"{processor}")
-        symbol = f"evac_{digest}"
-        code = None
-        for store in _stores():
-            code = store.read(file_name(entry), digest)
-        if code is None:
-            missing.append((entry, digest, symbol))
-        else:
-            load(entry, symbol, code)
-    for k, (entry, digest, symbol) in enumerate(missing):
-        if progress:
-            progress(k, len(missing))
-        from evac.jit.compiler import compile_entry  # imports numba
+    with _lock:
+        store, missing = user_store(), []
+        for entry in dict.fromkeys(entries):
+            if entry.is_ready:
+                continue
+            task = Task(entry, digest_of(entry, f"{host()}"))
+            code = store.read(task.file_name, task.digest) if store else None
+            if code is not None:
+                _load(task, code)
+            elif not _load_shipped(entry):
+                missing.append(task)
+        if missing:
+            compile_missing(missing, host(), store, progress)
 
-        code = compile_entry(entry, symbol)
-        for store in _stores()[:1]:
-            store.write(file_name(entry), digest, code)
-        load(entry, symbol, code)
+
+def compile_missing(
+    missing: list[Task], processor: Processor, store: Store | None, progress: Progress | None = None
+) -> None:
+    """Compile kernels into a store, load those for this processor, and remove what is old."""
+    if store is None:
+        warnings.warn(
+            "compiled kernels cannot be kept: there is no home folder; set EVAC_CACHE_DIR to a folder",
+            CacheWarning,
+            stacklevel=2,
+        )
+    with closing(compile_tasks(missing, processor, store, progress)) as compiled:
+        for task, code in compiled:
+            if processor == host():
+                _load(task, code)
+    if store is not None:
+        store.prune()
+
+
+def _load_shipped(entry: Entry) -> bool:
+    """Load a kernel of the wheel, if there is one that this machine can run."""
+    if not SHIPPED.folder.is_dir() or missing_features():
+        return False
+    task = Task(entry, digest_of(entry, f"{generic()}"))
+    code = SHIPPED.read(task.file_name, task.digest)
+    if code is not None:
+        _load(task, code)
+    return code is not None
+
+
+def _load(task: Task, code: bytes) -> None:
+    """Load object code and let the entry call it; of two entries with the same code the first is loaded."""
+    if task.symbol not in _addresses:
+        engine = _engine()
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        _addresses[task.symbol] = engine.get_function_address(task.symbol)
+    task.entry.bind(_addresses[task.symbol])

@@ -1,12 +1,29 @@
 """The processor that kernels are compiled for."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from functools import lru_cache
+from typing import Any
 
 from llvmlite import binding as llvm
 
 #: Kernels in a wheel are compiled for this level of x86-64: AVX2 and fused multiplication, but not AVX-512.
 GENERIC = "x86-64-v3"
+
+#: What a processor of that level has beyond the baseline, or implies it, by the names of LLVM.
+_GENERIC_FEATURES = (
+    "avx2",
+    "bmi",
+    "bmi2",
+    "cx16",
+    "f16c",
+    "fma",
+    "lzcnt",
+    "movbe",
+    "popcnt",
+    "sahf",
+    "sse4.2",
+    "xsave",
+)
 
 
 @dataclass(frozen=True)
@@ -16,11 +33,6 @@ class Processor:
     triple: str
     name: str
     features: str
-
-    @classmethod
-    def host(cls) -> Self:
-        """Return this machine's."""
-        return cls(llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
     def options(self) -> dict[str, Any]:
         """Return the options of a target machine whose code is loaded into this process."""
@@ -32,3 +44,24 @@ class Processor:
             "codemodel": "jitdefault",
             "jit": True,
         }
+
+
+@lru_cache
+def host() -> Processor:
+    """Return this machine's processor."""
+    return Processor(llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+
+
+def generic() -> Processor:
+    """Return the processor of the kernels in a wheel: x86-64-v3, or the baseline of other architectures."""
+    triple = llvm.get_process_triple()
+    return Processor(triple, GENERIC if triple.startswith("x86_64") else "generic", "")
+
+
+@lru_cache
+def missing_features() -> tuple[str, ...]:
+    """Return the features of the generic processor that this machine does not have."""
+    if generic().name != GENERIC:
+        return ()
+    has = llvm.get_host_cpu_features()
+    return tuple(feature for feature in _GENERIC_FEATURES if not has.get(feature))

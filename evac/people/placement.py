@@ -281,3 +281,7 @@ def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Q
             _enter(row, cells)
             n_placed += 1
     return n_placed
+
+
+#: Kernels that every placement at random runs.
+PLACING = (_enter_first, _add)

@@ -9,7 +9,6 @@ from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, SimulationError, plugin_code
 from evac.jit import AddressCall, Entry, call_pair_force
 from evac.jit.loading import addresses_of
-from evac.parameters import did_you_mean
 from evac.physics import driver, status
 from evac.physics import tallies as at
 from evac.physics.allocation import (
@@ -23,10 +22,10 @@ from evac.physics.allocation import (
     make_warm_start,
 )
 from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.drive import add_forces, drive, drive_overdamped
+from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
-from evac.physics.rows import call_solver
+from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
@@ -144,13 +143,14 @@ class Engine:
         parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
-        parts.drive = self._drive(model).address
+        parts.drive = drive_of(model).address
         parts.forces = add_forces.address if self._forces else 0
         for k, force in enumerate(self._forces):
             state.forces.address[k] = force.pair.address
         if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
-            self._load_part(model, status.NEEDS_SEPARATION)
+            if model.separates:
+                self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
 
     @property
@@ -161,22 +161,7 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        found = [sample_travel_times, driver.gather, driver.scatter, self._drive(model)]
-        if model.law is None:
-            found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
-        else:
-            found += [driver.advance, model.law]
-        if isinstance(model, SolvedContactModel):
-            found.append(self._solver(model).solve)
-        if self.has_seams:
-            found.append(reaches)
-        if self._forces:
-            found += [add_forces, *(force.pair for force in self._forces)]
-        return found
-
-    def _drive(self, model: ContactModel) -> Entry:
-        chosen: Entry = drive_overdamped if model.overdamped else drive
-        return chosen
+        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the parts of the step loop that a scene may not need: name, whether in, why."""
@@ -194,18 +179,7 @@ class Engine:
         return found
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
-        """Return the solver that a model names, or the one that tries again."""
-        name = model.solver
-        for _ in range(1 + stronger):
-            if name not in self._solvers:
-                raise PluginError(
-                    f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(self._solvers))}"
-                )
-            found = self._solvers[name]
-            with plugin_code(f"solver {name!r}"):
-                call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve")
-            name = found.stronger
-        return found
+        return solver_of(model, self._solvers, stronger)
 
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
         """Load what a step has been found to need."""

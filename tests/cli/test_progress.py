@@ -41,6 +41,16 @@ def test_plain_lines_come_now_and_then(monkeypatch, capsys):
     assert [line.partition(",")[0] for line in lines] == ["3/5 out", "5/5 out"]
 
 
+def test_kernels_are_counted_while_they_are_compiled(monkeypatch, capsys):
+    clock = iter([0.0, 40.0, 45.0, 50.0, 55.0, 65.0])
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
+    with Display() as display:
+        for done in (0, 1, 2, 3, 4):
+            display.compiling(done, 4)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines] == ["compiling kernels: 4 of them", "2/4 kernels"]
+
+
 def test_a_terminal_gets_a_bar(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
@@ -55,4 +65,7 @@ def test_a_terminal_gets_a_bar(monkeypatch):
         display(Progress(1.0, 100.0, 8, 0))
         display(Progress(3.0, 100.0, 8, 2))
     assert "reading the [case]" in screen.getvalue()
+    with Display() as display:
+        display.compiling(3, 9)
+    assert "3/9 kernels, 0 s" in screen.getvalue()
     assert "2/8 out, t = 3.0 s" in screen.getvalue()

@@ -117,6 +117,14 @@ def test_a_part_that_is_never_needed_is_never_loaded():
     assert engine.state.parts.solver == SOLVERS["accelerated_sweeps"].solve.address
 
 
+@pytest.mark.parametrize("separates", [False, True])
+def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
+    engine = make_engine(make_crowd([(0, 0)]), full=True)
+    engine.load(Nsm2(position_correction=separates))
+    assert engine.state.parts.stronger != 0
+    assert (engine.state.parts.separation != 0) == separates
+
+
 # What is refused before a kernel is called with other arguments than it takes
 
 

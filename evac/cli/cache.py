@@ -1,0 +1,129 @@
+"""evac cache: show, fill or empty the folder of compiled kernels, or build a wheel that contains compiled kernels.
+
+Kernels are compiled when they are first needed, and kept in a folder of the user, or in EVAC_CACHE_DIR if that is set.
+"""
+
+import argparse
+import importlib
+import json
+import pkgutil
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evac.jit import Entry
+
+ACTIONS = {
+    "show": "show the folder and what is in it (the default)",
+    "compile": "compile all kernels of evac and of its plugins that are not in the folder",
+    "clear": "remove all compiled kernels from the folder",
+    "wheel": "build a wheel of evac that contains compiled kernels for a generic processor",
+}
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.set_defaults(action="show")
+    actions = parser.add_subparsers(metavar="ACTION")
+    for name, summary in ACTIONS.items():
+        action = actions.add_parser(name, help=summary, description=f"evac cache {name}: {summary}.")
+        action.set_defaults(action=name)
+        if name == "compile":
+            from evac.cli.cases import declare_plugin
+
+            declare_plugin(action)
+        if name == "wheel":
+            action.add_argument(
+                "source", nargs="?", type=Path, default=Path(), help="folder of evac's sources, or a wheel of them (.)"
+            )
+            action.add_argument("--out", type=Path, default=Path(), metavar="DIR", help="folder for the wheel (.)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Do what is asked for and return 0."""
+    if arguments.action == "wheel":
+        from evac.cli.wheel import build_wheel
+
+        print(build_wheel(arguments.source, arguments.out))
+        return 0
+    if arguments.action == "compile":
+        _compile(arguments.plugins)
+    elif arguments.action == "clear":
+        _clear()
+    _show()
+    return 0
+
+
+def _compile(plugins: list[str]) -> None:
+    from evac.cli.progress import Display
+    from evac.jit.loading import addresses_of
+    from evac.registry import Registry
+
+    with Display() as display:
+        display.phase("importing all modules")
+        Registry(plugins)
+        addresses_of(all_entries(), display.compiling)
+
+
+def _clear() -> None:
+    from evac.jit.store import user_store
+
+    store = user_store()
+    if store:
+        store.clear()
+
+
+def _show() -> None:
+    """Print where kernels are kept, how many, and what they are compiled by and for."""
+    from evac.cli.screen import show_facts
+    from evac.jit.digest import versions
+    from evac.jit.processor import host
+    from evac.jit.store import user_store
+
+    store = user_store()
+    files = store.entries() if store else []
+    show_facts(
+        {
+            "folder": store.folder if store else "none: there is no home folder, and EVAC_CACHE_DIR is not set",
+            "compiled kernels": len(files),
+            "size": f"{sum(path.stat().st_size for path in files) / 1e6:.2f} MB",
+            "compiled by": versions().rpartition(",")[0],
+            "compiled for": host().name,
+            "kernels in the wheel": _shipped(),
+        }
+    )
+
+
+def _shipped() -> str:
+    """Tell whether kernels of the wheel are used."""
+    from evac.jit.digest import versions
+    from evac.jit.loading import SHIPPED
+    from evac.jit.processor import generic, missing_features
+
+    kernels = len(SHIPPED.entries())
+    if not kernels:
+        return "none"
+    about = json.loads((SHIPPED.folder / "about.json").read_text(encoding="utf-8"))
+    found = f"{kernels} for {about['processor']}"
+    if about["triple"] != generic().triple:
+        return f"{found}, not used: they are for {about['triple']}"
+    if about["versions"] != versions():
+        return f"{found}, not used: they were compiled by {about['versions'].rpartition(',')[0]}"
+    if missing_features():
+        return f"{found}, not used: this processor has no {', '.join(missing_features())}"
+    return f"{found}, used"
+
+
+def all_entries() -> "list[Entry]":
+    """Return the kernels that runs may need: of all modules below the commands, and of plugins that are imported."""
+    import evac
+    from evac.jit.kernels import entries_of
+
+    for module in pkgutil.walk_packages(evac.__path__, "evac."):
+        if module.name.split(".")[1] not in ("__main__", "cli", "conformance", "evidence"):
+            importlib.import_module(module.name)
+    modules = [module for module in sys.modules.values() if isinstance(module, ModuleType)]
+    found = [entry for module in modules for entry in entries_of(module)]
+    return sorted(dict.fromkeys(found), key=lambda entry: entry.label)

@@ -1,0 +1,116 @@
+"""Wheels that contain compiled kernels: a wheel of pure Python is built, and kernels are compiled from its own code."""
+
+import base64
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+from pathlib import Path
+
+from evac.errors import EvacError
+
+#: Kernels in a wheel, beside the package's modules.
+FOLDER = "evac/kernels"
+
+_COMPILE = "import sys; from evac.cli.wheel import compile_into; compile_into(sys.argv[1])"
+
+
+def build_wheel(source: Path, out: Path) -> Path:
+    """Build a wheel for this version of Python and this system, with kernels for the generic processor.
+
+    Parameters
+    ----------
+    source : Path
+        Folder of evac's sources, or a wheel made of them.
+    out : Path
+        Folder for the wheel.
+
+    Returns
+    -------
+    Path
+        Of the wheel.
+
+    Raises
+    ------
+    EvacError
+        If the sources cannot be built or a kernel cannot be compiled.
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        place = Path(temporary)
+        if source.is_dir():
+            options = ["--quiet", "--no-deps", "--wheel-dir", str(place)]
+            _run(
+                [sys.executable, "-m", "pip", "wheel", *options, str(source.absolute())], "the sources cannot be built"
+            )
+            source = next(place.glob("evac-*.whl"))
+        code = place / "code"
+        try:
+            with zipfile.ZipFile(source) as archive:
+                archive.extractall(code)
+        except (OSError, zipfile.BadZipFile) as error:
+            raise EvacError(f"{source}: neither a folder of sources nor a wheel ({error})") from error
+        _run([sys.executable, "-P", "-c", _COMPILE, str(code)], "the kernels cannot be compiled", code)
+        return _pack(code, out)
+
+
+def compile_into(code: str) -> None:
+    """Compile all kernels of this process's evac for the generic processor into the folder of an unpacked wheel."""
+    import evac
+    from evac.cli.cache import all_entries
+    from evac.cli.progress import Display
+    from evac.jit.digest import digest_of, versions
+    from evac.jit.loading import compile_missing
+    from evac.jit.processor import generic
+    from evac.jit.store import Store
+    from evac.jit.workers import Task
+    from evac.registry import Registry
+
+    if not Path(evac.__file__).is_relative_to(code):
+        raise EvacError(f"evac was imported from {evac.__file__}, not from the wheel; use a virtual environment")
+    folder, processor = Path(code, FOLDER), generic()
+    with Display() as display:
+        Registry()
+        entries = [entry for entry in all_entries() if entry.label.startswith(("evac.", "evac_plugins."))]
+        tasks = [Task(entry, digest_of(entry, f"{processor}")) for entry in entries]
+        compile_missing(tasks, processor, Store(folder), display.compiling)
+    about = {"processor": processor.name, "triple": processor.triple, "versions": versions()}
+    (folder / "about.json").write_text(json.dumps(about) + "\n", encoding="utf-8")
+
+
+def _run(command: list[str], failure: str, code: Path | None = None) -> None:
+    """Run a process, in which `code` is imported before anything that is installed."""
+    environment = os.environ | ({"PYTHONPATH": str(code)} if code else {})
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise EvacError(f"{failure}: {done.stdout.strip() or 'see above'}")
+
+
+def _pack(code: Path, out: Path) -> Path:
+    """Write a wheel of the files in a folder, with the tags of this Python and system, and a record of the files."""
+    info = next(code.glob("*.dist-info"))
+    platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+    tag = f"cp{sys.version_info.major}{sys.version_info.minor}-none-{platform}"
+    lines = (info / "WHEEL").read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if line and not line.startswith(("Tag:", "Root-Is-Purelib:"))]
+    (info / "WHEEL").write_text("\n".join([*kept, "Root-Is-Purelib: false", f"Tag: {tag}", ""]), encoding="utf-8")
+    record = info / "RECORD"
+    files = sorted(path for path in code.rglob("*") if path.is_file() and path != record)
+    rows = [f"{path.relative_to(code).as_posix()},{_hash(path)},{path.stat().st_size}" for path in files]
+    record.write_text("\n".join([*rows, f"{record.relative_to(code).as_posix()},,", ""]), encoding="utf-8")
+    out.mkdir(parents=True, exist_ok=True)
+    wheel = out / f"{info.name.removesuffix('.dist-info')}-{tag}.whl"
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in [*files, record]:
+            # A fixed date, so that the same sources give the same wheel.
+            entry = zipfile.ZipInfo(path.relative_to(code).as_posix(), (1980, 1, 1, 0, 0, 0))
+            entry.external_attr, entry.compress_type = 0o644 << 16, zipfile.ZIP_DEFLATED
+            archive.writestr(entry, path.read_bytes())
+    return wheel
+
+
+def _hash(path: Path) -> str:
+    return "sha256=" + base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).decode().rstrip("=")

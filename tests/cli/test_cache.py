@@ -1,0 +1,182 @@
+"""evac cache, and what other commands say about kernels."""
+
+import base64
+import csv
+import errno
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+
+import pytest
+
+from evac.cli import cache, main
+from evac.cli.wheel import build_wheel
+from evac.errors import EvacError
+from evac.jit import loading, store
+from evac.jit.digest import versions
+from evac.jit.kernels import Entry
+from evac.jit.processor import generic
+from evac.jit.store import Store
+
+PLUGIN = """
+from evac.hookspecs import hookimpl
+from evac.jit import kernel
+
+evac_interface = 2
+
+@kernel
+def double(x: float) -> float:
+    return 2.0 * x + {offset}
+
+@hookimpl
+def evac_finish(simulation, results, error):
+    pass
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("EVAC_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "_warned", set())
+    return tmp_path / "cache" / "kernels"
+
+
+@pytest.fixture
+def plugin(monkeypatch, tmp_path):
+    """A file with one kernel, the only one that there is to compile."""
+    path = tmp_path / "doubling.py"
+    path.write_text(PLUGIN.format(offset=float(os.getpid())))
+    every = cache.all_entries
+    monkeypatch.setattr(cache, "all_entries", lambda: [entry for entry in every() if "doubling" in entry.label])
+    return str(path)
+
+
+def _facts(text):
+    return {line[:22].strip(): line[22:].strip() for line in text.splitlines()}
+
+
+def test_an_empty_cache_is_shown(capsys, folder):
+    assert main(["cache"]) == 0
+    facts = _facts(capsys.readouterr().out)
+    assert facts["folder"] == str(folder)
+    assert facts["compiled kernels"] == "0"
+    assert facts["compiled by"] == versions().rpartition(",")[0]
+    assert facts["kernels in the wheel"] == "none"
+    assert not folder.exists()
+
+
+def test_kernels_are_compiled_beforehand_and_cleared(capsys, folder, plugin):
+    assert main(["cache", "compile", "--plugin", plugin]) == 0
+    shown = capsys.readouterr()
+    assert _facts(shown.out)["compiled kernels"] == "1"
+    assert "compiling kernels: 1" in shown.err
+    assert [path.name.partition("-")[0].rpartition(".")[2] for path in folder.iterdir()] == ["double"]
+    assert main(["cache", "clear"]) == 0
+    assert _facts(capsys.readouterr().out)["compiled kernels"] == "0"
+    assert not folder.exists()
+
+
+def test_a_full_disk_is_a_warning_like_others(capsys, monkeypatch, plugin):
+    def full(*args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "mkstemp", full)
+    monkeypatch.setattr("warnings.filters", [])  # as where errors are not made of warnings
+    assert main(["cache", "compile", "--plugin", plugin]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert [line for line in lines if "No space left" in line] == [
+        line for line in lines if line.startswith("warning:")
+    ]
+    assert sum(line.startswith("warning:") for line in lines) == 1
+
+
+def test_all_kernels_are_found():
+    labels = [entry.label for entry in cache.all_entries()]
+    assert len(set(labels)) == len(labels)
+    assert {"evac.physics.driver.advance", "evac.people.ways.walk_all", "evac.directions.descent.descend"} <= set(
+        labels
+    )
+    assert all(isinstance(entry, Entry) for entry in cache.all_entries())
+
+
+@pytest.mark.parametrize(
+    ("about", "lacking", "words"),
+    [
+        ({}, (), "used"),
+        ({"triple": "riscv64-unknown-linux-gnu"}, (), "not used: they are for riscv64"),
+        ({"versions": "python 3.9, numba 0.1, llvmlite 0.1, 0"}, (), "not used: they were compiled by python 3.9"),
+        ({}, ("avx2",), "not used: this processor has no avx2"),
+    ],
+)
+def test_it_is_shown_whether_kernels_of_the_wheel_are_used(capsys, monkeypatch, tmp_path, about, lacking, words):
+    shipped = Store(tmp_path / "shipped", is_shipped=True)
+    shipped.write("evac.some.kernel", "0" * 20, b"code")
+    facts = {"processor": "x86-64-v3", "triple": generic().triple, "versions": versions()} | about
+    (shipped.folder / "about.json").write_text(json.dumps(facts))
+    monkeypatch.setattr(loading, "SHIPPED", shipped)
+    monkeypatch.setattr("evac.jit.processor.missing_features", lambda: lacking)
+    assert main(["cache"]) == 0
+    assert f"1 for x86-64-v3, {words}" in _facts(capsys.readouterr().out)["kernels in the wheel"]
+
+
+def test_a_run_whose_kernels_are_on_disk_does_not_import_numba(tmp_path, monkeypatch):
+    monkeypatch.delenv("EVAC_CACHE_DIR")
+    words = ["run", "square_room", "--set", "simulation.duration=0.1", "output.picture=false", "output.animation=false"]
+    code = f"import sys; from evac.cli import main; main({words!r}); print('numba' in sys.modules)"
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
+@pytest.fixture
+def pure_wheel(tmp_path):
+    """A wheel of pure Python with two files."""
+    path = tmp_path / "evac-9.9-py3-none-any.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("evac/__init__.py", "VERSION = 9\n")
+        archive.writestr("evac-9.9.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n\n")
+        archive.writestr("evac-9.9.dist-info/RECORD", "stale,,\n")
+    return path
+
+
+def test_a_wheel_with_kernels_tells_what_is_in_it_and_where_it_fits(pure_wheel, monkeypatch, tmp_path):
+    def compile_kernels(command, failure, code):
+        (code / "evac" / "kernels").mkdir()
+        (code / "evac" / "kernels" / "a.kernel").write_bytes(b"code")
+
+    monkeypatch.setattr("evac.cli.wheel._run", compile_kernels)
+    wheel = build_wheel(pure_wheel, tmp_path / "out")
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}-none-"
+    assert wheel.parent == tmp_path / "out"
+    assert wheel.name.startswith(f"evac-9.9-{python}")
+    with zipfile.ZipFile(wheel) as archive:
+        about = archive.read("evac-9.9.dist-info/WHEEL").decode().splitlines()
+        assert about.count("Root-Is-Purelib: false") == 1
+        assert [line for line in about if line.startswith("Tag:")] == [f"Tag: {wheel.stem.partition('9.9-')[2]}"]
+        rows = list(csv.reader(archive.read("evac-9.9.dist-info/RECORD").decode().splitlines()))
+        assert [row[0] for row in rows] == archive.namelist()
+        for name, digest, size in rows[:-1]:
+            content = archive.read(name)
+            expected = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
+            assert (digest, int(size)) == (f"sha256={expected}", len(content))
+        assert rows[-1] == ["evac-9.9.dist-info/RECORD", "", ""]
+    again = build_wheel(pure_wheel, tmp_path / "again")
+    assert again.read_bytes() == wheel.read_bytes()
+
+
+def test_what_is_neither_sources_nor_a_wheel_is_refused(tmp_path):
+    (tmp_path / "evac.whl").write_text("no archive")
+    with pytest.raises(EvacError, match=r"evac\.whl"):
+        build_wheel(tmp_path / "evac.whl", tmp_path)
+
+
+def test_a_wheel_whose_kernels_cannot_be_compiled_is_not_made(pure_wheel, tmp_path):
+    with zipfile.ZipFile(pure_wheel, "a") as archive:
+        archive.writestr("evac/cli/__init__.py", "raise ImportError")
+    with pytest.raises(EvacError, match="cannot be compiled"):
+        build_wheel(pure_wheel, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,338 @@
+"""From entries to machine code: what is compiled, where, and what happens if it cannot be kept."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evac.errors import CacheWarning, PluginError
+from evac.jit import loading, processor, store, workers
+from evac.jit.digest import digest_of
+from evac.jit.kernels import entries_of
+from evac.jit.loading import addresses_of
+from evac.jit.processor import generic, host
+from evac.jit.store import Store
+from evac.jit.workers import Task, compile_tasks, divide
+from evac.registry import _module_of
+
+SOURCE = """
+    from evac.jit import Floats, inner, kernel
+
+    OFFSET = {offset}
+
+    @inner
+    def shifted(x):
+        return x + OFFSET
+
+    @kernel
+    def total(numbers: Floats) -> float:
+        found = 0.0
+        for k in range(len(numbers)):
+            found += shifted(numbers[k])
+        return found
+
+    @kernel
+    def difference(a: float, b: float) -> float:
+        return shifted(a) - b
+
+    @kernel
+    def product(a: float, b: float) -> float:
+        return shifted(a) * b
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_cache(monkeypatch, tmp_path):
+    """Every test has an empty cache, and warnings that nobody has seen."""
+    monkeypatch.setenv("EVAC_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "_warned", set())
+    return tmp_path / "cache" / "kernels"
+
+
+@pytest.fixture
+def plugin(tmp_path):
+    """Return the module of a plugin's file that differs from those of all other tests."""
+    plugin.number += 1
+    path = tmp_path / "mine.py"
+    path.write_text(textwrap.dedent(SOURCE.format(offset=1000.0 * os.getpid() + plugin.number)), encoding="utf-8")
+    module = _module_of(path, path.read_bytes())
+    yield module
+    del sys.modules[module.__name__]
+
+
+plugin.number = 0
+
+
+@pytest.fixture
+def processes(monkeypatch):
+    """Let starting a process seem free, so that several are used; return those that are started."""
+    started = []
+
+    class Recorded(subprocess.Popen):
+        def __init__(self, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            started.append(self)
+
+    monkeypatch.setattr(workers, "_START", 0)
+    monkeypatch.setattr(workers, "_cores", lambda: 2)
+    monkeypatch.setattr(subprocess, "Popen", Recorded)
+    return started
+
+
+def _check(module):
+    offset = module.OFFSET
+    assert module.total(np.array([1.0, 2.0])) == 3.0 + 2 * offset
+    assert module.difference(5.0, 3.0) == 5.0 + offset - 3.0
+
+
+def _forget(module):
+    """Let nothing be loaded, as at the start of a process."""
+    for entry in entries_of(module):
+        entry._address, entry._call = 0, None
+    loading._addresses.clear()
+
+
+def test_kernels_are_compiled_in_processes_that_end(plugin, processes, own_cache):
+    told = []
+    addresses_of(entries_of(plugin), lambda done, kernels: told.append((done, kernels)))
+    assert len(processes) == 2
+    assert all(process.returncode is not None for process in processes)
+    assert len(list(own_cache.iterdir())) == 3
+    assert [told[0], told[-1]] == [(0, 3), (3, 3)]
+    assert sorted(told) == told
+    _check(plugin)
+
+
+def test_what_is_on_disk_is_not_compiled(plugin, own_cache):
+    addresses_of(entries_of(plugin))
+    loaded = sorted(own_cache.iterdir())
+    _forget(plugin)
+    addresses_of(entries_of(plugin), lambda done, kernels: pytest.fail("compiles"))
+    assert sorted(own_cache.iterdir()) == loaded
+    _check(plugin)
+
+
+def test_the_machine_code_does_not_depend_on_where_it_is_compiled(plugin, processes):
+    tasks = [Task(entry, digest_of(entry, f"{host()}")) for entry in entries_of(plugin)]
+    elsewhere = dict(compile_tasks(tasks, host(), None))
+    assert len(processes) == 2
+    here = {task: workers._compile_here(task, host(), None)[0] for task in reversed(tasks)}
+    assert elsewhere == here
+
+
+def test_a_kernel_that_cannot_be_compiled_in_a_process_is_named(tmp_path, processes):
+    path = tmp_path / "wrong.py"
+    path.write_text(
+        textwrap.dedent(SOURCE.format(offset=1.0)) + "\n@kernel\ndef wrong(a: float) -> float:\n    return a.nothing\n"
+    )
+    module = _module_of(path, path.read_bytes())
+    with pytest.raises(PluginError, match=r"wrong cannot be compiled"):
+        addresses_of(entries_of(module))
+    assert len(processes) == 2
+    assert all(process.returncode is not None for process in processes)
+
+
+def test_a_kernel_that_other_processes_cannot_import_is_compiled_here(plugin, processes):
+    Path(plugin.__file__).write_text("raise SystemExit")
+    addresses_of(entries_of(plugin))
+    assert len(processes) == 2
+    _check(plugin)
+
+
+def test_a_kernel_that_differs_in_other_processes_is_compiled_here(plugin, processes):
+    text = Path(plugin.__file__).read_text()
+    Path(plugin.__file__).write_text(text.replace("x + OFFSET", "x - OFFSET"))
+    addresses_of(entries_of(plugin))
+    assert len(processes) == 2
+    _check(plugin)
+
+
+def test_kernels_of_a_script_are_compiled_in_its_process(plugin, processes):
+    del plugin.__file__
+    addresses_of(entries_of(plugin))
+    assert processes == []
+    _check(plugin)
+
+
+@pytest.mark.parametrize("interrupted_at", ["told", "loaded"])
+def test_ctrl_c_leaves_no_processes(plugin, processes, monkeypatch, interrupted_at):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    if interrupted_at == "loaded":
+        monkeypatch.setattr(loading, "_load", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        addresses_of(entries_of(plugin), lambda done, kernels: interrupt() if done else None)
+    assert len(processes) == 2
+    assert all(process.returncode is not None for process in processes)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES], ids=["full", "read-only", "not allowed"])
+def test_where_kernels_cannot_be_kept_one_warning_is_given(plugin, monkeypatch, own_cache, number):
+    def fail(*args, **kwargs):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(tempfile, "mkstemp", fail)
+    with pytest.warns(CacheWarning, match=str(own_cache)) as warned:
+        addresses_of(entries_of(plugin))
+    assert len(warned) == 1
+    _check(plugin)
+
+
+def test_processes_hand_back_what_they_cannot_keep(plugin, processes, own_cache):
+    own_cache.parent.write_text("a file where the folder should be")
+    with pytest.warns(CacheWarning, match=str(own_cache)) as warned:
+        addresses_of(entries_of(plugin))
+    assert len(warned) == 1
+    assert len(processes) == 2
+    _check(plugin)
+
+
+def test_without_a_home_one_warning_is_given(plugin, monkeypatch):
+    monkeypatch.setattr(loading, "user_store", lambda: None)
+    with pytest.warns(CacheWarning, match="EVAC_CACHE_DIR"):
+        addresses_of(entries_of(plugin))
+    _check(plugin)
+
+
+def test_a_damaged_kernel_is_compiled_again(plugin, own_cache):
+    addresses_of([plugin.difference])
+    (path,) = own_cache.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    _forget(plugin)
+    with pytest.warns(CacheWarning, match=path.name):
+        addresses_of([plugin.difference])
+    assert path.read_bytes() == whole
+    _check(plugin)
+
+
+def test_kernels_of_a_wheel_are_used_where_the_processor_fits(plugin, monkeypatch, tmp_path, own_cache):
+    shipped = Store(tmp_path / "shipped", is_shipped=True)
+    tasks = [Task(entry, digest_of(entry, f"{generic()}")) for entry in entries_of(plugin)]
+    loading.compile_missing(tasks, generic(), Store(shipped.folder))
+    assert not own_cache.exists()
+    monkeypatch.setattr(loading, "SHIPPED", shipped)
+    told = []
+    addresses_of([plugin.total, plugin.difference], lambda *numbers: told.append(numbers))
+    assert not told
+    _check(plugin)
+    monkeypatch.setattr(loading, "missing_features", lambda: ("avx2",))
+    addresses_of([plugin.product], lambda *numbers: told.append(numbers))
+    assert told
+    assert len(list(own_cache.iterdir())) == 1
+
+
+def test_the_generic_processor_is_a_level_of_x86_64_or_a_baseline(monkeypatch):
+    triple = generic().triple
+    assert generic().name == ("x86-64-v3" if triple.startswith("x86_64") else "generic")
+    assert generic() != host()
+    monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
+    features = dict.fromkeys(processor._GENERIC_FEATURES, True) | {"fma": False}
+    monkeypatch.setattr(processor.llvm, "get_host_cpu_features", lambda: features)
+    assert processor.missing_features.__wrapped__() == ("fma",)
+    monkeypatch.setattr(processor.llvm, "get_process_triple", lambda: "aarch64-unknown-linux-gnu")
+    assert processor.missing_features.__wrapped__() == ()
+
+
+def test_kernels_are_divided_by_what_they_take(plugin, monkeypatch):
+    tasks = [Task(entry, entry.label) for entry in entries_of(plugin)]
+    assert [set(share) for share in divide(tasks, 1)] == [set(tasks)]
+    assert len(divide(tasks, 4)) == 1  # to start a process takes longer
+    monkeypatch.setattr(workers, "_START", 0)
+    total, *small = sorted(tasks, key=_size, reverse=True)
+    shares = divide(tasks, 2)
+    assert sorted(map(set, shares), key=len) == [{total}, set(small)]
+
+
+def _size(task):
+    return len(task.entry.function.__code__.co_code)
+
+
+COMPILING = """
+import sys
+from pathlib import Path
+from evac.jit import workers
+from evac.jit.kernels import entries_of
+from evac.jit.loading import addresses_of
+from evac.registry import _module_of
+
+def main(path, say):
+    workers._START, workers._cores = 0, lambda: 2
+    module = _module_of(path, path.read_bytes())
+    addresses_of(entries_of(module), lambda done, kernels: print(done, kernels, flush=True) if say else None)
+    print(module.difference(5.0, 3.0) - module.OFFSET)
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), len(sys.argv) > 2)
+"""
+
+
+@pytest.fixture
+def compiling(plugin, tmp_path):
+    """Return what starts a process that compiles the plugin's kernels; with "say" it prints how far it is."""
+    script = tmp_path / "compiling.py"
+    script.write_text(COMPILING)
+
+    def start(*arguments):
+        command = [sys.executable, str(script), plugin.__file__, *arguments]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    return start
+
+
+def test_two_first_runs_at_once(compiling, own_cache):
+    for process in [compiling(), compiling()]:
+        out, err = process.communicate(timeout=120)
+        assert (out, err) == ("2.0\n", "")
+    assert sorted(path.suffix for path in own_cache.iterdir()) == [".kernel"] * 3
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_first_run_keeps_what_was_compiled(compiling, plugin, own_cache, number):
+    first = compiling("say")
+    assert first.stdout is not None
+    while first.stdout.readline().split()[0] == "0":
+        pass
+    first.send_signal(number)
+    first.communicate(timeout=60)
+    assert first.returncode != 0
+    kept = len(list(own_cache.glob("*.kernel")))
+    assert kept >= 1
+    second = compiling("say")
+    out, _ = second.communicate(timeout=120)
+    assert out.splitlines()[-1] == "2.0"
+    finished = len(list(own_cache.glob("*.kernel")))
+    assert finished == 3
+    told = [line for line in out.splitlines() if " " in line]
+    assert all(line.split()[1] != "3" for line in told)  # less than everything is compiled again
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_processes_end_with_the_one_that_started_them(compiling):
+    first = compiling("say")
+    assert first.stdout is not None
+    first.stdout.readline()
+    children = Path(f"/proc/{first.pid}/task/{first.pid}/children")
+    while len(started := children.read_text().split()) < 2:
+        time.sleep(0.01)
+    first.kill()
+    first.communicate(timeout=60)
+    while any(_is_compiling(pid) for pid in started):
+        time.sleep(0.01)
+
+
+def _is_compiling(pid):
+    try:
+        return b"evac.jit.workers" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False

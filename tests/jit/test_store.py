@@ -1,0 +1,193 @@
+"""Files of compiled kernels: whole or not there, whatever happens to them."""
+
+import errno
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from evac.errors import CacheWarning
+from evac.jit import store as stores
+from evac.jit.store import KEPT, UNUSED, Store, cache_root
+
+NAME, DIGEST, CODE = "evac.some.kernel", "0123456789abcdef0123", b"machine code" * 20
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setattr(stores, "_warned", set())
+    store = Store(tmp_path / "kernels")
+    store.write(NAME, DIGEST, CODE)
+    return store
+
+
+def test_what_is_written_is_read(store):
+    assert store.read(NAME, DIGEST) == CODE
+    assert store.read(NAME, DIGEST[::-1]) is None
+    assert store.read("evac.some.other", DIGEST) is None
+    assert [path.name for path in store.folder.iterdir()] == [f"{NAME}-{DIGEST}.kernel"]
+
+
+def _with_flipped_bit(place):
+    def damage(content):
+        content = bytearray(content)
+        content[place] ^= 4
+        return bytes(content)
+
+    return damage
+
+
+DAMAGES = {
+    "empty": lambda content: b"",
+    "garbage": lambda content: os.urandom(300),
+    "cut short": lambda content: content[:-1],
+    "only a header": lambda content: content[:20],
+    "something behind": lambda content: content + b"\0",
+    "bit of the code": _with_flipped_bit(-1),
+    "bit of the checksum": _with_flipped_bit(20),
+    "first bit": _with_flipped_bit(0),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_file_is_removed_with_one_warning(store, damage):
+    content = damage(store.path(NAME, DIGEST).read_bytes())
+    names = [NAME, "evac.some.other"]
+    for name in names:
+        store.path(name, DIGEST).write_bytes(content)
+    with pytest.warns(CacheWarning, match=NAME) as warned:
+        assert [store.read(name, DIGEST) for name in names] == [None, None]
+    assert len(warned) == 1
+    assert store.entries() == []
+    store.write(NAME, DIGEST, CODE)
+    assert store.read(NAME, DIGEST) == CODE
+
+
+def test_a_file_under_the_name_of_another_kernel_is_not_read(store):
+    other = DIGEST[::-1]
+    store.path(NAME, DIGEST).rename(store.path(NAME, other))
+    with pytest.warns(CacheWarning):
+        assert store.read(NAME, other) is None
+
+
+def test_a_file_of_another_format_is_left_alone_until_it_is_replaced(store):
+    path = store.path(NAME, DIGEST)
+    path.write_bytes(b"evac kernel 2\n" + CODE)
+    assert store.read(NAME, DIGEST) is None
+    assert path.exists()
+
+
+def test_a_folder_that_cannot_be_read_is_warned_of(store):
+    path = store.path(NAME, DIGEST)
+    path.unlink()
+    path.mkdir()
+    with pytest.warns(CacheWarning, match="cannot be read"):
+        assert store.read(NAME, DIGEST) is None
+
+
+def test_files_of_a_wheel_are_not_touched(store):
+    shipped = Store(store.folder, is_shipped=True)
+    path = store.path(NAME, DIGEST)
+    os.utime(path, (0, 0))
+    assert shipped.read(NAME, DIGEST) == CODE
+    assert path.stat().st_mtime == 0
+    path.write_bytes(b"")
+    with pytest.warns(CacheWarning):
+        assert shipped.read(NAME, DIGEST) is None
+    assert path.exists()
+
+
+def test_nothing_is_left_of_a_file_that_cannot_be_written(store, monkeypatch):
+    def full(*args, **kwargs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        store.write(NAME, DIGEST[::-1], CODE)
+    assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())
+
+
+def test_the_kernels_used_last_are_kept(store):
+    long_ago = time.time() - 7 * 86400.0
+    for k in range(KEPT + 3):
+        digest = f"{k:020x}"
+        store.write(NAME, digest, CODE)
+        os.utime(store.path(NAME, digest), (long_ago + k, long_ago + k))
+        store.read(NAME, f"{0:020x}")  # is used, and so as young as can be
+    store.write(NAME + "s", DIGEST, CODE)
+    kept = {path.stem.rpartition("-")[2] for path in store.entries()}
+    assert len(store.entries()) == KEPT + 1  # that of another name does not count
+    assert {DIGEST, f"{0:020x}", f"{KEPT + 2:020x}"} <= kept
+    assert f"{1:020x}" not in kept
+
+
+def _aged(path, age, content=b""):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    os.utime(path, (time.time() - age,) * 2)
+    return path
+
+
+def test_what_nothing_uses_any_more_is_removed(store):
+    gone = [
+        _aged(store.path("evac.gone", DIGEST), UNUSED + 100.0),
+        _aged(store.folder / "tmp1.part", 7200.0),
+        _aged(store.folder.parent / "0123456789abcdef" / "evac.physics" / "physics_1" / "a.nbi", 0.0),
+        _aged(store.folder.parent / "0123456789abcdef" / "evac.physics" / "physics_1" / "a.1.nbc", 0.0),
+    ]
+    kept = [
+        _aged(store.path("evac.kept", DIGEST), UNUSED - 100.0),
+        _aged(store.folder / "tmp2.part", 60.0),  # another process writes it
+        _aged(store.folder.parent / "fedcba9876543210" / "mine.txt", 1e9),
+        _aged(store.folder.parent / "fedcba9876543210" / "a.nbi", 1e9),
+        _aged(store.folder.parent / "notes" / "a.nbi", 1e9),
+    ]
+    store.prune()
+    assert [path.exists() for path in gone] == [False] * len(gone)
+    assert not (store.folder.parent / "0123456789abcdef").exists()
+    assert [path.exists() for path in kept] == [True] * len(kept)
+
+
+def test_clearing_removes_kernels_and_nothing_else(store):
+    mine = _aged(store.folder / "mine.txt", 0.0)
+    _aged(store.folder / "tmp.part", 0.0)
+    store.clear()
+    assert list(store.folder.iterdir()) == [mine]
+    mine.unlink()
+    store.clear()
+    assert not store.folder.exists()
+    store.clear()
+
+
+def test_the_folder_is_chosen_by_the_environment(monkeypatch, tmp_path):
+    for name in ("EVAC_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    assert cache_root() == tmp_path / ".cache" / "evac"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_root() == tmp_path / "xdg" / "evac"
+    monkeypatch.setenv("EVAC_CACHE_DIR", "here")
+    assert cache_root() == Path.cwd() / "here"
+
+
+def test_without_a_home_there_is_no_folder(monkeypatch):
+    def nowhere():
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("EVAC_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", nowhere)
+    assert cache_root() is None
+    assert stores.user_store() is None
+
+
+def test_part_files_of_a_process_that_is_interrupted_are_removed(store, monkeypatch):
+    def interrupted(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        store.write(NAME, DIGEST[::-1], CODE)
+    assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())
