@@ -28,7 +28,9 @@ def entries_of_loop(
     if isinstance(model, SolvedContactModel):
         found.append(solver_of(model, solvers).solve)
         if full:
-            found += [solver_of(model, solvers, stronger=True).solve, separate]
+            found.append(solver_of(model, solvers, stronger=True).solve)
+        if full and model.separates:
+            found.append(separate)
     if has_seams:
         found.append(reaches)
     if forces:

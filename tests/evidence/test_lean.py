@@ -79,11 +79,12 @@ def test_rows_name_every_part_and_model():
         assert row["loop, least [%]"] <= row["loop [%]"] <= row["loop, greatest [%]"]
 
 
-def made_up_kernels(name, overrides, full):
+def made_up_kernels(name, overrides, full, first):
     """The same two kernels in every run, and two more with everything in."""
     found = {"driver.advance": [3.0, 2000], "dem.spring": [1.0, 1000]}
     if full:
         found |= {"seams.reaches": [0.5, 500], "social.social": [0.25, 100]}
+    assert set(first) == (set(found) - {"seams.reaches", "social.social"} if full else set())
     return {"kernels": found, "functions": 40 if full else 30}
 
 
@@ -98,11 +99,14 @@ def test_kernels_that_a_case_leaves_out_are_told_with_what_compiling_them_takes(
                      "social.social": "forced in"}  # fmt: skip
 
 
-def test_what_a_case_compiles_is_what_it_loads_where_no_kernel_is_on_disk():
+def test_what_a_case_loads_is_what_its_step_loop_needs():
     simulation = Simulation(load_case("square_room", lean.model_overrides("DEM")))
     needed = {entry.label for entry in simulation.engine.entries(simulation.contact)}
-    found = kernels._in_fresh_process("square_room", lean.model_overrides("DEM"), False)
+    found = kernels._in_fresh_process(
+        "square_room", lean.model_overrides("DEM"), False, ["evac_plugins.contact_dem.spring"]
+    )
     assert needed <= set(found["kernels"])
+    assert next(iter(found["kernels"])) == "evac_plugins.contact_dem.spring"
     assert found["functions"] > len(found["kernels"])
     assert all(span > 0.0 and size > 0 for span, size in found["kernels"].values())
     assert not any("seams" in label or "solver" in label for label in found["kernels"])

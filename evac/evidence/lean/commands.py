@@ -84,6 +84,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac --help": [],
         "evac list": [],
         "evac plugins": [],
+        "evac cache": [],
         "evac check square_room": [],
         "evac explain square_room": [],
         "evac run square_room": ["--out", result],
