@@ -4,12 +4,10 @@ numba's own dispatcher optimises each function, and again in each that calls it.
 lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
 """
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numba
-from llvmlite import binding as llvm
 from llvmlite import ir
 from numba import types
 from numba.core import codegen, compiler, cpu, dispatcher, typed_passes, typing, untyped_passes
@@ -84,9 +82,8 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
         try:
             return super().get_function(fn, sig, _firstcall)
         except NotImplementedError:
-            known = cpu_target.target_context._defns
-            missing = [key for key in known if key not in self._defns]
-            self._defns.update((key, known[key]) for key in missing)
+            known = cpu_target.target_context._defns.items()
+            self._defns.update((key, found) for key, found in known if not self._defns[key].versions)
             return super().get_function(fn, sig, False)
 
     def get_executable(self, library: Any, fndesc: Any, env: Any) -> object:
@@ -221,11 +218,3 @@ def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry,
             values = builder.insert_value(values, one, k)
         builder.ret(values)
     return module
-
-
-def symbols_needed(code: bytes) -> list[str]:
-    """Return what object code asks of the process or of libm."""
-    return [symbol.name for symbol in llvm.ObjectFileRef.from_data(code).symbols()] if code else []
-
-
-__all__ = ["Callable", "compile_entry", "compiled_functions"]

@@ -5,8 +5,10 @@ import sys
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
+
+import numpy as np
 
 from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
 from evac.jit.layout import describe
@@ -51,8 +53,7 @@ def kernels_in(entry: Entry) -> list[Kernel]:
 def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
     """Return a text of a function, its constants and globals, and the kernels that it names."""
     function = kernel.function
-    code = function.__code__
-    lines, called = [kernel.label, *_code_lines(code, function.__doc__)], []
+    lines, called = [kernel.label, *_code_lines(function)], []
     for name, value in _globals_of(function):
         if isinstance(value, Kernel):
             called.append(value)
@@ -69,24 +70,41 @@ def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
 def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
     """Return a text of a constant or function that is the same in every process; `above` are those that name it."""
     function = getattr(value, "py_func", value)  # of what numba has compiled by itself
-    if hasattr(function, "__code__"):
+    if isinstance(function, FunctionType):
         above = (*above, value)
-        named = [f"{name} = {_text_of(one, above)}" for name, one in _globals_of(function) if one not in above]
-        return f"{function.__qualname__}: {_code_lines(function.__code__, function.__doc__)} with {named}"
+        others = [pair for pair in _globals_of(function) if not any(pair[1] is one for one in above)]
+        named = [f"{name} = {_text_of(one, above)}" for name, one in others]
+        options = getattr(value, "targetoptions", {})
+        return f"{function.__qualname__}: {_code_lines(function)} with {named}, {options}"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape} {value.tobytes().hex()}"
     if hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)
 
 
-def _code_lines(code: CodeType, doc: str | None) -> list[str]:
-    constants = [repr(one) for one in code.co_consts if not isinstance(one, CodeType) and one != doc]
-    return [code.co_code.hex(), ",".join(constants), ",".join(code.co_names), ",".join(code.co_varnames)]
+def _codes_of(function: FunctionType) -> list[CodeType]:
+    """Return the code of a function and of those within it, as of comprehensions."""
+    codes = [function.__code__]
+    for code in codes:
+        codes += [one for one in code.co_consts if isinstance(one, CodeType)]
+    return codes
 
 
-def _globals_of(function: Any) -> list[tuple[str, Any]]:
-    """Return what a function names outside itself: globals, and attributes of modules among them."""
-    found: list[tuple[str, Any]] = []
-    names = function.__code__.co_names
+def _code_lines(function: FunctionType) -> list[str]:
+    """Return texts of the code of a function, without its documentation and the places of its lines."""
+    lines = [repr(function.__defaults__)]
+    for code in _codes_of(function):
+        constants = [repr(one) for one in code.co_consts if not isinstance(one, CodeType) and one != function.__doc__]
+        lines += [code.co_code.hex(), ",".join(constants), ",".join(code.co_names), ",".join(code.co_varnames)]
+    return lines
+
+
+def _globals_of(function: FunctionType) -> list[tuple[str, Any]]:
+    """Return what a function names outside itself: variables around it, globals, attributes of modules."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    found: list[tuple[str, Any]] = [(name, cell.cell_contents) for name, cell in cells]
+    names = [name for code in _codes_of(function) for name in code.co_names]
     for name in names:
         if name not in function.__globals__:
             continue

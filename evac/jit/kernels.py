@@ -9,7 +9,7 @@ import ctypes
 import os
 from collections.abc import Callable, Sequence
 from types import ModuleType
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from evac.errors import PluginError
 from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
@@ -83,7 +83,8 @@ class Entry(Kernel):
             try:
                 result = hints.pop("return")
                 arguments = tuple((name, kind_of(hints[name])) for name in names)
-                returned = () if result is type(None) else tuple(map(kind_of, get_args(result) or [result]))
+                parts = get_args(result) if get_origin(result) is tuple else [result]
+                returned = () if result is type(None) else tuple(map(kind_of, parts))
             except KeyError as missing:
                 raise TypeError(f"kernel {self.label}: {missing} has no annotation") from None
             except TypeError as wrong:

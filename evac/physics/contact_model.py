@@ -189,12 +189,13 @@ class ContactModel(Configurable, ABC):
         clock = state.clock
         while clock.now < clock.last:
             driver.open_step(state)
-            parts = 1
+            parts = clock.parts
             while (status := self._make_step(engine, parts)) != OK:
                 parts = driver.cut(state, status, parts)
                 if not parts:
                     return status
             clock.now += 1
+            clock.parts = 1
         return OK
 
     def _make_step(self, engine: "Engine", parts: int) -> int:

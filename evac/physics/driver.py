@@ -97,7 +97,7 @@ def advance(state: State) -> int:
     clock = state.clock
     while clock.now < clock.last:
         open_step(state)
-        parts = 1
+        parts = clock.parts
         while True:
             status = _make_step(state, parts)
             if status == OK:
@@ -106,6 +106,7 @@ def advance(state: State) -> int:
             if parts == 0:
                 return status
         clock.now += 1
+        clock.parts = 1
     return OK
 
 
@@ -215,8 +216,10 @@ def _renew_lists(state, pairs, contacts):
         lists.wall_reach = 1.25 * contacts
         lists.stale = 1
     if lists_are_stale(state.bodies, lists):
-        state.tally[at.LIST_BUILDS] += 1.0
-        return build_lists(state.world, state.bodies, lists)
+        status = build_lists(state.world, state.bodies, lists)
+        if status == OK:
+            state.tally[at.LIST_BUILDS] += 1.0
+        return status
     return OK
 
 
@@ -295,9 +298,12 @@ def open_step(state: State) -> None:
 def cut(state: State, status: int, parts: int) -> int:
     """Go back to the start of the step; return the number of parts to try next, 0 if more do not help.
 
-    Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was.
+    Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was. Lists
+    that have been built stay, and so does their count.
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
+    state.clock.parts = parts
+    builds = tally[at.LIST_BUILDS]
     # Contacts that create energy create more with smaller sub-steps.
     is_thrown = status == TOO_FAST and _speed(bodies, bodies.failed) > FASTEST
     for i in range(bodies.inside):
@@ -311,10 +317,11 @@ def cut(state: State, status: int, parts: int) -> int:
     state.events.number = state.events.number_before
     for k in range(tally.shape[0]):
         tally[k] = state.tally_before[k]
+    tally[at.LIST_BUILDS] = builds
     memory.half = memory.half_before
     memory.number = 0
     if status >= FIRST_MISSING_PART:
-        memory.number = memory.number_before
+        memory.number = memory.number_before if parts == 1 else 0
         state.contacts.separation_failed = memory.failed_before
         return 0
     if status == WALL_CROSSED:

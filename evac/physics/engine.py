@@ -100,7 +100,7 @@ class Engine:
         self.load(model)
         state, clock = self.state, self.state.clock
         if self._gather(crowd):
-            clock.now, clock.last, clock.step = first, first + steps, step
+            clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
                 with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"):
@@ -149,7 +149,8 @@ class Engine:
             state.forces.address[k] = force.pair.address
         if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
-            self._load_part(model, status.NEEDS_SEPARATION)
+            if model.separates:
+                self._load_part(model, status.NEEDS_SEPARATION)
         self._model = model
 
     @property

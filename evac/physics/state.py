@@ -309,6 +309,7 @@ class Clock(Struct):
 
     now: int  # index of the step
     last: int  # one past the last
+    parts: int  # that the step is begun in: more than one where it waited for something after it had been cut
     step: float  # [s]
     time: float  # at the start of the sub-step [s]
     h: float  # length of the sub-step [s]

@@ -42,7 +42,8 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
             columns = (events.row, events.kind, events.link, events.time)
             crossings += [tuple(column[k] for column in columns) for k in range(events.number)]
         report = engine.report()
-        del report["list_builds"]  # those of a step that ran out of room are not built again
+        if scene == "exit":
+            del report["list_builds"]  # a crossing that is undone makes lists stale
         found.append((crowd, crossings, report))
     (wanted, *wanted_counts), (crowd, *counts) = found
     for name in crowd.kinds:

@@ -19,8 +19,8 @@ ROOM = make_building(walls=[(0, 0, 5, 0), (5, 0, 5, 2.1), (5, 2.9, 5, 5), (5, 5,
 GAP = make_building(walls=[(-3, 0, 1, 0), (1, 0.36, -3, 0.36)])
 STEPS = 100
 
-#: A solver that often does not converge within the iterations that it is given.
-WEAK = {"solver": "uzawa", "iterations": 25, "velocity_tolerance": 1e-3}
+#: A solver that does not converge within the iterations that it is given, but for the first steps.
+WEAK = {"solver": "uzawa", "iterations": 60, "velocity_tolerance": 1e-3}
 
 
 def jam(full, **settings):
@@ -30,8 +30,8 @@ def jam(full, **settings):
 
 
 def squeeze(full):
-    """Somebody of 0.4 m walks into a gap of 0.36 m, that nothing can part it from, after a fifth of a second."""
-    crowd = make_crowd([(-3.5, 0.18)], [(1.5, 0.0)], speed=1.5, radius=0.2)
+    """Somebody of 0.4 m stands in a gap of 0.36 m: the overlaps that are to be separated cannot be."""
+    crowd = make_crowd([(-1.0, 0.18)], speed=1.5, radius=0.2)
     return crowd, make_engine(crowd, GAP, full=full)
 
 
@@ -41,6 +41,11 @@ SCENES = {
     "nsm2, unconverged": (jam, Nsm2(**WEAK), [NEEDS_STRONGER_SOLVER]),
     "nsm1, overlaps": (jam, Nsm1(gap_tolerance=1e-5), [NEEDS_SEPARATION]),
     "nsm2, overlaps": (jam, Nsm2(position_correction=True), [NEEDS_SEPARATION]),
+    "nsm1, both": (
+        jam,
+        Nsm1(gap_tolerance=1.2e-5, **WEAK),
+        [NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER],
+    ),
     "nsm1, squeezed": (squeeze, Nsm1(), [NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER]),
 }
 
@@ -76,7 +81,8 @@ def test_a_part_loaded_within_a_tick_gives_the_bits_of_one_loaded_before(name):
     met = note_parts(lean[1])
     advance(lean[1], model, lean[0], 0, STEPS)
     assert [status for status, _ in met] == missing
-    assert met[0][1] % 10 > 0  # steps of the tick have been made before
+    if scene is jam:
+        assert met[0][1] % 10 > 0  # steps of the tick have been made before
     met = note_parts(full[1])
     full[1].load(model)
     advance(full[1], model, full[0], 0, STEPS)
@@ -85,14 +91,13 @@ def test_a_part_loaded_within_a_tick_gives_the_bits_of_one_loaded_before(name):
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("ticks", [-1, 0, 1])
+@pytest.mark.parametrize("ticks", [0, 1, 2])
 def test_a_run_resumed_beside_the_tick_that_loads_a_part_gives_the_same_bits(name, ticks):
     scene, model, missing = SCENES[name]
     whole = scene(False)
     met = note_parts(whole[1])
     advance(whole[1], model, whole[0], 0, STEPS)
     stop = 10 * (met[0][1] // 10 + ticks)
-    assert 0 <= stop < STEPS
 
     begun = scene(False)
     advance(begun[1], model, begun[0], 0, stop)
@@ -102,8 +107,7 @@ def test_a_run_resumed_beside_the_tick_that_loads_a_part_gives_the_same_bits(nam
     again = note_parts(engine)
     advance(engine, model, crowd, stop, STEPS)
     assert_same(whole, (crowd, engine))
-    if ticks <= 0:
-        assert [status for status, _ in again] == missing
+    assert [status for status, _ in again] == missing
 
 
 def test_a_part_that_is_never_needed_is_never_loaded():
@@ -111,6 +115,14 @@ def test_a_part_that_is_never_needed_is_never_loaded():
     engine = walk(Nsm1(), crowd, 100)
     assert (engine.state.parts.stronger, engine.state.parts.separation) == (0, 0)
     assert engine.state.parts.solver == SOLVERS["accelerated_sweeps"].solve.address
+
+
+@pytest.mark.parametrize("separates", [False, True])
+def test_everything_forced_in_is_what_the_model_can_ask_for(separates):
+    engine = make_engine(make_crowd([(0, 0)]), full=True)
+    engine.load(Nsm2(position_correction=separates))
+    assert engine.state.parts.stronger != 0
+    assert (engine.state.parts.separation != 0) == separates
 
 
 # What is refused before a kernel is called with other arguments than it takes

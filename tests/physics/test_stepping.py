@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from evac.errors import SimulationError
-from evac.physics.state import make_crowd
+from evac.physics.allocation import allocate
+from evac.physics.state import Events, make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm2 import Nsm2
 from tests.physics.scenes import kinetic_energy, make_building, make_engine, uniform_fields, walk
@@ -78,3 +79,18 @@ def test_who_is_thrown_faster_than_anybody_can_be_ends_the_run():
     crowd = make_crowd([(0, 0)], [(101.0, 0.0)], radius=0.2, tau=FREE)
     with pytest.raises(SimulationError, match=r"person 0 .* 100 m/s"):
         walk(Nsm2(), crowd, 1)
+
+
+@pytest.mark.parametrize("is_scarce", [False, True])
+def test_a_cut_step_that_runs_out_of_room_is_cut_once(is_scarce):
+    """In two parts, the second of which crosses an exit: it waits for room, and is not begun in one part again."""
+    velocity = [(15.0, 0.0), (1.5, 0.0), (1.5, 0.0)]
+    crowd = make_crowd([(0, 0), (2.99, 5.0), (2.99, 7.0)], velocity, radius=0.2, tau=FREE)
+    engine = make_engine(crowd, make_building(exits=[(0, (3, -10, 3, 10))]))
+    if is_scarce:
+        engine.state.events = allocate(Events, 1)
+    events = engine.advance(Dem(), crowd, 0, 1, 0.01, True, False)
+    report = engine.report()
+    assert (report["too_fast_steps"], report["sub_steps"]) == (1, 2)
+    assert events.row[: events.number].tolist() == [1, 2]
+    np.testing.assert_allclose(events.time[: events.number], 0.01 / 1.5, rtol=1e-12)

@@ -2,7 +2,7 @@
 
 from evac.jit import kernel
 from evac.physics.contacts import find_contacts
-from evac.physics.drive import drive, drive_overdamped, set_desired
+from evac.physics.drive import call_drive, set_desired
 from evac.physics.driver import conclude, cut, open_step
 from evac.physics.neighbours import build_lists
 from evac.physics.state import State
@@ -32,10 +32,7 @@ def repeat_drive(state: State, repeats: int) -> int:
     """Set the desired directions and free velocities so many times; return a status, OK."""
     for _ in range(repeats):
         set_desired(state.world, state.bodies)
-        if state.traits.overdamped:
-            drive_overdamped(state)
-        else:
-            drive(state)
+        call_drive(state.parts.drive, state)
     return OK
 
 
