@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.building.links import links_named
 from evac.building.model import Building
 from evac.directions.fields import Fields
-from evac.errors import ScenarioError
-from evac.parameters import did_you_mean
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
 
@@ -48,22 +47,22 @@ class Scene:
         return make_world(self.building, self.fields)
 
     def set_open(self, name: str, is_open: bool) -> None:
-        """Open or close an exit, or the portals between two levels (``"floor|stair"``): closed ones are walls.
+        """Open or close an exit, a portal, or the portals of a stair: closed ones are walls on both sides.
 
         Directions are solved again, and the version rises, unless nothing changes.
 
         Parameters
         ----------
         name : str
-            Of an exit, or the names of two levels with a bar between.
+            As ``building.closed`` of a case takes it.
         is_open : bool
 
         Raises
         ------
-        ScenarioError
-            There is no such exit or portal.
+        BuildingError
+            Nothing has such a name.
         """
-        links = self._links(name)
+        links = links_named(self.building, name)
         closed = self.building.closed - links if is_open else self.building.closed | links
         self._close(frozenset(closed))
 
@@ -85,14 +84,3 @@ class Scene:
             self.fields = self._solve(self.building)
             self.world.fields = self.fields.packed
         self.version += 1
-
-    def _links(self, name: str) -> frozenset[int]:
-        """Return the links that a name means."""
-        names = {way.name: {self.building.link_of(way)} for way in self.building.exits}
-        for portal in self.building.portals:
-            one, other = (self.building.levels[level].name for level in portal.levels)
-            for key in (f"{one}|{other}", f"{other}|{one}"):
-                names.setdefault(key, set()).add(portal.index)
-        if name not in names:
-            raise ScenarioError(f"no exit or portal {name!r}; {did_you_mean(name, list(names))}")
-        return frozenset(names[name])

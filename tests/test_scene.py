@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.errors import ScenarioError
+from evac.errors import BuildingError
 from evac.simulation import Simulation
 from tests.runs import assert_same_bits
 
@@ -81,5 +81,5 @@ def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
 
 
 def test_a_name_that_is_none_is_refused(room):
-    with pytest.raises(ScenarioError, match=r"'fron'.*'front'"):
+    with pytest.raises(BuildingError, match=r"'fron'.*'front'"):
         Simulation(room).scene.set_open("fron", False)

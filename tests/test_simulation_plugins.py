@@ -42,6 +42,76 @@ def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
+IN_PLACE = "crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5"
+
+
+def test_an_array_that_a_behaviour_would_replace_is_refused(tmp_path):
+    text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor = 0.5 * crowd.speed_factor")
+    with pytest.raises(PluginError, match=r"crowd\.speed_factor cannot be replaced; write into the array"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})).run()
+
+
+def test_an_array_changed_in_place_is_the_same_array(tmp_path):
+    text = SQUEEZED.replace(IN_PLACE, "crowd.speed_factor *= 0.5")
+    slow = run_ticks(Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}})), 10)
+    assert (slow.population.crowd.speed_factor == 0.5).all()
+
+
+def test_a_force_may_call_functions_that_numba_compiles(tmp_path):
+    """The social force, with its size in a function of numba's that calls another one."""
+    text = """
+        import math
+
+        import numba
+
+        from evac import Force, Parameter, hookimpl
+        from evac.jit import pair_force
+
+        evac_interface = 2
+
+
+        @numba.njit
+        def decay(ratio):
+            return math.exp(-ratio)
+
+
+        @numba.njit
+        def size(gap, strength, length):
+            return strength * decay(gap / length)
+
+
+        @pair_force
+        def social_again(gap, nx, ny, ex, ey, parameters):
+            if gap >= parameters[2]:
+                return 0.0, 0.0
+            force = size(gap, parameters[0], parameters[1]) * 0.5
+            return force * nx, force * ny
+
+
+        class SocialAgain(Force):
+            '''The social force in its isotropic reading.'''
+
+            name = "social_again"
+            pair = social_again
+            strength = Parameter(2000.0, "strength", unit="N")
+            length = Parameter(0.08, "range", unit="m")
+            reach = Parameter(0.08 * math.log(2000.0), "cut-off", unit="m")
+
+            def cutoff(self):
+                return self.reach
+
+
+        @hookimpl
+        def evac_forces():
+            return [SocialAgain]
+        """
+    own = run_ticks(Simulation(in_the_room(tmp_path, text, **{"forces.social_again": {}})), 20)
+    shipped = run_ticks(Simulation(load_case("square_room", {"forces.social": {}})), 20)
+    np.testing.assert_allclose(own.population.crowd.position, shipped.population.crowd.position, rtol=0, atol=1e-12)
+    without = run_ticks(Simulation(load_case("square_room")), 20)
+    assert np.abs(own.population.crowd.position - without.population.crowd.position).max() > 0.01
+
+
 def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
     text = """
         from evac import ContactModel, hookimpl

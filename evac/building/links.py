@@ -116,6 +116,25 @@ def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]
     return f"; the nearest free edge is {edge_place(surface.vertices, free[distance.argmin()])}"
 
 
+def links_named(building: Building, name: str) -> frozenset[int]:
+    """Return the links that are an exit or a portal of a name, or the portals of a stair.
+
+    Raises
+    ------
+    BuildingError
+        If nothing has such a name.
+    """
+    links = {building.link_of(way) for way in building.exits if way.name == name}
+    links |= {portal.index for portal in building.portals if portal.name == name}
+    links |= {portal.index for level in building.stairs.get(name, ()) for portal in building.portals_of(level)}
+    if not links:
+        known = [way.name for way in building.exits] + [way.name for way in building.portals] + [*building.stairs]
+        raise BuildingError(
+            f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)}"
+        )
+    return frozenset(links)
+
+
 def close_links(building: Building, names: Sequence[str]) -> Building:
     """Return the building with exits, portals and stairs closed during the whole run: walls on both sides.
 
@@ -132,16 +151,10 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
     """
     closed, stairs = set(building.closed), set[int]()
     for name in names:
-        links = {building.link_of(way) for way in building.exits if way.name == name}
-        links |= {portal.index for portal in building.portals if portal.name == name}
-        links |= {p.index for level in building.stairs.get(name, ()) for p in building.portals_of(level)}
-        if not links:
-            known = [way.name for way in building.exits] + [way.name for way in building.portals] + [*building.stairs]
-            raise BuildingError(
-                f"{building.source}: no exit, portal or stair is named {name!r}; {did_you_mean(name, known)} "
-                "(given as building.closed)"
-            )
-        closed |= links
+        try:
+            closed |= links_named(building, name)
+        except BuildingError as error:
+            raise BuildingError(f"{error} (given as building.closed)") from None
         stairs |= set(building.stairs.get(name, ()))
     result = replace(building, closed=frozenset(closed))
     cut_off = [note for note in isolated_parts(result, stairs) if note not in building.warnings]

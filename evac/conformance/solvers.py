@@ -141,15 +141,16 @@ def queue(people: int) -> Exercise:
 def exercises() -> list[Exercise]:
     """Return the problems, from one contact on."""
     west, root = (-1.0, 0.0), math.sqrt(0.5)
-    pair = {"mass": [60.0, 100.0], "free": [(1.5, 0.3), (-1.0, -0.7)], "contacts": [(0, 1, west)]}
+    mass, free, touching = [60.0, 100.0], [(1.5, 0.3), (-1.0, -0.7)], [(0, 1, west)]
+    omega = 1.0 / 60.0 + 1.0 / 100.0
     row = [(0, 1, west), (1, 2, west)]
     return [
-        exercise("two people who part", [60.0, 100.0], [(-1.0, 0.0), (1.0, 0.0)], [(0, 1, west)], [0.0]),
+        exercise("two people who part", mass, [(-1.0, 0.0), (1.0, 0.0)], touching, [0.0]),
         exercise("somebody in a corner", [80.0], [(-1.5, -1.0)], [(0, -1, (1.0, 0.0)), (0, -1, (0.0, 1.0))], [120, 80]),
         exercise("a wall out of reach", [80.0], [(-root, -root)], [(0, -1, (root, root))], [24.0], bias=0.7),
         queue(12),
-        exercise("two people, inelastic", **pair, percussion=[2.5 / (1 / 60 + 1 / 100)]),
-        exercise("two people, K_N = 100", **pair, percussion=[5.0 / (1 / 60 + 1 / 100 + 0.02)], dissipation=100.0),
+        exercise("two people, inelastic", mass, free, touching, [2.5 / omega]),
+        exercise("two people, K_N = 100", mass, free, touching, [5.0 / (omega + 0.02)], dissipation=100.0),
         exercise(
             "three in line, elastic",
             [80.0] * 3,

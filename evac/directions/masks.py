@@ -44,23 +44,41 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
     (w,) int64, (w,) int64
         First and second indices, in the order of the wanted nodes.
     """
-    count = sum(nodes.shape)  # farther than any node
+    far = sum(nodes.shape)  # farther than any node
     along = np.arange(nodes.shape[0])[:, None]
-    before = np.maximum.accumulate(np.where(nodes, along, -count), axis=0)
-    behind = np.minimum.accumulate(np.where(nodes, along, 2 * count)[::-1], axis=0)[::-1]
+    before = np.maximum.accumulate(np.where(nodes, along, -far), axis=0)
+    behind = np.minimum.accumulate(np.where(nodes, along, 2 * far)[::-1], axis=0)[::-1]
     in_line = np.where(along - before <= behind - along, before, behind)
-    squared = (in_line - along) ** 2
     i, j = np.nonzero(wanted)
-    best, found = squared[i, j], j.copy()
-    rows = np.arange(len(i))
-    for step in range(1, nodes.shape[1]):
-        rows = rows[best[rows] >= step**2]
-        for line in (j[rows] - step, j[rows] + step):
-            inside = (line >= 0) & (line < nodes.shape[1])
-            row, line = rows[inside], line[inside]
-            candidate = squared[i[row], line] + step**2
-            better = (candidate < best[row]) | ((candidate == best[row]) & (line < found[row]))
-            best[row[better]], found[row[better]] = candidate[better], line[better]
-        if not rows.size:
-            break
-    return in_line[i, found], found
+    line = _nearest_lines((in_line - along) ** 2, np.flatnonzero(nodes.any(axis=0)))[i, j]
+    return in_line[i, line], line
+
+
+def _nearest_lines(squared: IndexArray, lines: IndexArray) -> IndexArray:
+    """Return for each node (i, j) that of `lines` with the least ``(j - k)^2 + squared[i, k]``, the first of several.
+
+    As functions of j these are parabolas, of which the lowest ones are kept in a stack for each i: Felzenszwalb,
+    Huttenlocher: Distance transforms of sampled functions. Theory of Computing 8 (2012) 415-428.
+    """
+    count, length = squared.shape
+    stack = np.zeros((length + 1, count), dtype=np.int64)  # lines
+    since = np.zeros((length + 1, count), dtype=np.int64)  # first j at which each is lower than those below it
+    top = np.full(count, -1)
+    for k in lines.tolist():
+        columns = np.arange(count)
+        while columns.size:
+            last, is_first = top[columns], top[columns] < 0
+            other = np.where(is_first, k - 1, stack[last, columns])
+            rise = k**2 - other**2 + squared[columns, k] - squared[columns, other]
+            first = np.where(is_first, 0, rise // (2 * (k - other)) + 1)
+            is_higher = ~is_first & (first <= since[last, columns])
+            kept, place = columns[~is_higher], last[~is_higher] + 1
+            stack[place, kept], since[place, kept], top[kept] = k, first[~is_higher], place
+            columns = columns[is_higher]
+            top[columns] -= 1
+    found = np.empty_like(squared)
+    place, columns = np.zeros(count, dtype=np.int64), np.arange(count)
+    for j in range(length):
+        place += (place < top) & (since[np.minimum(place + 1, top), columns] <= j)
+        found[:, j] = stack[place, columns]
+    return found

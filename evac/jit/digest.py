@@ -83,7 +83,7 @@ def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
     return repr(value)
 
 
-def _codes_of(function: FunctionType) -> list[CodeType]:
+def _codes_of(function: Any) -> list[CodeType]:
     """Return the code of a function and of those within it, as of comprehensions."""
     codes = [function.__code__]
     for code in codes:
@@ -91,7 +91,7 @@ def _codes_of(function: FunctionType) -> list[CodeType]:
     return codes
 
 
-def _code_lines(function: FunctionType) -> list[str]:
+def _code_lines(function: Any) -> list[str]:
     """Return texts of the code of a function, without its documentation and the places of its lines."""
     lines = [repr(function.__defaults__)]
     for code in _codes_of(function):
@@ -100,7 +100,7 @@ def _code_lines(function: FunctionType) -> list[str]:
     return lines
 
 
-def _globals_of(function: FunctionType) -> list[tuple[str, Any]]:
+def _globals_of(function: Any) -> list[tuple[str, Any]]:
     """Return what a function names outside itself: variables around it, globals, attributes of modules."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     found: list[tuple[str, Any]] = [(name, cell.cell_contents) for name, cell in cells]

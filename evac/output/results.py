@@ -149,9 +149,8 @@ class Results:
         exits = [exit_.name for exit_ in self.building.exits]
         leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
-        is_other = ~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]
-        rows: IntArray = out[is_other].astype(np.int32)
-        return rows
+        others: IntArray = out[~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]].astype(np.int32)
+        return others
 
     @property
     def exit_status(self) -> int:

@@ -1,6 +1,5 @@
 """The World: building and fields as the kernels read them."""
 
-import networkx as nx
 import numpy as np
 import shapely
 
@@ -118,14 +117,10 @@ def _backed(building: Building) -> np.ndarray:
 
 def _linked(building: Building) -> np.ndarray:
     """Mark pairs of levels at most two portals apart: only they can touch across seams."""
-    count = len(building.levels)
-    graph = nx.Graph()
-    graph.add_nodes_from(range(count))
-    graph.add_edges_from(portal.levels for portal in building.portals)
-    linked = np.zeros((count, count), np.uint8)
-    for level, reached in nx.all_pairs_shortest_path_length(graph, cutoff=2):
-        linked[level, list(reached)] = 1
-    return linked
+    neighbours = np.eye(len(building.levels), dtype=np.int64)
+    for portal in building.portals:
+        neighbours[portal.levels, portal.levels[::-1]] = 1
+    return (neighbours @ neighbours > 0).astype(np.uint8)
 
 
 def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:

@@ -93,6 +93,30 @@ def test_a_numpy_contact_model_gives_the_same_report(plugin_files):
     assert plain["energy"] == pytest.approx(compiled["energy"], rel=1e-9, abs=1e-9)
 
 
+def test_a_compiled_law_in_a_file_is_the_spring_of_dem(plugin_files):
+    plain = positions(evac.load("square_room", {"contact.model": "dem", "contact.dem.hardening": 1.0}), 20)
+    case = evac.load("square_room", {"contact.model": "spring_damper"}, plugin_files=[plugin_files["spring_damper.py"]])
+    undamped = positions(case.change({"contact.spring_damper": {"damping": 0.0}}), 20)
+    np.testing.assert_allclose(undamped, plain, rtol=0.0, atol=1e-12)
+    assert np.abs(positions(case, 20) - plain).max() > 1e-4
+
+
+def test_a_solver_in_a_file_finds_what_the_built_in_ones_find(plugin_files):
+    exact = {
+        "contact.model": "nsm1",
+        "contact.nsm1.velocity_tolerance": 1e-9,
+        "contact.nsm1.iterations": 100_000,
+    }
+    case = evac.load("square_room", exact, plugin_files=[plugin_files["jacobi.py"]])
+    simulation = evac.Simulation(case.change({"contact.nsm1.solver": "jacobi"}))
+    for _ in range(20):
+        simulation.advance_tick()
+    np.testing.assert_allclose(simulation.population.crowd.position, positions(case, 20), rtol=0.0, atol=1e-7)
+    report = simulation.engine.report()
+    assert report["iterations"] > report["solves"] > 0
+    assert report["retried_solves"] == 0
+
+
 def test_a_step_at_which_a_packing_is_unstable_is_refused(plugin_files):
     case = evac.load(
         "square_room",
