@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.cases import case_of, declare_case
+from evac.cli.progress import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.errors import EvacError
 
@@ -36,7 +37,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     show_facts({"case": case.title or case.folder.name, "file": case.source})
     try:
-        simulation = Simulation(case, will_run=False)
+        with Display(has_lines=False) as display:
+            simulation = Simulation(case, will_run=False, compiling=display.compiling)
     except EvacError:
         # What is wrong with people or directions is easier to see beside the building.
         from evac.assembly import make_building

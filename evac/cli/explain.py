@@ -6,6 +6,7 @@ What is left out changes no bit of the trajectories; `evac run --full` forces ev
 import argparse
 
 from evac.cli.cases import case_of, declare_case
+from evac.cli.progress import Display
 from evac.cli.screen import show_table
 
 
@@ -19,6 +20,8 @@ def execute(arguments: argparse.Namespace) -> int:
     case = case_of(arguments)
     from evac.simulation import Simulation
 
-    rows = [part.as_row() for part in Simulation(case, will_run=False).plan]
+    with Display(has_lines=False) as display:
+        plan = Simulation(case, will_run=False, compiling=display.compiling).plan
+    rows = [part.as_row() for part in plan]
     show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
     return 0

@@ -21,9 +21,15 @@ class Display:
 
     A context manager; call `phase` with what is going on before the loop, and the display itself with a
     `Progress` at every tick.
+
+    Parameters
+    ----------
+    has_lines : bool
+        Whether lines are printed where there is no terminal.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, has_lines: bool = True) -> None:
+        self._has_lines = has_lines
         self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
         self._is_bar = self._console.is_terminal
         self._bar = bars.Progress(
@@ -59,9 +65,7 @@ class Display:
         if self._compiling_since is None:
             self._compiling_since = self._shown = now
             if not self._is_bar:
-                print(
-                    f"compiling kernels: {kernels} of them, which are kept for later runs", file=sys.stderr, flush=True
-                )
+                self._print(f"compiling kernels: {kernels} of them, which are kept for later runs")
         numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
         if done == kernels:
             self._compiling_since = None
@@ -70,7 +74,11 @@ class Display:
             self._bar.update(self._task, description="compiling", total=kernels, completed=done, numbers=numbers)
         elif now - self._shown >= LINE_EVERY:
             self._shown = now
-            print(numbers, file=sys.stderr, flush=True)
+            self._print(numbers)
+
+    def _print(self, line: str) -> None:
+        if self._has_lines:
+            print(line, file=sys.stderr, flush=True)
 
     def __call__(self, state: "Progress") -> None:
         """Show a tick, unless one was shown just now; the speed counts from the first tick, which may load parts."""
@@ -86,7 +94,7 @@ class Display:
         if self._is_bar:
             self._bar.update(self._task, total=state.people, completed=state.out, numbers=numbers)
         else:
-            print(numbers, file=sys.stderr, flush=True)
+            self._print(numbers)
 
     def runs(self, done: int, runs: int) -> None:
         """Show how many of several runs are done; a line for each where there is no terminal."""
@@ -95,7 +103,7 @@ class Display:
                 self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
             )
         else:
-            print(f"{done}/{runs} runs", file=sys.stderr, flush=True)
+            self._print(f"{done}/{runs} runs")
 
 
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:

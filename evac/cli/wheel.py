@@ -4,6 +4,7 @@ import base64
 import hashlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -42,10 +43,11 @@ def build_wheel(source: Path, out: Path) -> Path:
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
         if source.is_dir():
+            # Of a copy: setuptools leaves files in the sources, and puts those that it finds there into the wheel.
+            left_out = shutil.ignore_patterns(".git", "build", "*.egg-info", "__pycache__")
+            sources = shutil.copytree(source, place / "sources", ignore=left_out)
             options = ["--quiet", "--no-deps", "--wheel-dir", str(place)]
-            _run(
-                [sys.executable, "-m", "pip", "wheel", *options, str(source.absolute())], "the sources cannot be built"
-            )
+            _run([sys.executable, "-m", "pip", "wheel", *options, str(sources)], "the sources cannot be built")
             source = next(place.glob("evac-*.whl"))
         code = place / "code"
         try:

@@ -16,6 +16,7 @@ DOCUMENTS = (
     "README.md",
     "docs/architecture.md",
     "docs/buildings.md",
+    "docs/compilation.md",
     "docs/plugins.md",
     "docs/results.md",
     "docs/trajectory.md",
