@@ -52,7 +52,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
         lists=make_lists(people, 8 * people + 64, 8 * people + 64),
         contacts=make_contacts(4 * people + 64),
         warm_start=make_warm_start(4 * people + 64),
-        problem=make_problem(people, 4 * people + 64),
+        problem=make_problem(0, 0),
         events=allocate(Events, 4 * people + 16),
         clock=allocate(Clock, 0),
         forces=forces,
@@ -98,12 +98,13 @@ def make_problem(people: int, contacts: int) -> Problem:
 
 
 def make_room_for_contacts(state: State, capacity: int) -> None:
-    """Replace the contacts, the problem and the memory of percussions by larger ones, empty."""
+    """Replace the contacts, the remembered percussions, and the problem where it is solved, by larger ones, empty."""
     half = state.warm_start.half
     state.contacts = make_contacts(capacity)
     state.warm_start = make_warm_start(capacity)
     state.warm_start.half = half
-    state.problem = make_problem(len(state.bodies.row), capacity)
+    if len(state.problem.body):
+        state.problem = make_problem(len(state.bodies.row), capacity)
 
 
 def grown(array: np.ndarray) -> np.ndarray:

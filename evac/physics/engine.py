@@ -137,6 +137,8 @@ class Engine:
             with plugin_code(f"force {force.name!r}"):
                 call_pair_force.check(getattr(force, "pair", None), f"force {force.name!r}: pair")
         addresses_of(self.entries(model), progress)
+        if isinstance(model, SolvedContactModel):
+            state.problem = make_problem(len(state.bodies.row), len(state.contacts.body))
         parts = state.parts
         parts.parameters = self._own
         parts.law = model.law.address if model.law else 0
@@ -234,7 +236,9 @@ class Engine:
         pairs, walls, contacts, events = map(int, saved["room"])
         state, n = self.state, len(self.state.bodies.row)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
-        state.warm_start, state.problem = make_warm_start(contacts), make_problem(n, contacts)
+        state.warm_start = make_warm_start(contacts)
+        if len(state.problem.body):
+            state.problem = make_problem(n, contacts)
         state.events = allocate(Events, events)
         state.tally[:] = saved["tally"]
         state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
