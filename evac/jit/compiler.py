@@ -5,6 +5,7 @@ lowered, and only what an entry reaches is linked and optimised. Imported only t
 """
 
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
 import numba
@@ -15,7 +16,10 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
 from numba.core.descriptors import TargetDescriptor
 from numba.core.registry import cpu_target
+from numba.core.runtime import rtsys
+from numba.core.typing import mathdecl, templates
 from numba.core.typing.typeof import typeof_impl
+from numba.cpython import mathimpl
 
 from evac.errors import PluginError
 from evac.jit.instructions import BUILTINS, type_of
@@ -73,6 +77,13 @@ def _codegen(processor: Processor) -> _Codegen:
 class _Context(cpu.CPUContext):  # type: ignore[misc]
     """Lowers functions without a wrapper for Python; it knows plain numbers, tuples, ranges and mathematics."""
 
+    def load_additional_registries(self) -> None:
+        """Load what kernels use; numba's own list brings linear algebra, random numbers, dictionaries and classes."""
+        for name in ("core.optional", "cpython.builtins", "cpython.numbers", "cpython.rangeobj", "cpython.tupleobj"):
+            import_module(f"numba.{name}")
+        self.install_registry(mathimpl.registry)
+        rtsys.initialize(self)
+
     def init(self) -> None:
         super().init()
         self._internal_codegen = _codegen(host())
@@ -91,8 +102,30 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
         return object()  # numba's key of the function
 
 
+#: Registries of numba, as kernels use them.
+_plain: dict[Any, Any] = {}
+
+
 class _Typing(typing.Context):  # type: ignore[misc]
-    """Types what kernels call."""
+    """Types what kernels call.
+
+    Attributes that numba would compile functions for, those of its arrays above all, are left out: to make them known
+    takes as long as compiling a kernel.
+    """
+
+    def install_registry(self, registry: Any) -> None:
+        """Install what a registry of numba holds without such attributes, once."""
+        if registry in _plain:
+            return
+        plain = _plain[registry] = templates.Registry()
+        plain.functions, plain.globals = registry.functions, registry.globals
+        overloaded = templates._OverloadAttributeTemplate
+        plain.attributes = [one for one in registry.attributes if not issubclass(one, overloaded)]
+        super().install_registry(plain)
+
+    def load_additional_registries(self) -> None:
+        """Load the types of mathematical functions only, as `_Context` does."""
+        self.install_registry(mathdecl.registry)
 
     def resolve_value_type(self, value: Any) -> Any:
         if isinstance(value, type | type(max)) and value in BUILTINS:
