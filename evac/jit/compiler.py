@@ -23,7 +23,7 @@ from numba.cpython import mathimpl
 
 from evac.errors import PluginError
 from evac.jit.instructions import BUILTINS, type_of
-from evac.jit.kernels import Entry, Kernel
+from evac.jit.kernels import NOTE_RAISED, Entry, Kernel
 from evac.jit.processor import Processor, host
 
 
@@ -211,6 +211,7 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
     except numba.core.errors.NumbaError as error:
         raise PluginError(f"kernel {entry.label} cannot be compiled: {error}") from None
     result = compiling.overloads[tuple(arguments)]
+    _check_result(entry, result.fndesc.restype)
     library = _codegen(processor).create_library(symbol)
     library.add_ir_module(_wrapper(compiling.targetctx, result.fndesc, arguments, entry, symbol))
     library.add_linking_library(result.library)
@@ -227,8 +228,29 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
     return bytes(library.codegen._tm.emit_object(module))
 
 
+def _check_result(entry: Entry, found: types.Type) -> None:
+    """Refuse a kernel that returns something else than it declares.
+
+    Raises
+    ------
+    PluginError
+    """
+    wanted = entry.signature[1]
+    given = list(found) if isinstance(found, types.BaseTuple) else [found]
+    if wanted and not (len(given) == len(wanted) and all(map(_fits, given, wanted))):
+        raise PluginError(f"kernel {entry.label} returns {found}; it must return {', '.join(wanted)}")
+
+
+def _fits(found: types.Type, wanted: str) -> bool:
+    """Say whether a number is returned without loss."""
+    return isinstance(found, types.Integer | types.Boolean) or (wanted == "float64" and isinstance(found, types.Float))
+
+
 def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry, symbol: str) -> ir.Module:
-    """Return a module with a function that takes and returns plain numbers and calls numba's function."""
+    """Return a module with a function that takes and returns plain numbers and calls numba's function.
+
+    Where that raises an exception, as a function under ``numba.njit`` may, it is noted, and zeros are returned.
+    """
     module = context.create_module(symbol)
     inputs = [context.get_value_type(kind) for kind in arguments]
     returned = entry.signature[1]
@@ -237,9 +259,19 @@ def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry,
     function = ir.Function(module, ir.FunctionType(output, inputs), symbol)
     builder = ir.IRBuilder(function.append_basic_block())
     callee = context.declare_function(module, description)
-    _, found = context.call_conv.call_function(
+    outcome, found = context.call_conv.call_function(
         builder, callee, description.restype, description.argtypes, list(function.args)
     )
+    raised, done = function.append_basic_block("raised"), function.append_basic_block("done")
+    builder.cbranch(outcome.is_error, raised, done)
+    builder.position_at_end(raised)
+    text = context.insert_const_string(module, entry.label)
+    builder.call(ir.Function(module, ir.FunctionType(ir.VoidType(), [text.type]), NOTE_RAISED), [text])
+    if outputs:
+        builder.ret(ir.Constant(output, None))
+    else:
+        builder.ret_void()
+    builder.position_at_end(done)
     if not outputs:
         builder.ret_void()
     elif len(outputs) == 1:

@@ -2,6 +2,7 @@
 
 import hashlib
 import sys
+from enum import EnumType
 from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +15,7 @@ from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
 from evac.jit.layout import describe
 
 #: The sources that turn functions into machine code.
-_COMPILER = ("compiler.py", "instructions.py", "processor.py")
+_COMPILER = ("compiler.py", "instructions.py", "layout.py", "processor.py")
 
 
 @lru_cache
@@ -78,6 +79,8 @@ def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
         return f"{function.__qualname__}: {_code_lines(function)} with {named}, {options}"
     if isinstance(value, np.ndarray):
         return f"{value.dtype}{value.shape} {value.tobytes().hex()}"
+    if isinstance(value, EnumType):
+        return f"{value.__qualname__}: {[(one.name, one.value) for one in value]}"
     if hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)
@@ -108,8 +111,16 @@ def _globals_of(function: Any) -> list[tuple[str, Any]]:
     for name in names:
         if name not in function.__globals__:
             continue
-        value = function.__globals__[name]
-        found.append((name, value))
-        if isinstance(value, ModuleType) and hasattr(value, "__file__") and value.__name__ != "math":
-            found.extend((f"{name}.{inner}", getattr(value, inner)) for inner in names if hasattr(value, inner))
+        found += _values_of(name, function.__globals__[name], names)
+    return found
+
+
+def _values_of(name: str, value: Any, names: list[str]) -> list[tuple[str, Any]]:
+    """Return a global, and of a module what a function may read in it and in the modules within."""
+    found = [(name, value)]
+    if isinstance(value, ModuleType) and hasattr(value, "__file__") and value.__name__ != "math":
+        for inner in dict.fromkeys(names):
+            if hasattr(value, inner):
+                others = [one for one in names if one != inner]
+                found += _values_of(f"{name}.{inner}", getattr(value, inner), others)
     return found

@@ -16,7 +16,13 @@ from numba.core.datamodel import models
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
 from numba.core.typing.typeof import typeof_impl
-from numba.extending import lower_builtin, lower_getattr_generic, lower_setattr_generic, register_model
+from numba.extending import (
+    lower_builtin,
+    lower_cast,
+    lower_getattr_generic,
+    lower_setattr_generic,
+    register_model,
+)
 
 from evac.jit.kernels import AddressCall, Intrinsic
 from evac.jit.layout import Array, Kind, Struct, describe
@@ -31,6 +37,11 @@ class StructType(types.Type):  # type: ignore[misc]
     def __init__(self, struct: type[Struct]) -> None:
         self.struct = struct
         super().__init__(name=f"{struct.__module__}.{struct.__qualname__}")
+
+    @property
+    def key(self) -> type[Struct]:
+        """The class: another one may have the same name, as one that is defined again has, and another layout."""
+        return self.struct
 
 
 class BufferType(types.Type):  # type: ignore[misc]
@@ -47,6 +58,14 @@ class BufferType(types.Type):  # type: ignore[misc]
         return len(self.kind.shape)
 
 
+class RowType(BufferType):
+    """A row of a grid: its address and length, since a header of its own would change while a kernel runs."""
+
+    def __init__(self, dtype: str) -> None:
+        super().__init__(Array(dtype, (None,)))
+        self.name = f"row of {dtype}"
+
+
 def type_of(kind: Kind) -> types.Type:
     """Return the numba type of an argument or attribute."""
     if isinstance(kind, Array):
@@ -61,6 +80,12 @@ def type_of(kind: Kind) -> types.Type:
 class _PointerModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, front_end_type: Any) -> None:
         super().__init__(manager, front_end_type, _ADDRESS)
+
+
+@register_model(RowType)
+class _RowModel(models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, front_end_type: Any) -> None:
+        super().__init__(manager, front_end_type, [("data", types.int64), ("length", types.int64)])
 
 
 def _word(builder: Any, pointer: Any, number: int) -> Any:
@@ -123,6 +148,8 @@ class _BufferAttributes(AttributeTemplate):  # type: ignore[misc]
 
 
 def _extent(builder: Any, buffer: BufferType, value: Any, axis: int) -> Any:
+    if isinstance(buffer, RowType):
+        return builder.extract_value(value, 1)
     fixed = buffer.kind.shape[axis]
     if fixed is not None:
         return ir.Constant(_WORD, fixed)
@@ -180,6 +207,8 @@ def _place(context: Any, builder: Any, buffer: BufferType, value: Any, index: ty
     for axis in range(1, buffer.ndim):
         at = builder.add(builder.mul(at, _extent(builder, buffer, value, axis)), numbers[axis])
     data = context.get_data_type(buffer.number).as_pointer()
+    if isinstance(buffer, RowType):
+        return builder.gep(builder.inttoptr(builder.extract_value(value, 0), data), [at])
     return builder.gep(_load_constant(builder, builder.bitcast(value, data.as_pointer())), [at])
 
 
@@ -237,20 +266,26 @@ def _fused(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """Make a header for a row of a grid."""
+    """Return address and length of a row of a grid."""
     buffer = sig.args[0]
-    header = cgutils.alloca_once(builder, ir.ArrayType(_WORD, 2))
-    pointer = builder.bitcast(header, _ADDRESS)
-    start = ir.Constant(_WORD, 0)
-    pair = context.make_tuple(builder, types.UniTuple(types.int64, 2), [args[1], start])
+    pair = context.make_tuple(builder, types.UniTuple(types.int64, 2), [args[1], ir.Constant(_WORD, 0)])
     place = _place(context, builder, buffer, args[0], types.UniTuple(types.int64, 2), pair)
-    builder.store(builder.ptrtoint(place, _WORD), pointer)
-    builder.store(_extent(builder, buffer, args[0], 1), _word(builder, pointer, 1))
-    return pointer
+    found = ir.Constant(context.get_value_type(sig.return_type), ir.Undefined)
+    found = builder.insert_value(found, builder.ptrtoint(place, _WORD), 0)
+    return builder.insert_value(found, _extent(builder, buffer, args[0], 1), 1)
 
 
 def _row_type(args: Any) -> Any:
-    return signature(BufferType(Array(args[0].kind.dtype, (None,))), args[0], types.int64)
+    return signature(RowType(args[0].kind.dtype), args[0], types.int64)
+
+
+@lower_cast(RowType, BufferType)
+def _make_header(context: Any, builder: Any, given: RowType, wanted: BufferType, value: Any) -> Any:
+    """Make a header of a row for a call of an address: only what is called reads it."""
+    pointer = builder.bitcast(cgutils.alloca_once(builder, ir.ArrayType(_WORD, 2)), _ADDRESS)
+    for word in range(2):
+        builder.store(builder.extract_value(value, word), _word(builder, pointer, word))
+    return pointer
 
 
 def _extreme(comparison: str) -> tuple[Callable[..., Any], Callable[..., Any]]:

@@ -23,6 +23,18 @@ Signature = tuple[tuple[tuple[str, Kind], ...], tuple[str, ...]]
 _C_TYPES: dict[str, Any] = {"int64": ctypes.c_int64, "float64": ctypes.c_double}
 
 
+#: Name of the function that machine code calls with the label of a kernel in which an exception has been raised.
+NOTE_RAISED = "evac_note_raised"
+
+_raised: list[str] = []
+
+
+@ctypes.CFUNCTYPE(None, ctypes.c_char_p)
+def note_raised(label: bytes) -> None:
+    """Remember a kernel in which an exception has been raised, until the call from Python has returned."""
+    _raised.append(label.decode())
+
+
 class Kernel:
     """A function that kernels can call.
 
@@ -131,6 +143,8 @@ class Entry(Kernel):
         ------
         TypeError
             If an argument does not fit the signature.
+        PluginError
+            If a function under ``numba.njit`` has raised an exception, in this kernel or in one that it calls.
         """
         if INTERPRETED or len(self.signature[1]) > 1:
             return self.function(*arguments)
@@ -154,7 +168,15 @@ class Entry(Kernel):
                 if not isinstance(value, kind):
                     raise TypeError(f"{self.label}: {name}: {type(value).__name__}, not {kind.__name__}")
                 passed.append(value.memory_address)
-        return self._call(*passed)
+        found = self._call(*passed)
+        if _raised:
+            label = _raised[0]
+            _raised.clear()
+            raise PluginError(
+                f"kernel {label}: a function that it calls has raised an exception; run with NUMBA_DISABLE_JIT=1 to see"
+                " which"
+            )
+        return found
 
 
 #: Python functions by what stands for their addresses where nothing is compiled.

@@ -1,5 +1,6 @@
 """From entries to addresses: read object code from disk, compile what is missing, load it into the process."""
 
+import ctypes
 import threading
 import warnings
 from collections.abc import Iterable
@@ -12,7 +13,7 @@ from llvmlite import binding as llvm
 
 from evac.errors import CacheWarning
 from evac.jit.digest import digest_of
-from evac.jit.kernels import INTERPRETED, Entry
+from evac.jit.kernels import INTERPRETED, NOTE_RAISED, Entry, note_raised
 from evac.jit.processor import Processor, generic, host, missing_features
 from evac.jit.store import Store, user_store
 from evac.jit.workers import Progress, Task, compile_tasks
@@ -30,6 +31,7 @@ def _engine() -> Any:
     """Return what loads object code."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    llvm.add_symbol(NOTE_RAISED, ctypes.cast(note_raised, ctypes.c_void_p).value)
     target = llvm.Target.from_triple(llvm.get_process_triple())
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), target.create_target_machine(jit=True))
 
@@ -52,7 +54,8 @@ def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> 
     if INTERPRETED:
         return
     with _lock:
-        store, missing = user_store(), []
+        store, missing = user_store(), list[Task]()
+        twins: list[Task] = []  # of entries that are to be compiled
         for entry in dict.fromkeys(entries):
             if entry.is_ready:
                 continue
@@ -61,9 +64,12 @@ def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> 
             if code is not None:
                 _load(task, code)
             elif not _load_shipped(entry):
-                missing.append(task)
+                is_twin = task.digest in (other.digest for other in missing)
+                (twins if is_twin else missing).append(task)
         if missing:
             compile_missing(missing, host(), store, progress)
+        for task in twins:
+            task.entry.bind(_addresses[task.symbol])
 
 
 def compile_missing(

@@ -6,21 +6,25 @@ import pkgutil
 import struct
 import sys
 
+import numba
 import numpy as np
 import pytest
 
 import evac
 import evac_plugins
-from evac.jit import AddressCall, Entry, Floats, Struct, inner, kernel
+from evac.errors import PluginError
+from evac.jit import AddressCall, Entry, FloatGrid, Floats, Struct, inner, kernel, row
 from evac.jit.compiler import compile_entry
 from evac.jit.digest import digest_of
+from evac.jit.kernels import NOTE_RAISED
 from evac.jit.loading import addresses_of
 from evac.jit.processor import host
 from evac.jit.store import user_store
 from evac.jit.workers import Task
 
-#: Functions of libm, and of the C library that compilers take for granted; nothing of numba's own or of Python's.
+#: Functions of libm, of the C library that compilers take for granted, and of evac; nothing of numba's or Python's.
 ALLOWED = {
+    NOTE_RAISED,
     *("exp", "expm1", "log", "pow", "sqrt", "hypot", "sin", "cos", "tan", "atan2", "floor", "fmod"),
     *("memcpy", "memmove", "memset"),
 }
@@ -65,7 +69,7 @@ def shipped_entries():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="object code of other systems is no ELF")
-def test_machine_code_needs_nothing_but_libm():
+def test_machine_code_needs_nothing_of_numba_or_python():
     entries = shipped_entries()
     labels = {entry.label for entry in entries}
     assert {"evac.physics.driver.advance", "evac_plugins.contact_dem.spring"} < labels
@@ -120,3 +124,99 @@ def test_a_part_called_by_its_address_shares_structs_and_arrays():
     counter, values = Counter(calls=10), np.array([1.5])
     assert call_twice(part.address, counter, values) == 11 + 12
     assert (counter.calls, values[0]) == (12, 6.0)
+
+
+call_line = AddressCall([Floats], (float,))
+
+
+@kernel
+def ten_times_first(line: Floats) -> float:
+    return 10.0 * line[0]
+
+
+@kernel
+def read_rows(grid: FloatGrid, address: int, found: Floats) -> None:
+    before = row(grid, 0)
+    for i in range(grid.shape[0]):
+        line = row(grid, i)
+        found[i] = call_line(address, line) + line[1] + len(line) + before[0]
+        before = line
+
+
+def test_a_row_is_its_own_whatever_else_reads_it():
+    """A kernel may keep a row while it takes another one, read it, and pass it on."""
+    grid, found = np.arange(1.0, 13.0).reshape(4, 3), np.empty(4)
+    read_rows(grid, ten_times_first.address, found)
+    np.testing.assert_array_equal(found, 10.0 * grid[:, 0] + grid[:, 1] + 3 + grid[[0, 0, 1, 2], 0])
+
+
+def reader_of(first, second):
+    """Return a struct with two attributes in this order, and a kernel that reads `weight`, always of the same names."""
+
+    class Own(Struct):
+        __annotations__ = {first: float, second: float}
+
+    @kernel
+    def weight_of(own: Own) -> float:
+        return own.weight
+
+    weight_of.function.__annotations__ = {"own": Own, "return": float}
+    return Own, weight_of
+
+
+def test_structs_of_one_name_have_their_own_layout():
+    found = []
+    for names in (("weight", "size"), ("size", "weight")):
+        own, weight_of = reader_of(*names)
+        found.append(weight_of(own(weight=1.5, size=7.0)))
+    assert found == [1.5, 1.5]
+
+
+@numba.jit
+def root_of(x):
+    if x < 0.0:
+        raise ValueError("negative")
+    return math.sqrt(x)
+
+
+@kernel
+def root(x: float) -> float:
+    return root_of(x) + 1.0
+
+
+call_root = AddressCall([float], (float,))
+
+
+@kernel
+def root_at(address: int, x: float) -> float:
+    return call_root(address, x)
+
+
+def test_an_exception_in_a_function_of_numba_is_reported():
+    assert (root(4.0), root_at(root.address, 4.0)) == (3.0, 3.0)
+    for call in (lambda: root(-1.0), lambda: root_at(root.address, -1.0)):
+        with pytest.raises(PluginError, match=r"test_compiler\.root:"):
+            call()
+    assert root(4.0) == 3.0
+
+
+@kernel
+def fraction(x: float) -> int:
+    return x + 0.5
+
+
+@kernel
+def nothing(x: float) -> float:
+    if x > 0.5:
+        pass
+
+
+@kernel
+def pair(x: float) -> float:
+    return x, x
+
+
+@pytest.mark.parametrize("entry", [fraction, nothing, pair], ids=["fraction", "nothing", "pair"])
+def test_a_kernel_returns_what_it_declares(entry):
+    with pytest.raises(PluginError, match=f"test_compiler.{entry.__name__} returns .*; it must return"):
+        entry(1.0)

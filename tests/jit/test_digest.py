@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from types import ModuleType
 
 import pytest
 
@@ -228,3 +229,35 @@ print(*(digest_of(entry, "cpu") for entry in entries))
     }
     assert len(found) == 1
     assert len(set(found.pop().split())) == 5
+
+
+CONSTANTS = """
+    from enum import IntEnum
+
+    import inner_of_a_test.constants
+    from evac.jit import kernel
+
+
+    class Side(IntEnum):
+        LEFT = 1
+        RIGHT = 2
+
+
+    @kernel
+    def entry(x: float) -> float:
+        return x + inner_of_a_test.constants.SHIFT + Side.RIGHT
+"""
+
+
+@pytest.mark.parametrize(("shift", "right", "is_other"), [(1.0, 2, False), (1.5, 2, True), (1.0, 3, True)])
+def test_constants_in_modules_and_enumerations_count(module_of, monkeypatch, shift, right, is_other):
+    package, constants = ModuleType("inner_of_a_test"), ModuleType("inner_of_a_test.constants")
+    package.__file__ = constants.__file__ = "somewhere"
+    package.constants = constants
+    for module in (package, constants):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    digests = []
+    for value, text in ((1.0, CONSTANTS), (shift, CONSTANTS.replace("RIGHT = 2", f"RIGHT = {right}"))):
+        constants.SHIFT = value
+        digests.append(digest_of(module_of(text).entry, "cpu"))
+    assert (digests[0] != digests[1]) == is_other

@@ -111,6 +111,31 @@ def test_kernels_are_compiled_in_processes_that_end(plugin, processes, own_cache
     _check(plugin)
 
 
+def test_kernels_that_are_the_same_are_compiled_once(tmp_path, processes, own_cache):
+    path = tmp_path / "alike.py"
+    path.write_text(
+        textwrap.dedent(
+            f"""
+            from evac.jit import pair_force
+
+            def made(factor):
+                @pair_force
+                def force(gap, nx, ny, ex, ey, parameters):
+                    return factor * nx, {os.getpid()} * ny
+
+                return force
+
+            soft, hard, other = made(1.0), made(1.0), made(2.0)
+            """
+        ),
+        encoding="utf-8",
+    )
+    module = _module_of(path, path.read_bytes())
+    addresses_of([module.soft, module.hard, module.other])
+    assert len(list(own_cache.iterdir())) == len(processes) == 2
+    assert module.soft.address == module.hard.address != module.other.address
+
+
 def test_what_is_on_disk_is_not_compiled(plugin, own_cache):
     addresses_of(entries_of(plugin))
     loaded = sorted(own_cache.iterdir())
