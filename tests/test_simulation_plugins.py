@@ -112,6 +112,47 @@ def test_a_force_may_call_functions_that_numba_compiles(tmp_path):
     assert np.abs(own.population.crowd.position - without.population.crowd.position).max() > 0.01
 
 
+def test_an_exception_in_a_function_that_numba_compiles_ends_the_run(tmp_path):
+    text = """
+        import numba
+
+        from evac import Force, hookimpl
+        from evac.jit import pair_force
+
+        evac_interface = 2
+
+
+        @numba.njit
+        def checked(gap):
+            if gap < 5.0:
+                raise ValueError("too near")
+            return 0.0
+
+
+        @pair_force
+        def careful(gap, nx, ny, ex, ey, parameters):
+            return checked(gap), 0.0
+
+
+        class Careful(Force):
+            '''Refuses that people are near.'''
+
+            name = "careful"
+            pair = careful
+
+            def cutoff(self):
+                return 1.0
+
+
+        @hookimpl
+        def evac_forces():
+            return [Careful]
+        """
+    simulation = Simulation(in_the_room(tmp_path, text, [[1.0, 1.0], [1.5, 1.0]], **{"forces.careful": {}}))
+    with pytest.raises(PluginError, match=r"kernel evac_plugin_odd_\w*\.careful"):
+        simulation.advance_tick()
+
+
 def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
     text = """
         from evac import ContactModel, hookimpl

@@ -80,7 +80,7 @@ def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
     if isinstance(value, np.ndarray):
         return f"{value.dtype}{value.shape} {value.tobytes().hex()}"
     if isinstance(value, EnumType):
-        return f"{value.__qualname__}: {[(one.name, one.value) for one in value]}"
+        return f"{value.__qualname__}: {dict(value.__members__)}"
     if hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)

@@ -29,10 +29,13 @@ NOTE_RAISED = "evac_note_raised"
 _raised: list[str] = []
 
 
-@ctypes.CFUNCTYPE(None, ctypes.c_char_p)
-def note_raised(label: bytes) -> None:
+def _note_raised(label: bytes) -> None:
     """Remember a kernel in which an exception has been raised, until the call from Python has returned."""
     _raised.append(label.decode())
+
+
+#: The same, as machine code calls it.
+note_raised = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(_note_raised)
 
 
 class Kernel:

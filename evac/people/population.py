@@ -87,7 +87,7 @@ class Population:
         Parameters
         ----------
         events : Events
-            The first ``count[0]`` are new; ``link`` counts portals first, then exits.
+            The first `number` are new; ``link`` counts portals first, then exits.
         """
         count = int(events.number)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]

@@ -125,6 +125,7 @@ class Engine:
         """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
         if self._model is model:
             return
+        self._model = None  # until all of it is loaded
         state = self.state
         with plugin_code(f"contact model {model.name!r}"):
             state.traits = model.traits(state.world)
@@ -192,8 +193,9 @@ class Engine:
 
     def _handle(self, model: ContactModel, found: int, time: float) -> None:
         """Do what a status asks for, or raise SimulationError."""
-        state = self.state
-        if found >= status.FIRST_MISSING_PART and isinstance(model, SolvedContactModel):
+        state, parts = self.state, self.state.parts
+        missing = {status.NEEDS_STRONGER_SOLVER: not parts.stronger, status.NEEDS_SEPARATION: not parts.separation}
+        if isinstance(model, SolvedContactModel) and missing.get(found):
             self._load_part(model, found)
         elif found == status.PAIRS_FULL:
             state.lists.pair_body = grown(state.lists.pair_body)
@@ -218,7 +220,8 @@ class Engine:
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
             raise PluginError(
-                f"contact model {model.name!r}: its law returned {found}, no status of evac.physics.status"
+                f"contact model {model.name!r}: its law returned {found}, which is no status of evac.physics.status, or"
+                " none that ends this law; models that solve contact problems are made of SolvedContactModel"
             )
 
     def snapshot(self) -> dict[str, np.ndarray]:

@@ -48,6 +48,9 @@ def find_percussions(state, free, velocity, compliance, tangential, tolerance, l
             velocity[i, 0] = free[i, 0]
             velocity[i, 1] = free[i, 1]
         return 0.0
+    if state.parts.solver == 0:  # and no room for the problem: the model is no SolvedContactModel
+        problem.missing = 1
+        return math.inf
     solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
     if problem.residual <= enough:
         return problem.residual

@@ -194,8 +194,6 @@ class Bodies(Struct):
     taken_up: Floats  # share of the gap to the desired velocity that a step takes up, 1 - exp(-h / tau)
     taken_up_in: float  # the step h that it holds for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
-    stiffness: Triples  # scratch of DEM: xx, yy and xy of the sum of stiffness over mass [1/kg]
-    coupling: Floats  # scratch of DEM: of the stiffness to others [1/kg]
 
 
 class Lists(Struct):

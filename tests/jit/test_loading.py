@@ -132,6 +132,7 @@ def test_kernels_that_are_the_same_are_compiled_once(tmp_path, processes, own_ca
     )
     module = _module_of(path, path.read_bytes())
     addresses_of([module.soft, module.hard, module.other])
+    del sys.modules[module.__name__]
     assert len(list(own_cache.iterdir())) == len(processes) == 2
     assert module.soft.address == module.hard.address != module.other.address
 

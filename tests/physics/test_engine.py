@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
-from evac.errors import SimulationError
+from evac.errors import PluginError, SimulationError
+from evac.jit import kernel
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
-from evac.physics.state import Events, make_crowd
+from evac.physics.contact_model import ContactModel, NoParameters, SolvedContactModel
+from evac.physics.state import Events, State, make_crowd
+from evac.physics.status import NEEDS_SEPARATION, SEPARATE
 from evac_plugins.contact_dem import Dem
-from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm1 import Nsm1, Projection, project
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
 from tests.physics.scenes import cut_wall, make_building, make_engine, walk
@@ -57,3 +60,58 @@ def test_too_many_walls_at_one_body_say_so():
     building = make_building(walls=cut_wall(-1, 0, 1, 0, 1000))
     with pytest.raises(SimulationError, match=r"t = 0\.000 s: .* 60 walls"):
         walk(Dem(), crowd, 1, building=building)
+
+
+@kernel
+def never_done(state: State, own: NoParameters, h: float) -> int:
+    return SEPARATE
+
+
+@kernel
+def never_loaded(state: State, own: NoParameters, h: float) -> int:
+    return NEEDS_SEPARATION
+
+
+class NeverDone(SolvedContactModel):
+    """Asks for overlaps to be separated, again and again."""
+
+    name = "never_done"
+    law = never_done
+    separates = True
+
+
+class NeverLoaded(SolvedContactModel):
+    """Asks for a part that is loaded."""
+
+    name = "never_loaded"
+    law = never_loaded
+
+
+class Unsolved(ContactModel):
+    """Solves a contact problem without a solver."""
+
+    name = "unsolved"
+    law = project
+
+    def own(self, people, world):
+        return Projection(gap_tolerance=1e-4, velocity_tolerance=1e-4, iterations=10)
+
+
+@pytest.mark.parametrize("model", [NeverDone(), NeverLoaded(), Unsolved()], ids=lambda model: model.name)
+def test_a_law_that_cannot_go_on_is_named(model):
+    with pytest.raises(PluginError, match=f"{model.name}.*its law returned"):
+        walk(model, make_crowd([(0.0, 0.0), (0.39, 0.0)], radius=0.2), 1)
+
+
+def test_a_model_that_cannot_be_loaded_leaves_nothing_behind():
+    models = Nsm1(variant="overdamped", solver="no such solver"), Dem()
+    start = [(0.0, 0.0), (0.39, 0.0)]
+    wanted, crowd = make_crowd(start, speed=1.5), make_crowd(start, speed=1.5)
+    alone, engine = make_engine(wanted), make_engine(crowd)
+    for one, people in ((alone, wanted), (engine, crowd)):
+        walk(models[1], people, 1, engine=one)
+    with pytest.raises(PluginError, match="no such solver"):
+        engine.advance(models[0], crowd, 1, 5, 0.01, True, False)
+    for one, people in ((alone, wanted), (engine, crowd)):
+        one.advance(models[1], people, 1, 5, 0.01, True, False)
+    np.testing.assert_array_equal(crowd.position, wanted.position)
