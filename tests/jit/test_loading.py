@@ -285,26 +285,36 @@ def _size(task):
 
 COMPILING = """
 import sys
+import time
 from pathlib import Path
 from evac.jit import workers
 from evac.jit.kernels import entries_of
 from evac.jit.loading import addresses_of
 from evac.registry import _module_of
 
-def main(path, say):
+def main(path, how):
+    def tell(done, kernels):
+        if how:
+            print(done, kernels, flush=True)
+        if how == "stay" and done:
+            time.sleep(60)
+
     workers._START, workers._cores = 0, lambda: 2
     module = _module_of(path, path.read_bytes())
-    addresses_of(entries_of(module), lambda done, kernels: print(done, kernels, flush=True) if say else None)
+    addresses_of(entries_of(module), tell)
     print(module.difference(5.0, 3.0) - module.OFFSET)
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), len(sys.argv) > 2)
+    main(Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "")
 """
 
 
 @pytest.fixture
 def compiling(plugin, tmp_path):
-    """Return what starts a process that compiles the plugin's kernels; with "say" it prints how far it is."""
+    """Return what starts a process that compiles the plugin's kernels.
+
+    With "say" it prints how far it is; with "stay" it does, and goes no further once a kernel is finished.
+    """
     script = tmp_path / "compiling.py"
     script.write_text(COMPILING)
 
@@ -325,7 +335,7 @@ def test_two_first_runs_at_once(compiling, own_cache):
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_first_run_keeps_what_was_compiled(compiling, plugin, own_cache, number):
-    first = compiling("say")
+    first = compiling("stay")
     assert first.stdout is not None
     while first.stdout.readline().split()[0] == "0":
         pass
