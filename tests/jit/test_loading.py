@@ -284,6 +284,7 @@ def _size(task):
 
 
 COMPILING = """
+import signal
 import sys
 import time
 from pathlib import Path
@@ -299,6 +300,7 @@ def main(path, how):
         if how == "stay" and done:
             time.sleep(60)
 
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets background jobs ignore it
     workers._START, workers._cores = 0, lambda: 2
     module = _module_of(path, path.read_bytes())
     addresses_of(entries_of(module), tell)
