@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from evac.ending import FAILED
 from evac.errors import EvacError, ResultError, note
 from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
+from evac.output.layout import is_trajectory
 from evac.output.results import Results
-from evac.output.trajectory import MAGIC, read_trajectory
+from evac.output.trajectory import read_trajectory
 from evac.phases import Phases, Progress
 from evac.simulation import Simulation
 
@@ -125,12 +126,8 @@ def check_folder(folder: Path) -> None:
 
 def _is_result(folder: Path) -> bool:
     """Say whether a folder holds a trajectory or a summary that evac has written."""
-    try:
-        with (folder / TRAJECTORY_NAME).open("rb") as file:
-            if file.read(len(MAGIC)) == MAGIC:
-                return True
-    except OSError:
-        pass
+    if is_trajectory(folder / TRAJECTORY_NAME):
+        return True
     try:
         summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
     except (OSError, ValueError):

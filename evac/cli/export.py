@@ -16,10 +16,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Write animation.pvd and its files."""
+    from evac.cli.screen import show_warnings
     from evac.output.trajectory import read_trajectory
     from evac.output.vtk_export import export_vtk
 
     trajectory = read_trajectory(arguments.result)
+    show_warnings(trajectory.warnings)
     path = export_vtk(trajectory, arguments.out or trajectory.path.parent)
     print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s in {path}")
     return 0

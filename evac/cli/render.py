@@ -35,6 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.output.trajectory import read_trajectory
 
     trajectory = read_trajectory(arguments.result)
+    show_warnings(trajectory.warnings)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
         show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])
