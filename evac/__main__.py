@@ -2,7 +2,7 @@
 
 import sys
 
-from evac.cli import main
+from evac.cli import program
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(program())

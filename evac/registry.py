@@ -60,6 +60,9 @@ KINDS = {
     "case": "evac_building_cases",
 }
 
+#: Modules of plugin files have names that start so.
+FILE_PREFIX = "evac_plugin_"
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -311,7 +314,7 @@ class Registry:
 def _module_of(path: Path, text: bytes) -> ModuleType:
     """Import a file under a name of its own, kept in `sys.modules` as numba's cache asks for."""
     digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
-    name = f"evac_plugin_{path.stem}_{digest}"
+    name = f"{FILE_PREFIX}{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
@@ -325,6 +328,12 @@ def _module_of(path: Path, text: bytes) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def is_plugin_file(path: str) -> bool:
+    """Return whether a plugin has been imported from that file."""
+    modules = list(sys.modules.items())
+    return any(getattr(module, "__file__", None) == path for name, module in modules if name.startswith(FILE_PREFIX))
 
 
 def _description(kind: str, name: str, item: Any) -> dict[str, Any]:

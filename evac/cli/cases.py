@@ -49,7 +49,13 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     overrides = list(arguments.overrides)
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
-    return load_case(arguments.case, overrides, arguments.plugins)
+    case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)
+    return case
+
+
+def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
+    """Return the case that `case_of` has loaded, if it has."""
+    return getattr(arguments, "loaded", None)
 
 
 def default_folder(case: "Case") -> Path:

@@ -5,9 +5,7 @@ whose files are replaced; other files are never touched. A run that is stopped b
 """
 
 import argparse
-import os
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 from evac.cli.cases import case_of, declare_case, default_folder
 from evac.cli.main import INTERRUPTED_STATUS
 from evac.cli.progress import Display
+from evac.cli.streams import notify
 
 if TYPE_CHECKING:
     from evac.phases import Progress
@@ -100,5 +99,5 @@ class _Interrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.is_wanted = True
-        os.write(sys.stderr.fileno(), b"\nevac: stopping at the end of this tick; Ctrl-C again to stop at once\n")
+        notify("evac: stopping at the end of this tick; Ctrl-C again to stop at once")
         self.release()

@@ -55,7 +55,7 @@ def pack_start(path: Path, header: Mapping[str, Any]) -> bytes:
     if len(text) > HEADER_BYTES_MAX:
         raise ResultError(
             f"{path}: the building is too large for a trajectory: its header would have {len(text)} bytes, "
-            f"{HEADER_BYTES_MAX} are allowed; use a coarser mesh, or switch the recorder off with recorders.trajectory=false"
+            f"{HEADER_BYTES_MAX} are allowed; use a coarser mesh, or leave the recorder out: recorders.trajectory=false"
         )
     start = MAGIC + LENGTH.pack(len(text))
     return start + CHECK.pack(zlib.crc32(text, zlib.crc32(start))) + text

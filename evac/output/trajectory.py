@@ -331,7 +331,7 @@ class Trajectory:
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
-    """Read a trajectory file, or that of a result folder; what a killed run left behind the last whole frame is left out.
+    """Read a trajectory file, or that of a result folder; a frame that a killed run has not completed is left out.
 
     The file is mapped into memory: everything is checked once, and records are read from the file again when they are
     used. So it must not be cut while the trajectory is in use; it may grow, and it may be removed.

@@ -44,15 +44,6 @@ def test_status_of_errors(error, status, message, monkeypatch, capsys):
     assert capsys.readouterr().err == message
 
 
-def test_an_unexpected_error_keeps_its_traceback(monkeypatch):
-    def fail(arguments):
-        raise ZeroDivisionError
-
-    monkeypatch.setattr("evac.cli.catalogue.execute", fail)
-    with pytest.raises(ZeroDivisionError):
-        main(["list"])
-
-
 def test_overrides_gather():
     arguments = parser().parse_args(["run", "c", "--set", "a=1", "b=2", "--set", "d=3"])
     assert arguments.overrides == ["a=1", "b=2", "d=3"]
