@@ -40,13 +40,18 @@ class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
-def in_one_line(error: BaseException) -> str:
-    """Return class and text of an error in one line that is not too long."""
+def text_of(error: BaseException) -> str:
+    """Return the text of an error in one line that is not too long."""
     try:
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
     except Exception:
         text = "(its text cannot be shown)"
-    text = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+
+
+def in_one_line(error: BaseException) -> str:
+    """Return class and text of an error in one line that is not too long."""
+    text = text_of(error)
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
@@ -61,7 +66,8 @@ def plugin_code(what: str) -> Iterator[None]:
     except (EvacError, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
+        trace = traceback.extract_tb(error.__traceback__)
+        place = next((frame for frame in reversed(trace) if not frame.filename.startswith("<")), trace[-1])
         advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "repair the plugin"
         raise PluginError(
             f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or leave it out"

@@ -234,6 +234,23 @@ class Registry:
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
+    def call_all(self, hook: str, **given: Any) -> None:
+        """Call a hook of every plugin that has it, the last registered first; what one raises names it.
+
+        Parameters
+        ----------
+        hook, **given
+            As for `calls`.
+
+        Raises
+        ------
+        PluginError
+            A plugin fails.
+        """
+        for plugin, call in reversed(self.calls(hook, **given)):
+            with plugin_code(f"{plugin}: {hook}"):
+                call()
+
     def providers(self, used: Iterable[Configurable]) -> list[str]:
         """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
 

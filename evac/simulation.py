@@ -98,8 +98,7 @@ class Simulation:
     def _make(self, will_run: bool, compiling: Callable[[int, int], None] | None) -> None:
         """Make everything that the case names, and let the plugins prepare."""
         case, full = self.case, self.full
-        with plugin_code("evac_configure"):
-            self.registry.hook.evac_configure(case=case, registry=self.registry)
+        self.registry.call_all("evac_configure", case=case, registry=self.registry)
         self.contact = assembly.make_contact_model(case)
         self.recorders = assembly.make_recorders(case)
         self._is_recording = False
@@ -114,8 +113,7 @@ class Simulation:
         self._build(building, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
-        with plugin_code("evac_prepare"):
-            self.registry.hook.evac_prepare(simulation=self)
+        self.registry.call_all("evac_prepare", simulation=self)
 
     def _build(self, building: Building, behaviours: list[Behaviour]) -> None:
         """Make the stations of the main path that follow the building, one from the other."""
@@ -131,8 +129,8 @@ class Simulation:
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-            self.contact.check_scene(border)
-            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+            with plugin_code(f"contact model {self.contact.name!r}"):
+                self.contact.check_scene(border)
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
@@ -146,9 +144,10 @@ class Simulation:
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
         self._version = self.scene.version
-        self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
+        self._force_is_read = False
         for behaviour, scene in self.behaviours:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+                self._force_is_read |= "contact_force" in behaviour.reads
                 behaviour.prepare(scene)
             check_written(behaviour, crowd, len(self.fields.routes), 0.0)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
