@@ -77,7 +77,7 @@ def building_from_json(data: Any) -> Building:
     if not len(vertices):
         raise HeaderError("building.vertices is empty")
     levels = tuple(
-        _level_from_json(index, level, f"building.levels.{index}", len(vertices))
+        _level_from_json(index, level, f"building.levels.{index}", vertices)
         for index, level in enumerate(_list(data, "building", "levels"))
     )
     n = len(levels)
@@ -152,13 +152,16 @@ def _level_to_json(level: Level) -> dict[str, Any]:
     }
 
 
-def _level_from_json(index: int, data: Any, key: str, vertices: int) -> Level:
+def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:
     kind, stair = _get(data, key, "kind", str), _get(data, key, "stair", (str, type(None)))
     if kind not in KINDS:
         raise HeaderError(f"{key}.kind is {kind!r:.40}, which is none of {', '.join(KINDS)}")
-    triangles = _rows(data, key, "triangles", vertices, (3,))
+    triangles = _rows(data, key, "triangles", len(vertices), (3,))
     if not len(triangles):
         raise HeaderError(f"{key}.triangles is empty")
+    a, b, c = vertices[triangles, :2].transpose(1, 0, 2)
+    if ((b - a)[:, 0] * (c - a)[:, 1] == (b - a)[:, 1] * (c - a)[:, 0]).any():
+        raise HeaderError(f"{key}.triangles has one without an area in plan")
     uphill = _numbers(data, key, "uphill", (), 2.0)
     if uphill.shape != (2,):
         raise HeaderError(f"{key}.uphill has {len(uphill)} numbers instead of 2")

@@ -19,6 +19,7 @@ DOCUMENTS = (
     "docs/compilation.md",
     "docs/plugins.md",
     "docs/results.md",
+    "docs/status.md",
     "docs/trajectory.md",
 )
 

@@ -290,6 +290,7 @@ ENORMOUS = 10**30
         ("building.levels.0.triangles", [[0, 1, -1]]),
         ("building.levels.0.triangles", [[0, 1, 1.5]]),
         ("building.levels.0.triangles", []),
+        ("building.levels.0.triangles", [[0, 1, 1]]),
         ("building.levels.0.kind", "lift"),
         ("building.levels.0.kind", []),
         ("building.levels.0.name", 3),
