@@ -44,9 +44,14 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     ScenarioError, PluginError
         As `evac.load`.
     """
+    from evac.errors import ScenarioError
     from evac.scenario.loading import load_case
 
     overrides = list(arguments.overrides)
+    for override in overrides:
+        shown = override.encode("utf-8", "backslashreplace").decode()
+        if shown != override:
+            raise ScenarioError(f"--set {shown}: holds bytes that are no text in the encoding of this system")
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
     case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)

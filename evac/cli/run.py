@@ -99,5 +99,5 @@ class _Interrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.is_wanted = True
-        notify("evac: stopping at the end of this tick; Ctrl-C again to stop at once")
+        notify("\nevac: stopping at the end of this tick; Ctrl-C again to stop at once")
         self.release()

@@ -19,13 +19,13 @@ class _Lenient(io.RawIOBase):
 
     Attributes
     ----------
-    failure : OSError or None
-        Why bytes were refused.
+    failure : OSError, ValueError or None
+        Why bytes were refused; a ValueError where somebody has closed the stream.
     """
 
     def __init__(self, raw: Any) -> None:
         self._raw = raw
-        self.failure: OSError | None = None
+        self.failure: OSError | ValueError | None = None
 
     def writable(self) -> bool:
         return True
@@ -44,7 +44,7 @@ class _Lenient(io.RawIOBase):
                 if taken is not None:
                     return int(taken)
                 select.select([], [self._raw], [])  # a pipe that does not block, and is full
-            except OSError as error:
+            except (OSError, ValueError) as error:
                 self.failure = error
         return len(data)
 
@@ -84,19 +84,19 @@ def _text(raw: _Lenient, encoding: str, *, line_buffering: bool) -> TextIO:
 
 def tell_lost_output() -> None:
     """Write what is left to be written; warn if standard output was refused, unless its reader has gone on purpose."""
-    sys.stdout.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(ValueError, AttributeError):  # a plugin may have closed or replaced it
+            stream.flush()
     raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
     failure = raw.failure if isinstance(raw, _Lenient) else None
-    if failure is not None and failure.errno != errno.EPIPE:
-        print(
+    if isinstance(failure, OSError) and failure.errno != errno.EPIPE:
+        notify(
             f"warning: standard output could not be written ({failure.strerror}), so that some of it is missing; "
-            "files are not affected",
-            file=sys.stderr,
+            "files are not affected"
         )
-    sys.stderr.flush()
 
 
 def notify(line: str) -> None:
     """Write a line to standard error at once, as handlers of signals may; not being able to is no error."""
     with suppress(OSError, ValueError, AttributeError):
-        os.write(sys.stderr.fileno(), f"\n{line}\n".encode())
+        os.write(sys.stderr.fileno(), f"{line}\n".encode())

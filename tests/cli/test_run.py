@@ -245,3 +245,8 @@ def test_ctrl_c_keeps_what_there_is(tmp_path):
     assert "interrupted" in out
     assert "stopping at the end of this tick" in err
     assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_bytes_that_are_no_text_are_refused(evac, capsys):
+    assert evac("check", "square_room", "--set", "title=\udcff") == 2
+    assert r"--set title=\udcff" in capsys.readouterr().err
