@@ -163,10 +163,21 @@ class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
         return [stages]
 
 
+def _widened(kind: types.Type) -> types.Type:
+    """Return the type with which a function gets a value: int64 for all integers, constants among them."""
+    kind = types.unliteral(kind)
+    return types.int64 if isinstance(kind, types.Integer) else kind
+
+
 class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
     """A function for numba's front end."""
 
     targetdescr = _Target("cpu")
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Type a call, whose integers are int64: each function is compiled once for all kinds of them."""
+        _, given = self._compiler.fold_argument_types(args, kws)
+        return super().get_call_template([_widened(one) for one in given], {})
 
     def add_overload(self, result: Any) -> None:
         self.overloads[tuple(result.signature.args)] = result
