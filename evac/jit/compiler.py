@@ -4,6 +4,9 @@ numba's own dispatcher optimises each function, and again in each that calls it.
 lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
 """
 
+import gc
+from collections.abc import Generator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -141,7 +144,7 @@ class _Target(TargetDescriptor):  # type: ignore[misc]
 
 
 class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
-    """numba's stages without those for closures, generators, array expressions and the like."""
+    """numba's stages without those for closures, generators, array expressions, reference counts and the like."""
 
     def define_pipelines(self) -> list[PassManager]:
         stages = PassManager("evac kernel")
@@ -149,12 +152,9 @@ class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
             untyped_passes.TranslateByteCode,
             untyped_passes.FixupArgs,
             untyped_passes.IRProcessing,
-            untyped_passes.RewriteSemanticConstants,
             untyped_passes.ReconstructSSA,
             typed_passes.NopythonTypeInference,
             typed_passes.PreLowerStripPhis,
-            typed_passes.IRLegalization,
-            typed_passes.AnnotateTypes,
             typed_passes.NativeLowering,
             typed_passes.NoPythonBackend,
         ):
@@ -206,7 +206,20 @@ def compiled_functions() -> list[str]:
     return [kernel.label for kernel, one in _dispatchers.items() for _ in one.overloads]
 
 
+@contextmanager
+def _without_collections() -> Generator[None, None, None]:
+    """Put off collections of garbage, which among the many objects of numba take a tenth of the time."""
+    is_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if is_enabled:
+            gc.enable()
+
+
 @global_compiler_lock  # type: ignore[untyped-decorator]
+@_without_collections()
 def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
     """Return the object code of a kernel for a processor, in which it has the name `symbol`.
 
