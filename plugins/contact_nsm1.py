@@ -39,7 +39,7 @@ def project(state: State, own: Projection, h: float) -> int:
     tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for what adds up
     for c in range(contacts.number):
         contacts.bias[c] = max(contacts.gap[c], 0.0) / h
-    found = find_percussions(state, bodies.free, bodies.solved, INELASTIC, 0.0, tolerance, own.iterations, tolerance)
+    found = find_percussions(state, bodies.free, bodies.solved, 0.0, 0.0, tolerance, own.iterations, tolerance)
     if problem.missing:
         return NEEDS_STRONGER_SOLVER
     if contacts.number > 0:

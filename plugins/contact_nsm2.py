@@ -16,7 +16,6 @@ from evac.physics.contacts import (
 )
 from evac.physics.overlaps import is_to_separate
 from evac.physics.percussions import find_percussions
-from evac.physics.rows import INELASTIC
 from evac.physics.state import State, Traits, World
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 
@@ -59,23 +58,27 @@ def strike(state: State, own: Dissipation, h: float) -> int:
     if own.tangential > 0.0 or state.clock.full:
         _stick(bodies, contacts)
     is_elastic = math.isinf(own.normal)
-    found = _percussions(state, own, bodies.solved, own.normal, math.inf if is_elastic else own.velocity_tolerance)
+    tangential, tolerance, limit = own.tangential, own.velocity_tolerance, own.iterations
+    enough = math.inf if is_elastic else tolerance
+    found = find_percussions(state, bodies.free, bodies.solved, own.normal, tangential, tolerance, limit, enough)
     if contacts.number > 0:
         tally[at.SOLVES] += 1.0
         tally[at.ITERATIONS] += problem.iterations
         tally[at.RETRIED_SOLVES] += problem.retried
-        if is_elastic and found > own.velocity_tolerance:
+        if is_elastic and found > tolerance:
             for c in range(contacts.number):
                 contacts.percussion[c] = 0.0
                 contacts.friction[c] = 0.0
-            found = _percussions(state, own, bodies.solved, FALLBACK, own.velocity_tolerance)
+            found = find_percussions(
+                state, bodies.free, bodies.solved, FALLBACK, tangential, tolerance, limit, tolerance
+            )
             tally[at.ITERATIONS] += problem.iterations
             tally[at.RETRIED_SOLVES] += problem.retried
             tally[at.ELASTIC_FALLBACKS] += 1.0
         if problem.missing:
             return NEEDS_STRONGER_SOLVER
         tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], found)
-        if found > own.velocity_tolerance:
+        if found > tolerance:
             tally[at.UNCONVERGED_STEPS] += 1.0
     if state.clock.reports:
         return _report_reaction(state, own, h)
@@ -93,22 +96,6 @@ def _stick(bodies, contacts):
 
 
 @inner
-def _percussions(state, own, velocity, normal, enough):
-    """Solve with K_N = `normal`, again above a residual `enough`; return the residual."""
-    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
-    return find_percussions(
-        state,
-        state.bodies.free,
-        velocity,
-        compliance,
-        own.tangential,
-        own.velocity_tolerance,
-        own.iterations,
-        enough,
-    )
-
-
-@inner
 def _report_reaction(state, own, h):
     """Report contact forces from a solve with K_N = 0 on the same contacts; return a status.
 
@@ -118,7 +105,8 @@ def _report_reaction(state, own, h):
     for c in range(contacts.number):
         contacts.kept_percussion[c] = contacts.percussion[c]
         contacts.kept_friction[c] = contacts.friction[c]
-    _percussions(state, own, bodies.spare, 0.0, own.velocity_tolerance)
+    tolerance, limit = own.velocity_tolerance, own.iterations
+    find_percussions(state, bodies.free, bodies.spare, 0.0, own.tangential, tolerance, limit, tolerance)
     if state.problem.missing:
         return NEEDS_STRONGER_SOLVER
     report_contact_force(bodies, contacts, 1.0 / h)

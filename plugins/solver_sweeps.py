@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from evac.hookspecs import hookimpl
 from evac.jit import fused, inner, kernel
 from evac.physics.rows import (
+    BIAS,
     CAUTION,
     LIKELY,
     evaluate,
@@ -164,8 +165,9 @@ def energy(rows):
     for i in range(rows.bodies):
         found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
     found *= 0.5
+    rigid = rows.rigid == 1  # as for `law`
     for r in range(rows.size):
-        found += row_energy(rows, r, rows.percussion[r])
+        found += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
     return found
 
 

@@ -6,7 +6,6 @@ from evac.jit import AddressCall, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.motion import move
 from evac.physics.percussions import find_percussions
-from evac.physics.rows import INELASTIC
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK
 
@@ -80,7 +79,7 @@ def separate(state: State, is_solve: int) -> int:
     enough = 0.5 * contacts.deepest
     tolerance = 0.1 * contacts.separation_tolerance
     limit = contacts.separation_iterations
-    found = find_percussions(state, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, limit, enough)
+    found = find_percussions(state, bodies.spare, bodies.solved, 0.0, 0.0, tolerance, limit, enough)
     if state.problem.missing:
         return NEEDS_STRONGER_SOLVER
     if found <= enough:
