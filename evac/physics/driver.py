@@ -234,9 +234,11 @@ def _is_too_fast(bodies, h, limit):
 def _tally_contacts(state):
     """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began."""
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
+    contacts.deepest = 0.0
     for c in range(contacts.number):
         overlap = -contacts.gap[c]
         if overlap >= 0.0:
+            contacts.deepest = max(contacts.deepest, overlap)
             tally[at.CONTACTS] += 1.0
             tally[at.OVERLAP_SUM] += overlap
             tally[at.OVERLAPS] += 1.0
