@@ -173,6 +173,7 @@ class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
     """A function for numba's front end."""
 
     targetdescr = _Target("cpu")
+    _compiler: Any
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Type a call, whose integers are int64: each function is compiled once for all kinds of them."""
