@@ -154,8 +154,26 @@ class ContactModel(Configurable, ABC):
         )
 
     def own(self, people: int, world: World) -> Struct:
-        """Return the parameters of the law, with scratch arrays for so many people; here none."""
-        return NoParameters()
+        """Return the parameters of the law: here its struct, filled with the model's attributes of the same names.
+
+        To be overridden where the struct has scratch arrays for so many people.
+
+        Raises
+        ------
+        PluginError
+            If the model lacks one of these attributes.
+        """
+        kinds = [kind for _, kind in self.law.signature[0]] if isinstance(self.law, Entry) else []
+        struct = kinds[1] if len(kinds) > 1 else None
+        if not (isinstance(struct, type) and issubclass(struct, Struct)):
+            return NoParameters()  # a law that takes none is refused where it is loaded
+        missing = [name for name in struct.kinds if not hasattr(self, name)]
+        if missing:
+            raise PluginError(
+                f"contact model {self.name!r}: its law reads {struct.__name__}.{missing[0]}; give the model an"
+                " attribute of that name, or define own(people, world), which returns the struct"
+            )
+        return struct(**{name: getattr(self, name) for name in struct.kinds})
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change in the case where a step ends in a status, for the message."""
