@@ -22,7 +22,7 @@ from evac.scenario.schema import (
 
 if TYPE_CHECKING:
     from evac.registry import Registry
-
+    from evac.scenario.problems import Key
 
 #: Stands for the file of a case that was made from a dictionary.
 DICTIONARY = "<dictionary>"
@@ -34,7 +34,9 @@ class Origin:
 
     source: Path
     table: Mapping[str, Any]
-    plugin_files: tuple[Path, ...]
+    loaded_files: tuple[Path, ...]
+    unloaded_files: tuple[Path, ...]
+    unchecked: "tuple[Key, ...]"
     registry: "Registry"
 
 
@@ -100,8 +102,23 @@ class Case(Section):
 
     @property
     def plugin_files(self) -> tuple[Path, ...]:
-        """The plugin files, resolved."""
-        return self._origin.plugin_files
+        """The plugin files, resolved: those given beside the case, and those that it names."""
+        return (*self.loaded_files, *self.unloaded_files)
+
+    @property
+    def loaded_files(self) -> tuple[Path, ...]:
+        """The plugin files that have been run and whose names have been checked."""
+        return self._origin.loaded_files
+
+    @property
+    def unloaded_files(self) -> tuple[Path, ...]:
+        """The plugin files that the case names and that have not been run: loading a case runs nothing."""
+        return self._origin.unloaded_files
+
+    @property
+    def unchecked(self) -> "tuple[Key, ...]":
+        """Keys of contact models, solvers, forces and the like that only the files not run yet may know."""
+        return self._origin.unchecked
 
     @property
     def registry(self) -> "Registry":
@@ -119,20 +136,20 @@ class Case(Section):
         from evac.scenario.loading import case_from
 
         return case_from(
-            self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
+            self._origin.table, self.source, overrides, plugin_files=self.loaded_files, registry=self.registry
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every key with its value, defaults of the plugins in use included, as plain data."""
+        """Return every key with its value, defaults of the plugins in use included that are known, as plain data."""
         table = self.model_dump(mode="json", exclude_none=True)
-        classes = self.registry
-        model = self.contact.model
-        table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
+        registry, model = self.registry, self.contact.model
+        if model in registry.contact_models:
+            table["contact"][model] = _filled(registry.contact_models[model], table["contact"].get(model, {}))
         for kind in ("force", "behaviour", "recorder", "importer"):
             section = table[f"{kind}s"]
             for name, values in section.items():
-                if values is not False:
-                    section[name] = _filled(classes.get(kind, name), values)
+                if values is not False and (f"{kind}s", name) not in self.unchecked:
+                    section[name] = _filled(registry.get(kind, name), values)
         return table
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -140,7 +157,7 @@ class Case(Section):
         from evac.scenario.loading import case_from
 
         origin = self._origin
-        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.plugin_files)
+        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.loaded_files)
 
 
 def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:

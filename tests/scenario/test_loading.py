@@ -233,28 +233,6 @@ def test_what_is_no_toml_is_refused_with_the_line(case_file, registry):
         load_case(case_file, registry=registry)
 
 
-def test_a_plugin_file_beside_the_case_is_used(case_file, registry):
-    text = """
-        from evac import ContactModel, hookimpl
-        evac_interface = 2
-
-        class Odd(ContactModel):
-            name = "odd"
-
-        @hookimpl
-        def evac_contact_models():
-            return [Odd]
-    """
-    (case_file.parent / "odd.py").write_text(textwrap.dedent(text))
-    own = type(registry)([row.origin for row in registry.provenance], builtins=())
-    case = load_case(case_file, ["plugins.files=['odd.py']", "contact.model=odd"], registry=own)
-    assert case.plugin_files == (case_file.parent / "odd.py",)
-    assert make_contact_model(case).name == "odd"
-    assert case.change(["simulation.seed=1"]).plugin_files == case.plugin_files
-    with pytest.raises(PluginError, match=r"nowhere\.py"):
-        load_case(case_file, plugin_files=["nowhere.py"], registry=own)
-
-
 def test_change_makes_another_checked_case_and_leaves_the_first(case_file, registry):
     case = load_case(case_file, registry=registry)
     other = case.change({"simulation.seed": 9, "people.pupils.number": 2})
