@@ -4,12 +4,14 @@ import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from pydantic import PrivateAttr, field_validator
+from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.scenario.keys import Parameters, Section, key
+from evac.scenario.keys import Parameters, Section, key, wrong
 from evac.scenario.schema import (
+    MOST_ITEMS,
+    MOST_PEOPLE,
     BuildingSettings,
     ContactSettings,
     DirectionSettings,
@@ -49,7 +51,7 @@ class Case(Section):
     title: str = key("one line that says what the case is", "", "")
     building: BuildingSettings = key("the building")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
-    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1, max_length=MOST_ITEMS)
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
@@ -84,6 +86,13 @@ class Case(Section):
     def _sorted_by_name(cls, people: tuple[GroupSettings, ...]) -> tuple[GroupSettings, ...]:
         """Sort the groups by name, so that rows, routes and draws do not depend on the order of the tables."""
         return tuple(sorted(people, key=lambda group: group.name))
+
+    @model_validator(mode="after")
+    def _can_be_held(self) -> Self:
+        people = sum(group.count for group in self.people)
+        if people > MOST_PEOPLE:
+            raise wrong("people", f"{people:,} people in all groups; at most {MOST_PEOPLE:,} are allowed")
+        return self
 
     @property
     def source(self) -> Path:

@@ -80,7 +80,7 @@ def parse(text: str) -> dict[str, Any]:
 
 
 def faults(content: Mapping[str, Any]) -> list[Problem]:
-    """Return what no case can hold, at most one of a kind: deep nesting, long keys and words, large tables and integers.
+    """Return what no case can hold: deep nesting, long keys and words, large tables and integers.
 
     What follows may then descend without a bound, copy and compare. A mapping that contains itself is nested deeply.
     """

@@ -14,6 +14,7 @@ from evac.scenario.content import faults, read_table
 from evac.scenario.keys import is_multiple
 from evac.scenario.overrides import apply
 from evac.scenario.problems import Key, Problem, dotted, problems_of
+from evac.scenario.schema import MOST_STATES
 from evac.scenario.trust import named_files
 
 if TYPE_CHECKING:
@@ -305,6 +306,14 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
                 ("output", "every"),
                 f"{every:g} s is no multiple of simulation.tick {tick:g} s; "
                 f"nearest: {below * tick:.6g} or {(below + 1) * tick:.6g}",
+            )
+        )
+    if case is not None and case.simulation.duration > MOST_STATES * case.output.every:
+        problems.append(
+            Problem(
+                ("output", "every"),
+                f"{case.output.every:g} s makes {case.simulation.duration / case.output.every:.2g} states of a run of "
+                f"{case.simulation.duration:g} s, more than {MOST_STATES:,}; record less often, or shorten the run",
             )
         )
     return problems

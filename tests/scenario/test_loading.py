@@ -3,13 +3,12 @@ import math
 import pickle
 import subprocess
 import sys
-import textwrap
 import time
 
 import pytest
 
 from evac.assembly import make_behaviours, make_contact_model, make_forces
-from evac.errors import PluginError, ScenarioError
+from evac.errors import ScenarioError
 from evac.people.distributions import Distribution
 from evac.scenario import case_from, load_case
 from evac.scenario.schema import GroupSettings
@@ -115,9 +114,9 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people=3", "people: must be a list, got 3"),
         ("simulation=3", "simulation: must be a table, got 3"),
         ("building.flat_angle=60", "building.flat_angle: must be less than walkable_angle 50, got 60"),
-        ("directions.spacing=0", "directions.spacing: must be greater than 0, got 0"),
+        ("directions.spacing=0", "directions.spacing: must be greater than or equal to 0.001, got 0"),
         ("directions.clearance=-1", "directions.clearance: must be greater than or equal to 0, got -1"),
-        ("directions.stairs_up=0", "directions.stairs_up: must be greater than 0, got 0"),
+        ("directions.stairs_up=0", "directions.stairs_up: must be greater than or equal to 0.001, got 0"),
         ("directions.comfort=0.5", "directions.comfort: must be greater than or equal to 1, got 0.5"),
         ("directions.order=3", "directions.order: must be 1 or 2, got 3"),
         (
