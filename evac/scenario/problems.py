@@ -1,7 +1,6 @@
 """What is wrong with a case, one line each: dotted key, fault, how to fix it."""
 
 import reprlib
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
@@ -35,9 +34,9 @@ def dotted(key: Key, table: Any) -> str:
     for step in key:
         word = str(step)
         if isinstance(step, int) and isinstance(here, list):
-            names = Counter(item.get("name") for item in here if isinstance(item, dict))
+            names = [item.get("name") for item in here if isinstance(item, dict)]
             name = here[step].get("name") if step < len(here) and isinstance(here[step], dict) else None
-            if isinstance(name, str) and name and "." not in name and names[name] == 1:
+            if isinstance(name, str) and name and "." not in name and names.count(name) == 1:
                 word = name
         words.append(word)
         try:
