@@ -80,13 +80,13 @@ class Parameter:
             return self._check_distribution(key, value)
         if isinstance(self.default, bool) or self.default is None:
             if isinstance(self.default, bool) and not isinstance(value, bool):
-                raise PluginError(f"{key}: expected true or false, got {value!r}")
+                raise PluginError(f"{key}: expected true or false, got {reprlib.repr(value)}")
             return value
         if isinstance(self.default, str):
             if not isinstance(value, str):
-                raise PluginError(f"{key}: expected a word, got {value!r}")
+                raise PluginError(f"{key}: expected a word, got {reprlib.repr(value)}")
             if self.choices and value not in self.choices:
-                raise PluginError(f"{key}: unknown value {value!r}; {did_you_mean(value, self.choices)}")
+                raise PluginError(f"{key}: unknown value {reprlib.repr(value)}; {did_you_mean(value, self.choices)}")
             return value
         if isinstance(self.default, (int, float)):
             return self._check_number(key, value)
@@ -97,18 +97,18 @@ class Parameter:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise PluginError(f"{key}: expected {'a whole number' if whole else 'a number'}, got {reprlib.repr(value)}")
         if value != value or (abs(value) == math.inf and (whole or not self.infinite)):
-            raise PluginError(f"{key}: must be finite, got {value!r}")
+            raise PluginError(f"{key}: must be finite, got {reprlib.repr(value)}")
         if GREATEST < abs(value) < math.inf:
             raise PluginError(f"{key}: must lie within {GREATEST:g} of zero, got {reprlib.repr(value)}")
         if whole and value != int(value):
-            raise PluginError(f"{key}: expected a whole number, got {value!r}")
+            raise PluginError(f"{key}: expected a whole number, got {reprlib.repr(value)}")
         unit = f" {self.unit}" if self.unit else ""
         if self.minimum is not None and value < self.minimum:
-            raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {reprlib.repr(value)}")
         if self.above is not None and value <= self.above:
-            raise PluginError(f"{key}: must be greater than {self.above}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be greater than {self.above}{unit}, got {reprlib.repr(value)}")
         if self.maximum is not None and value > self.maximum:
-            raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {reprlib.repr(value)}")
         return int(value) if whole else float(value)
 
     def _check_distribution(self, key: str, value: Any) -> Any:

@@ -20,8 +20,8 @@ from evac.scenario.trust import named_files
 if TYPE_CHECKING:
     from evac.registry import Registry
 
-#: Problems of a case that are told at once.
-MOST_TOLD = 50
+#: Problems of a case that are told at once, and characters of one.
+MOST_TOLD, LONGEST_TOLD = 50, 1_000
 
 
 def load_case(
@@ -323,4 +323,7 @@ def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden
     """Return one line of the error: file, dotted key, what is wrong, and whether an override did it."""
     by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
     note = " (set by an override)" if by_override else ""
-    return f"{source}: {dotted(problem.key, content)}: {problem.text}{note}"
+    text = problem.text
+    if len(text) > LONGEST_TOLD:  # it shows a long value
+        text = f"{text[: LONGEST_TOLD // 2]} ... {text[-LONGEST_TOLD // 2 :]}"
+    return f"{source}: {dotted(problem.key, content)}: {text}{note}"
