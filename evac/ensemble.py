@@ -21,6 +21,7 @@ from evac.errors import EvacError, ScenarioError, SimulationError
 from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
 from evac.output.results import plain, versions, write_csv
 from evac.running import clear_folder
+from evac.scenario.trust import run_plugin_files
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -228,6 +229,7 @@ def run_many(
     """
     if runs < 1 or (workers is not None and workers < 1):
         raise ScenarioError(f"runs and workers must be at least 1, not {runs} and {workers}")
+    case = run_plugin_files(case)
     first = case.simulation.seed
     cases = [case.change({"simulation.seed": first + k}) for k in range(runs)]
     found = []

@@ -30,6 +30,7 @@ from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.registry import Registry
+from evac.scenario.trust import run_plugin_files
 from evac.scene import Scene
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Simulation:
         will_run: bool = True,
         compiling: Callable[[int, int], None] | None = None,
     ) -> None:
-        self.case = case
+        self.case = case = run_plugin_files(case)
         self.registry: Registry = case.registry
         self.folder = folder
         self.full = full

@@ -1,6 +1,7 @@
 """Route choice: each person takes the way of least cost by its own speeds, and may change its mind."""
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -231,7 +232,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
 def _words(key: str, value: Any) -> tuple[str, ...]:
     """Return a list of words as a tuple."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
-        raise PluginError(f"{key}: expected a list of words, got {value!r}")
+        raise PluginError(f"{key}: expected a list of words, got {reprlib.repr(value)}")
     return tuple(dict.fromkeys(value))
 
 

@@ -1,6 +1,7 @@
 """Arguments that name a case, and how it is loaded."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ def declare_plugin(parser: argparse.ArgumentParser) -> None:
 
 
 def case_of(arguments: argparse.Namespace) -> "Case":
-    """Load the case that the arguments name.
+    """Load the case that the arguments name; plugin files that the case itself names are not run.
 
     Raises
     ------
@@ -61,6 +62,24 @@ def case_of(arguments: argparse.Namespace) -> "Case":
 def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
     """Return the case that `case_of` has loaded, if it has."""
     return getattr(arguments, "loaded", None)
+
+
+def case_to_run(arguments: argparse.Namespace) -> "Case":
+    """Load the case that the arguments name and run its plugin files, see `with_plugin_files`."""
+    return with_plugin_files(case_of(arguments))
+
+
+def with_plugin_files(case: "Case") -> "Case":
+    """Run the plugin files that a case names, which must lie in its folder, and say so.
+
+    Raises
+    ------
+    ScenarioError, PluginError
+        As `evac.scenario.trust.run_plugin_files`.
+    """
+    from evac.scenario.trust import run_plugin_files
+
+    return run_plugin_files(case, lambda path: print(f"running plugin file of the case: {path}", file=sys.stderr))
 
 
 def default_folder(case: "Case") -> Path:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder
 from evac.cli.progress import Display
 
 
@@ -31,7 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.running import check_folder, make_folder
     from evac.simulation import Simulation
 
-    case = case_of(arguments)
+    case = case_to_run(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
     check_folder(folder)
     with Display() as display:

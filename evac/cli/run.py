@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Self
 
-from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder
 from evac.cli.main import INTERRUPTED_STATUS
 from evac.cli.progress import Display
 from evac.cli.streams import notify
@@ -41,7 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
         display.phase("reading the case")
         from evac.scenario.tolerance import settings_for
 
-        case = case_of(arguments)
+        case = case_to_run(arguments)
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
         case = case.change(chosen) if chosen else case
         from evac.cli.report import show_results

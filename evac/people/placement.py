@@ -15,6 +15,15 @@ from evac.physics.neighbours import segment_distance
 #: Rounds of random candidates, two per person each, before the lattice is tried.
 ROUNDS = 40
 
+#: Candidates of a round: a polygon that covers little of its bounds would need too many.
+MOST_CANDIDATES = 4_000_000
+
+#: Share of the ground that discs of one size can cover; those of different sizes, as people are, hardly more.
+DENSEST = 0.95
+
+#: Nodes of a lattice over the bounds of a polygon, and cells that discs are sorted into.
+MOST_NODES = 10_000_000
+
 #: Room left between a disc and a wall it is put beside, so that rounding cannot make them overlap [m].
 MARGIN = 1e-9
 
@@ -66,6 +75,9 @@ def place(
         They do not fit; says how many about would.
     """
     reach = float(radii.max())
+    fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))
+    if len(radii) > 2 * fitting:  # no need to try
+        raise _too_many(place_name, radii, polygon, fitting)
     left, bottom, right, top = polygon.bounds
     box = (left - 2 * reach, bottom - 2 * reach, right + 2 * reach, top + 2 * reach)
     near = np.ascontiguousarray(segments[_touches(segments, box)])
@@ -76,11 +88,15 @@ def place(
         return positions
     lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator)
     if lattice is None:
-        raise ScenarioError(
-            f"{place_name}: {len(radii)} people of radii up to {reach:.2f} m do not fit on {polygon.area:.1f} m2,"
-            f" about {max(n_placed, n_fitting)} do; lower the number or enlarge the area"
-        )
+        raise _too_many(place_name, radii, polygon, max(n_placed, n_fitting))
     return lattice
+
+
+def _too_many(place_name: str, radii: FloatArray, polygon: BaseGeometry, fitting: int) -> ScenarioError:
+    return ScenarioError(
+        f"{place_name}: {len(radii)} people of radii up to {radii.max():.2f} m do not fit on {polygon.area:.1f} m2, "
+        f"about {fitting} do; lower the number or enlarge the area"
+    )
 
 
 def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
@@ -98,7 +114,7 @@ def _at_random(
     order = np.argsort(-radii, kind="stable")
     cells = _cells(polygon, radii, occupied, n)
     left, bottom, right, top = polygon.bounds
-    batch = math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100
+    batch = min(MOST_CANDIDATES, math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100)
     n_placed = 0
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
@@ -129,6 +145,9 @@ def _on_lattice(
         return points[fits]
 
     closest = 2 * (radius + MARGIN)
+    left, bottom, right, top = polygon.bounds
+    if (right - left) * (top - bottom) > MOST_NODES * closest**2:
+        return None, 0
     corner = radius + 2 * MARGIN
     phases = (corner, 0.0, 0.5 * radius)
     frames = list(itertools.product((False, True), phases, phases))
@@ -170,6 +189,7 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     """Return cells over a polygon that hold the people already there and have room for `n` more."""
     size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
     left, bottom, right, top = polygon.bounds
+    size = max(size, math.sqrt((right - left) * (top - bottom) / MOST_NODES))
     shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
     cells = _Cells(
         left=left - size,
