@@ -1,10 +1,12 @@
 """Recorder "trajectory": where everybody is, frame by frame, in a file that survives a killed run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.hookspecs import hookimpl
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
@@ -26,10 +28,9 @@ class TrajectoryRecorder(Recorder):
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and what the run was made with."""
         if simulation.folder is not None:
-            corners = simulation.building.vertices[:, :2]
-            origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
-            self._writer = TrajectoryWriter(simulation.folder / TRAJECTORY_NAME, _header(simulation), origin)
+            path = simulation.folder / TRAJECTORY_NAME
+            self._writer = TrajectoryWriter(path, _header(simulation), _origin(simulation))
 
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
@@ -43,6 +44,29 @@ class TrajectoryRecorder(Recorder):
             if simulation.time > self._recorded:
                 self.record(simulation)
             self._writer.close()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the time of the last frame [s]."""
+        return {"recorded": np.array([self._recorded])} if self._writer is not None else {}
+
+    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+        """Open the file again, behind its last frame."""
+        if simulation.folder is not None:
+            people = len(simulation.population.crowd.radius)
+            path = simulation.folder / TRAJECTORY_NAME
+            self._writer = TrajectoryWriter.reopen(path, people, _origin(simulation))
+            self._recorded = float(state["recorded"][0])
+
+    def files(self) -> Mapping[str, int]:
+        """Return the length of the trajectory."""
+        return {TRAJECTORY_NAME: self._writer.length} if self._writer is not None else {}
+
+
+def _origin(simulation: "Simulation") -> FloatArray:
+    """Return the middle of the building, in whole metres."""
+    corners = simulation.building.vertices[:, :2]
+    middle: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+    return middle
 
 
 def _header(simulation: "Simulation") -> dict[str, Any]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TextIO
 
-from evac.errors import CacheWarning, EvacError
+from evac.errors import EvacError, EvacWarning
 
 #: Exit status of bad input, and of what Ctrl-C stopped.
 BAD_INPUT = 2
@@ -20,6 +20,7 @@ INTERRUPTED_STATUS = 130
 #: Commands in the order of the help, and the module that declares and executes each.
 COMMANDS = {
     "run": "evac.cli.run",
+    "resume": "evac.cli.resume",
     "repeat": "evac.cli.repeat",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
@@ -41,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     start_fast()
     arguments = parser().parse_args(argv)
     try:
-        with _cache_warnings():
+        with _own_warnings():
             status: int = arguments.execute(arguments)
     except EvacError as error:
         print("\n".join([f"evac: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
@@ -53,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 @contextmanager
-def _cache_warnings() -> Iterator[None]:
+def _own_warnings() -> Iterator[None]:
     """Show what the library warns of as commands show other warnings; those of other libraries stay as they are."""
 
     def show(
@@ -64,7 +65,7 @@ def _cache_warnings() -> Iterator[None]:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
-        if issubclass(category, CacheWarning):
+        if issubclass(category, EvacWarning):
             print(f"warning: {message}", file=sys.stderr)
         else:
             before(message, category, filename, lineno, file, line)

@@ -23,7 +23,7 @@ def check_same_bits(case: Case, ticks: int = 20) -> None:
         raise PluginError(f"{case.title}: two runs differ in {different}; draw from scene.generator only")
     resumed = Simulation(case)
     resumed.restore(middle)
-    while resumed.step < whole["simulation.step"][0]:
+    while resumed.step < whole["simulation.clock"][0]:
         resumed.advance_tick()
     if different := _difference(whole, resumed.state()):
         raise PluginError(f"{case.title}: a run resumed differs in {different}; state() must hold every private array")
@@ -66,7 +66,7 @@ def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
     with tempfile.TemporaryDirectory() as place:
         for folder in (None, Path(place)):
             simulation = Simulation(case, folder)
-            simulation.recorders = []
+            simulation.recording.recorders = []
             type(recorder)(**recorder.values()).finish(simulation, None)
             recorder.start(simulation)
             for _ in range(ticks):

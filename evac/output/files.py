@@ -12,6 +12,7 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+CHECKPOINT_NAME = "checkpoint.evac"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtp"
 FRAMES_FOLDER = "frames"
@@ -23,7 +24,10 @@ FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
-#: What a run writes to its folder; nothing else there is ever touched.
+#: Key of a summary that lists the files of plugins, relative to the folder.
+PLUGIN_FILES = "plugin_files"
+
+#: What a run writes to its folder, besides files of plugins, which its summary lists.
 WRITTEN = (
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
@@ -34,6 +38,8 @@ WRITTEN = (
     FRAMES,
     PICTURE_NAME,
     FILM_NAME,
+    f"{CHECKPOINT_NAME}.new",
+    CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
     TRAJECTORY_NAME,
 )

@@ -50,12 +50,7 @@ class TrajectoryWriter:
     """
 
     def __init__(self, path: Path, header: Mapping[str, Any], origin: FloatArray) -> None:
-        self.path = path
-        self._origin = np.asarray(origin, np.float64)
-        people = len(header["radius"])
-        self._buffer = bytearray(FRAME_HEAD_BYTES + RECORD_BYTES * people)
-        self._view = memoryview(self._buffer)
-        self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
+        self._make_room(path, len(header["radius"]), origin)
         layout = {"format": 1, "fields": FIELDS, "origin": self._origin.tolist()}
         text = json.dumps({**header, **layout}, allow_nan=False).encode()
         with writing("the trajectory", path):
@@ -63,6 +58,41 @@ class TrajectoryWriter:
             self._file = path.open("wb")
             self._file.write(MAGIC + _HEADER_LENGTH.pack(len(text)) + text)
             self._file.flush()
+
+    @classmethod
+    def reopen(cls, path: Path, people: int, origin: FloatArray) -> "TrajectoryWriter":
+        """Return a writer that appends to a file, which ends with a whole frame.
+
+        Parameters
+        ----------
+        path : Path
+        people : int
+            Of the header.
+        origin : (2,) float64 [m]
+            Of the header.
+
+        Raises
+        ------
+        ResultError
+            The file cannot be written.
+        """
+        writer = cls.__new__(cls)
+        writer._make_room(path, people, origin)
+        with writing("the trajectory", path):
+            writer._file = path.open("ab")
+        return writer
+
+    def _make_room(self, path: Path, people: int, origin: FloatArray) -> None:
+        self.path = path
+        self._origin = np.asarray(origin, np.float64)
+        self._buffer = bytearray(FRAME_HEAD_BYTES + RECORD_BYTES * people)
+        self._view = memoryview(self._buffer)
+        self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
+
+    @property
+    def length(self) -> int:
+        """Number of bytes that have been handed to the system; also once the file is closed."""
+        return self._length if self._file.closed else self._file.tell()
 
     def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
         """Write one frame: everybody who is inside at `time`.
@@ -96,6 +126,7 @@ class TrajectoryWriter:
 
     def close(self) -> None:
         """Close the file."""
+        self._length = self.length
         self._file.close()
 
 

@@ -3,7 +3,7 @@
 import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,6 +156,17 @@ class ContactModel(Configurable, ABC):
     def own(self, people: int, world: World) -> Struct:
         """Return the parameters of the law, with scratch arrays for so many people; here none."""
         return NoParameters()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that the model keeps from tick to tick, by names of its own; they are copied.
+
+        Here none. A model that keeps attributes or arrays of `own` and has no method of its own is refused by name
+        where a checkpoint is asked for; one that writes all of them anew in each sub-step returns an empty dict.
+        """
+        return {}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned; `own` has been called before."""
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change in the case where a step ends in a status, for the message."""
