@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from evac.errors import ResultError
-from evac.output.checkpoint import sync_folder
+from evac.output.checkpoint import sync_file, sync_folder
 from evac.output.files import (
     CHECKPOINT_NAME,
     FRAMES_FOLDER,
@@ -169,6 +169,9 @@ class ResultFolder:
         """
         self.check()
         with writing("the results", self.path):
+            for path in sorted(self.running.iterdir()):  # the frames of an animation can be made again
+                if path.is_file():
+                    sync_file(path)
             sync_folder(self.running)
             if self._place.exists():
                 os.rename(self._place, self._replaced)
@@ -258,7 +261,7 @@ def files_of_others(folder: Path) -> Iterator[Path]:
     """Yield the files in a folder that are none of those that evac writes itself, in order of their names."""
     written = set(_written(folder))
     for path in sorted(folder.rglob("*")):
-        if path not in written and (path.is_symlink() or not path.is_dir()):
+        if path not in written and not _is_folder(path):
             yield path
 
 
@@ -283,24 +286,25 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
 
 
 def carry_over(source: Path, target: Path) -> None:
-    """Move all files of a folder to another one, and remove the folder; a name that is taken there is made another."""
-    for path in sorted(source.rglob("*")):
-        if path.is_dir() and not path.is_symlink():
+    """Move all that is in a folder to another one, and remove it; where a name is taken, `EARLIER` is added."""
+    for path in sorted(source.iterdir()):
+        new = target / path.name
+        if _is_folder(path) and _is_folder(new):
+            carry_over(path, new)
             continue
-        new = target / path.relative_to(source)
         while os.path.lexists(new):
             new = new.with_name(new.name + EARLIER)
-        new.parent.mkdir(parents=True, exist_ok=True)
         os.rename(path, new)
-    for path in sorted(source.rglob("*"), reverse=True):
-        (target / path.relative_to(source)).mkdir(parents=True, exist_ok=True)  # empty folders of others stay too
-        path.rmdir()
     source.rmdir()
 
 
 def _written(folder: Path) -> Iterator[Path]:
     for pattern in WRITTEN:
-        yield from folder.glob(pattern)
+        yield from (path for path in folder.glob(pattern) if not _is_folder(path))
+
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and not path.is_symlink()
 
 
 def _remove_if_empty(folder: Path) -> None:
