@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.errors import ResultError
-from evac.output.files import writing
+from evac.output.files import sync_folder, writing
 
 MAGIC = b"EVACCHK1"
 FORMAT = 1
@@ -120,23 +120,6 @@ def _arrays(data: memoryview, listed: Iterable[tuple[str, str, list[int]]]) -> d
     if start != len(data):
         raise ValueError(f"its arrays take {start} bytes, and there are {len(data)}")
     return found
-
-
-def sync_folder(folder: Path) -> None:
-    """See that names and renames in a folder are on the disk, where the system lets one ask for it."""
-    if os.name == "nt":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def sync_file(path: Path) -> None:
-    """See that a file is on the disk as the system has it now."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
 
 
 def _plain(value: Any) -> Any:

@@ -1,5 +1,6 @@
 """The files of a result folder: what each is called, and what is said where one cannot be written."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -48,6 +49,25 @@ WRITTEN = (
 def frame_name(k: int) -> str:
     """Return the file of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
+
+
+def sync_file(path: Path) -> None:
+    """See that a file is on the disk as the system has it now."""
+    _sync(path, os.O_RDWR)
+
+
+def sync_folder(folder: Path) -> None:
+    """See that names and renames in a folder are on the disk, where the system lets one ask for it."""
+    if os.name != "nt":
+        _sync(folder, os.O_RDONLY)
+
+
+def _sync(path: Path, mode: int) -> None:
+    descriptor = os.open(path, mode)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from evac.errors import EvacError, ResultError, plugin_code
-from evac.output.checkpoint import sync_file
-from evac.output.files import writing
+from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
 
 if TYPE_CHECKING:

@@ -18,7 +18,6 @@ from types import TracebackType
 from typing import Any, Self
 
 from evac.errors import ResultError
-from evac.output.checkpoint import sync_file, sync_folder
 from evac.output.files import (
     CHECKPOINT_NAME,
     FRAMES_FOLDER,
@@ -26,6 +25,8 @@ from evac.output.files import (
     SUMMARY_NAME,
     TRAJECTORY_NAME,
     WRITTEN,
+    sync_file,
+    sync_folder,
     writing,
 )
 from evac.output.lock import FileLock
@@ -64,7 +65,8 @@ class ResultFolder:
         self.running = running_beside(self.path)
         self._replaced = self._place.with_name(f"{self._place.name}.replaced")
         self.others: frozenset[str] = frozenset()
-        self._identity: os.stat_result | None = None
+        self._made: os.stat_result | None = None
+        self._handle = -1  # on the folder, so that another one cannot get its number
         self._lock = FileLock(
             self._place.with_name(f"{self._place.name}.lock"),
             f"{self.path}: is being written",
@@ -86,6 +88,9 @@ class ResultFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._handle >= 0:
+            os.close(self._handle)
+            self._handle = -1
         self._lock.release()
 
     @property
@@ -105,7 +110,7 @@ class ResultFolder:
             self.running.mkdir(parents=True, exist_ok=True)
             remove_written(self.running)
             self.others = frozenset(self._others())
-            self._identity = self.running.stat()
+            self._hold()
 
     def reopen(self, keep: Iterable[str], others: Iterable[str]) -> None:
         """Take the folder of a run that is to go on: ``RESULT.running``, or what has become ``RESULT`` after a stop.
@@ -127,7 +132,7 @@ class ResultFolder:
                 os.rename(self._place, self.running)
             remove_written(self.running, keep)
             self.others = frozenset(others)
-            self._identity = self.running.stat()
+            self._hold()
 
     def plugin_files(self) -> tuple[str, ...]:
         """Return the files that plugins have written to ``running``, relative to it."""
@@ -145,7 +150,7 @@ class ResultFolder:
             It has been removed or replaced.
         """
         try:
-            is_there = self._identity is not None and os.path.samestat(self.running.stat(), self._identity)
+            is_there = self._made is not None and os.path.samestat(self.running.stat(), self._made)
         except OSError:
             is_there = False
         if not is_there:
@@ -204,6 +209,12 @@ class ResultFolder:
                 else:
                     self._finish_replacement()
 
+    def _hold(self) -> None:
+        """Note which folder this run has made."""
+        self._made = self.running.stat()
+        if os.name != "nt":  # where folders cannot be opened, and numbers are not given again
+            self._handle = os.open(self.running, os.O_RDONLY)
+
     def _finish_replacement(self) -> None:
         """Rename the new result to its place; carry over files of others, and remove the earlier result."""
         if not self._place.exists():
@@ -215,7 +226,7 @@ class ResultFolder:
 
     def _check_place(self) -> None:
         """Refuse places that cannot be replaced by renaming."""
-        if not self._place.name or os.path.ismount(self._place):
+        if os.path.ismount(self._place):
             raise ResultError(f"{self.path}: is where a file system begins; name a folder in it (--out)")
         if self._place == Path.cwd() or self._place in Path.cwd().parents:
             raise ResultError(
@@ -229,6 +240,8 @@ def running_beside(path: str | Path) -> Path:
     place = Path(path)
     if place.is_symlink() or not place.name or place.name == "..":
         place = place.resolve()
+    if not place.name:
+        raise ResultError(f"{path}: is where a file system begins; name a folder in it")
     return place.with_name(f"{place.name}.running")
 
 
