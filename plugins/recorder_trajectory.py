@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
 from evac.hookspecs import hookimpl
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
@@ -28,9 +27,10 @@ class TrajectoryRecorder(Recorder):
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and what the run was made with."""
         if simulation.folder is not None:
+            corners = simulation.building.vertices[:, :2]
+            origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
-            path = simulation.folder / TRAJECTORY_NAME
-            self._writer = TrajectoryWriter(path, _header(simulation), _origin(simulation))
+            self._writer = TrajectoryWriter(simulation.folder / TRAJECTORY_NAME, _header(simulation), origin)
 
     def record(self, simulation: "Simulation") -> None:
         """Append one frame."""
@@ -46,27 +46,20 @@ class TrajectoryRecorder(Recorder):
             self._writer.close()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the time of the last frame [s]."""
-        return {"recorded": np.array([self._recorded])} if self._writer is not None else {}
+        """Return the time of the last frame [s] and the length of the file [bytes]."""
+        if self._writer is None:
+            return {}
+        return {"recorded": np.array(self._recorded), "length": np.array(self._writer.length)}
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, behind its last frame."""
         if simulation.folder is not None:
-            people = len(simulation.population.crowd.radius)
-            path = simulation.folder / TRAJECTORY_NAME
-            self._writer = TrajectoryWriter.reopen(path, people, _origin(simulation))
-            self._recorded = float(state["recorded"][0])
+            self._writer = TrajectoryWriter.reopen(simulation.folder / TRAJECTORY_NAME, int(state["length"]))
+            self._recorded = float(state["recorded"])
 
     def files(self) -> Mapping[str, int]:
         """Return the length of the trajectory."""
         return {TRAJECTORY_NAME: self._writer.length} if self._writer is not None else {}
-
-
-def _origin(simulation: "Simulation") -> FloatArray:
-    """Return the middle of the building, in whole metres."""
-    corners = simulation.building.vertices[:, :2]
-    middle: FloatArray = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-    return middle
 
 
 def _header(simulation: "Simulation") -> dict[str, Any]:

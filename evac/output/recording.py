@@ -47,7 +47,8 @@ class Recording:
         self.record(simulation)
 
     def record(self, simulation: "Simulation") -> None:
-        """Let every recorder look."""
+        """Let every recorder look, after a look whether what they have written is there."""
+        self.check_files()
         for recorder in self.recorders:
             with plugin_code(f"t = {simulation.time:.3f} s: recorder {recorder.name!r}"):
                 recorder.record(simulation)
@@ -61,6 +62,8 @@ class Recording:
     ) -> None:
         """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
         calls: list[tuple[str, Callable[[], Any]]] = []
+        if self.is_started and error is None:
+            calls.append(("recorders", self.check_files))
         for recorder in self.recorders if self.is_started else ():
             calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, simulation, results)))
         for plugin, call in registry.calls("evac_finish", simulation=simulation, results=results, error=error):

@@ -78,8 +78,9 @@ class ResultFolder:
         self._lock.acquire()
         try:
             self.repair()
-            for folder in (self.path, self.running):
-                check_folder(folder)
+            check_folder(self.path)
+            if self.running.exists() and not self.running.is_dir():
+                raise ResultError(f"{self.running}: not a folder, and results are written there; move it away")
         except BaseException:
             self._lock.release()
             raise
@@ -197,6 +198,8 @@ class ResultFolder:
         """Remove what has been written to ``RESULT.running``, and the folder where it is empty then."""
         with writing("the results", self.running):
             if self.running.exists():
+                for name in self.plugin_files():
+                    (self.running / name).unlink()
                 remove_written(self.running)
                 _remove_if_empty(self.running)
 

@@ -43,6 +43,12 @@ class TrajectoryWriter:
     origin : (2,) float64 [m]
         Plan point that the recorded positions count from, so that float32 is fine enough anywhere on Earth.
 
+    Attributes
+    ----------
+    path : Path
+    length : int
+        Bytes that have been handed to the system.
+
     Raises
     ------
     ResultError
@@ -50,49 +56,44 @@ class TrajectoryWriter:
     """
 
     def __init__(self, path: Path, header: Mapping[str, Any], origin: FloatArray) -> None:
-        self._make_room(path, len(header["radius"]), origin)
-        layout = {"format": 1, "fields": FIELDS, "origin": self._origin.tolist()}
+        origin = np.asarray(origin, np.float64)
+        layout = {"format": 1, "fields": FIELDS, "origin": origin.tolist()}
         text = json.dumps({**header, **layout}, allow_nan=False).encode()
+        self._set_up(path, origin, len(header["radius"]), 0)
         with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb")
-            self._file.write(MAGIC + _HEADER_LENGTH.pack(len(text)) + text)
-            self._file.flush()
+            self._file = path.open("wb", buffering=0)
+            self._write(memoryview(MAGIC + _HEADER_LENGTH.pack(len(text)) + text))
 
     @classmethod
-    def reopen(cls, path: Path, people: int, origin: FloatArray) -> "TrajectoryWriter":
-        """Return a writer that appends to a file, which ends with a whole frame.
-
-        Parameters
-        ----------
-        path : Path
-        people : int
-            Of the header.
-        origin : (2,) float64 [m]
-            Of the header.
+    def reopen(cls, path: Path, length: int) -> "TrajectoryWriter":
+        """Return a writer that appends to a file, which is cut to the `length` of the writer whose work goes on.
 
         Raises
         ------
         ResultError
-            The file cannot be written.
+            The file is damaged, or cannot be written.
         """
-        writer = cls.__new__(cls)
-        writer._make_room(path, people, origin)
         with writing("the trajectory", path):
-            writer._file = path.open("ab")
+            header, _ = _read_header(path, path.read_bytes())
+            writer = cls.__new__(cls)
+            writer._set_up(path, np.array(header["origin"], np.float64), len(header["radius"]), length)
+            writer._file = path.open("r+b", buffering=0)
+            writer._file.truncate(length)
+            writer._file.seek(length)
         return writer
 
-    def _make_room(self, path: Path, people: int, origin: FloatArray) -> None:
-        self.path = path
-        self._origin = np.asarray(origin, np.float64)
+    def _set_up(self, path: Path, origin: FloatArray, people: int, length: int) -> None:
+        self.path, self.length = path, length
+        self._origin = origin
         self._buffer = bytearray(FRAME_HEAD_BYTES + RECORD_BYTES * people)
         self._view = memoryview(self._buffer)
         self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
 
-    @property
-    def length(self) -> int:
-        """Number of bytes that have been handed to the system; also once the file is closed."""
-        return self._length if self._file.closed else self._file.tell()
+    def _write(self, data: memoryview) -> None:
+        self.length += len(data)
+        while len(data):
+            data = data[self._file.write(data) :]
 
     def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
         """Write one frame: everybody who is inside at `time`.
@@ -121,12 +122,10 @@ class TrajectoryWriter:
         check = zlib.crc32(self._view[FRAME_HEAD_BYTES:end], zlib.crc32(self._view[: _STAMP.size]))
         _CHECK.pack_into(self._buffer, _STAMP.size, check)
         with writing(f"the trajectory at {time:.3f} s", self.path):
-            self._file.write(self._view[:end])
-            self._file.flush()
+            self._write(self._view[:end])
 
     def close(self) -> None:
         """Close the file."""
-        self._length = self.length
         self._file.close()
 
 

@@ -92,12 +92,27 @@ def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
     assert contents(tmp_path / "r") == {"mine.txt": "mine"}
 
 
-@pytest.mark.parametrize("name", ["r", "r.running"])
-def test_a_folder_of_others_is_refused_and_left_alone(tmp_path, name):
-    write(tmp_path / name, thesis_txt="precious")
-    with pytest.raises(ResultError, match=rf"{name}: holds files"), ResultFolder(tmp_path / "r"):
+def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
+    write(tmp_path / "r", thesis_txt="precious")
+    with pytest.raises(ResultError, match="r: holds files"), ResultFolder(tmp_path / "r"):
         pass
-    assert contents(tmp_path) == {f"{name}/thesis.txt": "precious"}
+    assert contents(tmp_path) == {"r/thesis.txt": "precious"}
+
+
+def test_a_file_where_results_are_to_be_written_is_refused(tmp_path):
+    write(tmp_path, r_running="mine")
+    with pytest.raises(ResultError, match=r"r\.running: not a folder"), ResultFolder(tmp_path / "r"):
+        pass
+    assert contents(tmp_path) == {"r.running": "mine"}
+
+
+def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
+    write(tmp_path / "r.running", mine_txt="mine")
+    with ResultFolder(tmp_path / "r") as place:
+        place.start()
+        write(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
+        place.discard()
+    assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
 
 
 def test_a_summary_cannot_make_files_outside_go(tmp_path):
