@@ -1,6 +1,6 @@
 """The simulation: everything put together, and the loop."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,9 @@ from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
-from evac.errors import PluginError, naming, noting, plugin_code
+from evac.errors import naming, noting, plugin_code
 from evac.jit.loading import addresses_of
-from evac.output.recording import Recording
+from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
@@ -310,7 +310,7 @@ class Simulation:
             folder=self.folder,
             resumed=self.resumed,
         )
-        return replace(results, metrics=dict(self._metrics(results)))
+        return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of everything that a run needs to go on from this tick to the same bits.
@@ -358,15 +358,6 @@ class Simulation:
             self.engine.load(self.contact)
         with self.phases.enter("recording"):
             self.recording.start(self)
-
-    def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
-        """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
-        for plugin, call in self.registry.calls("evac_metrics", results=results):
-            try:
-                with plugin_code(f"{plugin}: evac_metrics"):
-                    yield plugin, call()
-            except PluginError as error:
-                yield plugin, {"error": str(error)}
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""

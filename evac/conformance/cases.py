@@ -95,7 +95,9 @@ def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
         simulation = _recorded(case, halved, made)
         _advance(simulation, ticks)
         state, kept, files = simulation.state(), simulation.recording.state(), simulation.recording.files()
-        _advance(simulation, 1)  # what is written after the checkpoint is to be cut off
+        if missing := without_state(simulation):
+            raise PluginError(missing[0])
+        _advance(simulation, ticks)  # what is written after the checkpoint is to be cut off
         made.finish(simulation, None)
         made = type(recorder)(**recorder.values())
         simulation = _recorded(case, halved, made)

@@ -1,14 +1,14 @@
 """The recorders of a run: started, called and finished together; and what each needs to go on from a checkpoint."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from evac.errors import EvacError, ResultError, plugin_code
+from evac.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
 
@@ -142,6 +142,16 @@ class Recording:
             own = {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
             with plugin_code(f"recorder {recorder.name!r}: restore"):
                 recorder.restore(simulation, own)
+
+
+def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:
+    """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
+    for plugin, call in registry.calls("evac_metrics", results=results):
+        try:
+            with plugin_code(f"{plugin}: evac_metrics"):
+                yield plugin, call()
+        except PluginError as error:
+            yield plugin, {"error": str(error)}
 
 
 def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
