@@ -4,10 +4,9 @@ import ast
 import re
 
 
-def test_every_promise_is_held_by_a_test_that_is_there(root, text):
-    rows = [
-        line for line in text("docs/promises.md").splitlines() if line.startswith("| ") and "| promise |" not in line
-    ]
+def test_every_promise_is_held_by_a_test_that_is_there(root):
+    lines = (root / "docs" / "promises.md").read_text(encoding="utf-8").splitlines()
+    rows = [line for line in lines if line.startswith("| ") and not line.startswith("| promise |")]
     assert len(rows) > 10
     for row in rows:
         named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", row.split("|")[2])
