@@ -19,8 +19,8 @@ from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
 from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
+from evac.output.resultfolder import ResultFolder
 from evac.output.results import plain, versions, write_csv
-from evac.running import clear_folder
 from evac.scenario.trust import run_plugin_files
 from evac.simulation import Simulation
 
@@ -127,14 +127,20 @@ class Ensemble:
         Parameters
         ----------
         folder : Path
-            New, empty, or a result folder of evac, which is overwritten.
+            New, empty, or a result folder of evac, which is replaced.
 
         Raises
         ------
         ResultError
-            The folder is somebody else's, or cannot be written.
+            The folder is somebody else's, is being written by another run, or cannot be written.
         """
-        clear_folder(folder)
+        with ResultFolder(folder) as place:
+            self.write_to(place)
+
+    def write_to(self, place: ResultFolder) -> None:
+        """As `write`, to a folder that is held."""
+        place.start()
+        folder = place.running
         summary = {
             "title": self.case.title,
             "people": self.people,
@@ -154,6 +160,7 @@ class Ensemble:
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
             write_csv(folder / EGRESS_NAME, egress, rows)
             self._draw(folder / EGRESS_PICTURE_NAME, egress)
+        place.publish()
 
     def _draw(self, path: Path, egress: dict[str, FloatArray]) -> None:
         from evac.output.pictures import new_axes, save

@@ -36,6 +36,10 @@ class EvacWarning(UserWarning):
     """Root of the warnings that evac issues while it works; what it warns of in a case is in the results."""
 
 
+class FolderWarning(EvacWarning):
+    """A result folder is less protected than it should be: it cannot be locked, or a checkpoint cannot be written."""
+
+
 class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 

@@ -79,7 +79,12 @@ def with_plugin_files(case: "Case") -> "Case":
     """
     from evac.scenario.trust import run_plugin_files
 
-    return run_plugin_files(case, lambda path: print(f"running plugin file of the case: {path}", file=sys.stderr))
+    return run_plugin_files(case, tell_plugin_file)
+
+
+def tell_plugin_file(path: Path) -> None:
+    """Say that a plugin file of the case is run."""
+    print(f"running plugin file of the case: {path}", file=sys.stderr)
 
 
 def default_folder(case: "Case") -> Path:

@@ -22,6 +22,7 @@ INTERRUPTED_STATUS = 130
 #: Commands in the order of the help, and the module that declares and executes each.
 COMMANDS = {
     "run": "evac.cli.run",
+    "resume": "evac.cli.resume",
     "repeat": "evac.cli.repeat",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",

@@ -77,6 +77,10 @@ class Display:
             self._shown = now
             self._print(numbers)
 
+    def line(self, text: str) -> None:
+        """Print a line for good, above the bar."""
+        self._console.print(text, soft_wrap=True)
+
     def _print(self, line: str) -> None:
         if self._has_lines:
             print(line, file=sys.stderr, flush=True)

@@ -1,18 +1,19 @@
 """evac render: draw a picture and a film of a run, off screen.
 
-Works on what is left of a killed run as well.
+Works on a run that goes on, and on what is left of a killed one, as well.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
+from evac.cli.results import declare_result, trajectory_of
 from evac.output.files import FILM_NAME, PICTURE_NAME
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+    declare_result(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -32,10 +33,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.cli.screen import show_warnings
     from evac.output.render import FILMS, render_animation, render_picture
     from evac.output.scene import LEGEND_GROUPS
-    from evac.output.trajectory import read_trajectory
 
-    trajectory = read_trajectory(arguments.result)
-    show_warnings(trajectory.warnings)
+    trajectory = trajectory_of(arguments)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
         show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])

@@ -3,7 +3,7 @@
 import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,6 +174,17 @@ class ContactModel(Configurable, ABC):
                 " attribute of that name, or define own(people, world), which returns the struct"
             )
         return struct(**{name: getattr(self, name) for name in struct.kinds})
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that the model keeps from tick to tick, by names of its own; they are copied.
+
+        Here none. A model that keeps attributes or arrays of `own` and has no method of its own is refused by name
+        where a checkpoint is asked for; one that writes all of them anew in each sub-step returns an empty dict.
+        """
+        return {}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned; `own` has been called before."""
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change in the case where a step ends in a status, for the message."""

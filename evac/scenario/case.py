@@ -105,6 +105,11 @@ class Case(Section):
         return self._origin.source.parent
 
     @property
+    def table(self) -> Mapping[str, Any]:
+        """The content of its case.toml, with overrides."""
+        return self._origin.table
+
+    @property
     def mesh(self) -> Path:
         """The building's file."""
         return self.folder / self.building.mesh
