@@ -133,8 +133,9 @@ class Simulation:
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-            with plugin_code(f"contact model {self.contact.name!r}"):
+            with plugin_code(f"contact model {self.contact.name!r}: check_scene"):
                 self.contact.check_scene(border)
+            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
