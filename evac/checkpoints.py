@@ -22,7 +22,7 @@ from evac.jit.processor import host
 from evac.output.checkpoint import read_checkpoint, write_checkpoint
 from evac.output.files import CHECKPOINT_NAME
 from evac.output.recorder import Recorder
-from evac.output.resultfolder import ResultFolder, find_result
+from evac.output.resultfolder import ResultFolder, find_result, is_within
 from evac.output.results import plain, versions
 from evac.parameters import Configurable
 from evac.physics.contact_model import ContactModel
@@ -103,7 +103,6 @@ class Checkpoints:
             "routes": [str(route) for route in simulation.fields.routes],
             "made_with": {**inputs_of(case), "kernels": kernels_of(simulation)},
             "resumed": plain(simulation.resumed),
-            "others": sorted(self._place.others),
         }
 
     def _save(self) -> None:
@@ -119,6 +118,7 @@ class Checkpoints:
                     "step": simulation.step,
                     "wall_time": simulation.phases.seconds(),
                     "files": files,
+                    "plugin_files": simulation.recording.plugin_files(),
                 }
                 write_checkpoint(self._place.running / CHECKPOINT_NAME, header, arrays)
             except ResultError as error:
@@ -157,8 +157,18 @@ class Checkpoint:
 
     @property
     def files(self) -> dict[str, int]:
-        """Names of the files that recorders append to, and their lengths [bytes]."""
-        return dict(self.header["files"])
+        """Names of the files that recorders append to, and their lengths [bytes].
+
+        Raises
+        ------
+        ResultError
+            One lies outside of the folder, or is a link, so that something else would be cut.
+        """
+        files: dict[str, int] = dict(self.header["files"])
+        for name in files:
+            if not is_within(name) or (self.path.parent / name).is_symlink():
+                raise ResultError(f"{self.path}: {name} is no file of this folder, so it is not cut and appended to")
+        return files
 
     def case(
         self,
@@ -261,7 +271,8 @@ class Checkpoint:
         ResultError
             A file is missing or shorter than it was.
         """
-        simulation.recording.restore(simulation, _part(self.arrays, "recorder."), self.files)
+        state, made = _part(self.arrays, "recorder."), self.header["plugin_files"]
+        simulation.recording.restore(simulation, state, self.files, made)
         simulation.phases.add(self.header["wall_time"])
 
 

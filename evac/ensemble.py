@@ -121,7 +121,7 @@ class Ensemble:
             columns[f"percentile_{of}_over_runs"] = np.percentile(out, of, axis=0)
         return columns
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: str | Path) -> None:
         """Write summary.json, runs.csv, egress.csv and egress.png.
 
         Parameters
@@ -135,12 +135,12 @@ class Ensemble:
             The folder is somebody else's, is being written by another run, or cannot be written.
         """
         with ResultFolder(folder) as place:
-            self.write_to(place)
+            place.start()
+            self.write_to(place.running)
+            place.publish()
 
-    def write_to(self, place: ResultFolder) -> None:
-        """As `write`, to a folder that is held."""
-        place.start()
-        folder = place.running
+    def write_to(self, folder: Path) -> None:
+        """As `write`, to a folder that is there already and empty."""
         summary = {
             "title": self.case.title,
             "people": self.people,
@@ -160,7 +160,6 @@ class Ensemble:
             rows = zip(*(column.tolist() for column in egress.values()), strict=True)
             write_csv(folder / EGRESS_NAME, egress, rows)
             self._draw(folder / EGRESS_PICTURE_NAME, egress)
-        place.publish()
 
     def _draw(self, path: Path, egress: dict[str, FloatArray]) -> None:
         from evac.output.pictures import new_axes, save

@@ -168,7 +168,7 @@ def resumed(
     if is_branch:
         place.start()
     else:
-        place.reopen([*found.files, CHECKPOINT_NAME], found.header["others"])
+        place.reopen(found.path.parent, [*found.files, CHECKPOINT_NAME])
         found.restore_recorders(simulation)
     return simulation, found.every
 
@@ -224,7 +224,7 @@ def run_into(
     with simulation.phases.enter("output"):
         try:
             results = simulation.run(after_tick, checkpoints.begin)
-            results = replace(results, plugin_files=place.plugin_files())
+            results = replace(results, plugin_files=simulation.recording.plugin_files())
             if writing is not None:
                 writing()
             results = write_outputs(results, place.running, simulation.phases)
@@ -294,10 +294,10 @@ def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacE
         if simulation.step > first:
             simulation.ended = simulation.ended or FAILED
             if not (place.running / SUMMARY_NAME).is_file():
-                replace(simulation.results(), plugin_files=place.plugin_files()).write(place.running)
+                replace(simulation.results(), plugin_files=simulation.recording.plugin_files()).write(place.running)
             error.add_note(f"what the run has done until then is in {place.publish_if_new()}")
         elif not first:
-            place.discard()
+            place.discard(simulation.recording.plugin_files())
 
 
 def _refuse(path: Path, differences: list[str], is_allowed: bool) -> None:

@@ -17,6 +17,7 @@ from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import naming, noting, plugin_code
 from evac.jit.loading import addresses_of
+from evac.output.recorder import Recorder
 from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
@@ -176,6 +177,11 @@ class Simulation:
     def fields(self) -> Fields:
         """The directions as they are now."""
         return self.scene.fields
+
+    @property
+    def recorders(self) -> list[Recorder]:
+        """The recorders in use."""
+        return self.recording.recorders
 
     @property
     def time(self) -> float:
@@ -362,7 +368,7 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recording.recorders]
+        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:

@@ -53,7 +53,7 @@ class TrajectoryRecorder(Recorder):
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, behind its last frame."""
-        if simulation.folder is not None:
+        if simulation.folder is not None and state:
             self._writer = TrajectoryWriter.reopen(simulation.folder / TRAJECTORY_NAME, int(state["length"]))
             self._recorded = float(state["recorded"])
 

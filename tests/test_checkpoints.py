@@ -11,6 +11,7 @@ import evac
 from evac.checkpoints import find_checkpoint
 from evac.ending import Stopped
 from evac.errors import FolderWarning, PluginError, ResultError, ScenarioError
+from evac.output.checkpoint import write_checkpoint
 from evac.output.files import CHECKPOINT_NAME
 
 QUIET = {"output.picture": False, "output.animation": False}
@@ -177,6 +178,19 @@ def test_a_run_that_was_stopped_leaves_tables_and_goes_on(tmp_path, hall):
         evac.resume(tmp_path / "nowhere")
 
 
+def test_a_stopped_run_goes_on_beside_what_a_killed_one_has_left(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "whole")
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    with pytest.raises(Killed):
+        evac.run(case, tmp_path / "r", progress=until(2.0))
+    (tmp_path / "r.running" / "notes.txt").write_text("mine")
+    evac.resume(tmp_path / "r")
+    assert (tmp_path / "r" / "notes.txt").read_text() == "mine"
+    (tmp_path / "r" / "notes.txt").unlink()
+    assert_same_files(tmp_path / "whole", tmp_path / "r")
+
+
 def test_a_stopped_run_leaves_an_earlier_result_alone(tmp_path, hall):
     case = evac.load(hall)
     evac.run(case, tmp_path / "r")
@@ -248,6 +262,30 @@ def test_a_file_that_was_cut_is_refused(tmp_path, hall):
     path.unlink()
     with pytest.raises(ResultError, match=r"trajectory\.evac: the file has been removed"):
         evac.resume(tmp_path / "r")
+
+
+@pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "link"])
+def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
+    (tmp_path / "thesis.txt").write_text("precious")
+    kill(evac.load(hall), tmp_path / "r", 1.5)
+    found = find_checkpoint(tmp_path / "r")
+    (found.path.parent / "link").symlink_to(tmp_path / "thesis.txt")
+    name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
+    write_checkpoint(found.path, {**found.header, "files": {name: 0}}, found.arrays)
+    with pytest.raises(ResultError, match="no file of this folder"):
+        evac.resume(tmp_path / "r")
+    assert (tmp_path / "thesis.txt").read_text() == "precious"
+
+
+def test_files_of_plugins_go_with_their_result_and_those_of_others_stay(tmp_path, closing, hall):
+    case, plugin = closing
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    (tmp_path / "r" / "notes.txt").write_text("mine")
+    evac.resume(tmp_path / "r", plugin_files=[plugin])
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["plugin_files"] == ["inside.txt"]
+    evac.run(evac.load(hall), tmp_path / "r")
+    assert not (tmp_path / "r" / "inside.txt").exists()
+    assert (tmp_path / "r" / "notes.txt").read_text() == "mine"
 
 
 def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):

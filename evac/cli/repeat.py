@@ -41,7 +41,9 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
         with Display() as display:
             ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
-        ensemble.write_to(place)
+        place.start()
+        ensemble.write_to(place.running)
+        place.publish()
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
     show_table("When the last person left", ("statistic", "value", "over"), _rows(ensemble.last_out()))

@@ -49,12 +49,15 @@ def execute(arguments: argparse.Namespace) -> int:
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
         case = case.change(chosen) if chosen else case
         from evac.cli.running import run_shown, show_run
+        from evac.output.files import CHECKPOINT_NAME
         from evac.output.resultfolder import ResultFolder
         from evac.simulation import Simulation
 
         with ResultFolder(arguments.out or default_folder(case)) as place:
             if place.is_left_over:
-                display.line(f"evac: {place.running} of a run that did not come to its end is replaced")
+                has_state = (place.running / CHECKPOINT_NAME).is_file()
+                hint = f", which evac resume {place.path} could have gone on with" if has_state else ""
+                display.line(f"evac: {place.running} of a run that did not come to its end is replaced{hint}")
             display.phase("reading the building, computing directions")
             simulation = Simulation(case, place.running, arguments.full, compiling=display.compiling)
             place.start()

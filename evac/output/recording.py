@@ -1,7 +1,8 @@
 """The recorders of a run: started, called and finished together; and what each needs to go on from a checkpoint."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from evac.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
+from evac.output.resultfolder import files_of_others, is_written
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -37,13 +39,15 @@ class Recording:
         self.recorders = list(recorders)
         self.is_started = False
         self._folder = folder
+        self._made: set[str] = set()  # files that have appeared while plugins started or finished
 
     def start(self, simulation: "Simulation") -> None:
         """Start the recorders, and record the time at which the simulation is."""
         self.is_started = True
-        for recorder in self.recorders:
-            with plugin_code(f"recorder {recorder.name!r}: start"):
-                recorder.start(simulation)
+        with self._noting_files():
+            for recorder in self.recorders:
+                with plugin_code(f"recorder {recorder.name!r}: start"):
+                    recorder.start(simulation)
         self.record(simulation)
 
     def record(self, simulation: "Simulation") -> None:
@@ -69,12 +73,13 @@ class Recording:
         for plugin, call in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
             calls.append((f"{plugin}: evac_finish", call))
         failures = []
-        for what, call in calls:
-            try:
-                with plugin_code(what):
-                    call()
-            except EvacError as failure:
-                failures.append(failure)
+        with self._noting_files():
+            for what, call in calls:
+                try:
+                    with plugin_code(what):
+                        call()
+                except EvacError as failure:
+                    failures.append(failure)
         for one in failures:
             if error is None:
                 raise one
@@ -96,6 +101,25 @@ class Recording:
                 files |= {str(name): int(length) for name, length in recorder.files().items()}
         return files
 
+    def plugin_files(self) -> list[str]:
+        """Return the files of plugins: those that recorders name, and those that appeared as they started or finished.
+
+        Files that evac writes itself are not among them.
+        """
+        return sorted(name for name in {*self._made, *self.files()} if not is_written(name))
+
+    @contextmanager
+    def _noting_files(self) -> Iterator[None]:
+        """Note which files of plugins appear."""
+        before = self._files_there()
+        try:
+            yield
+        finally:
+            self._made |= self._files_there() - before
+
+    def _files_there(self) -> set[str]:
+        return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()
+
     def sync(self) -> dict[str, int]:
         """As `files`, once what they say is on the disk."""
         files = self.files()
@@ -116,15 +140,21 @@ class Recording:
         if self._folder is not None:
             check_lengths(self._folder, self.files())
 
-    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], files: Mapping[str, int]) -> None:
+    def restore(
+        self,
+        simulation: "Simulation",
+        state: Mapping[str, NDArray[Any]],
+        files: Mapping[str, int],
+        plugin_files: Iterable[str] = (),
+    ) -> None:
         """Cut the files to the lengths that they had, and let the recorders go on from there.
 
         Parameters
         ----------
         simulation : Simulation
             Restored.
-        state, files : mapping
-            As `state` and `files` returned them.
+        state, files, plugin_files
+            As the methods of these names returned them.
 
         Raises
         ------
@@ -137,6 +167,7 @@ class Recording:
                 with writing(name, self._folder):
                     os.truncate(self._folder / name, length)
         self.is_started = True
+        self._made = set(plugin_files)
         for recorder in self.recorders:
             prefix = f"{recorder.name}."
             own = {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

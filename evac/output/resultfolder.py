@@ -13,7 +13,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import TracebackType
 from typing import Any, Self
 
@@ -50,8 +50,6 @@ class ResultFolder:
         As it was given.
     running : Path
         Where a run writes.
-    others : frozenset of str
-        Files that were in ``running`` before the run and are none of evac's, relative to it.
 
     Raises
     ------
@@ -64,7 +62,6 @@ class ResultFolder:
         self._place = self.path.resolve()  # of a link: what it leads to is replaced, not the link
         self.running = running_beside(self.path)
         self._replaced = self._place.with_name(f"{self._place.name}.replaced")
-        self.others: frozenset[str] = frozenset()
         self._made: os.stat_result | None = None
         self._handle = -1  # on the folder, so that another one cannot get its number
         self._lock = FileLock(
@@ -110,18 +107,17 @@ class ResultFolder:
         with writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
             remove_written(self.running)
-            self.others = frozenset(self._others())
             self._hold()
 
-    def reopen(self, keep: Iterable[str], others: Iterable[str]) -> None:
-        """Take the folder of a run that is to go on: ``RESULT.running``, or what has become ``RESULT`` after a stop.
+    def reopen(self, source: Path, keep: Iterable[str]) -> None:
+        """Take the folder of a run that is to go on, and make it ``RESULT.running``.
 
         Parameters
         ----------
+        source : Path
+            ``RESULT.running``, or ``RESULT`` after a stop.
         keep : iterable of str
             Names of the files to go on with; what else evac has written there goes.
-        others : iterable of str
-            As the attribute, when the run began.
 
         Raises
         ------
@@ -129,18 +125,13 @@ class ResultFolder:
             It cannot be renamed or written.
         """
         with writing("the results", self.running):
-            if not self.running.exists():
+            if not self.running.exists() or not self.running.samefile(source):
+                if self.running.exists():  # of another run, which cannot go on
+                    remove_written(self.running)
+                    carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
             remove_written(self.running, keep)
-            self.others = frozenset(others)
             self._hold()
-
-    def plugin_files(self) -> tuple[str, ...]:
-        """Return the files that plugins have written to ``running``, relative to it."""
-        return tuple(name for name in self._others() if name not in self.others)
-
-    def _others(self) -> list[str]:
-        return [path.relative_to(self.running).as_posix() for path in files_of_others(self.running)]
 
     def check(self) -> None:
         """See that ``RESULT.running`` is still the folder that this run has made.
@@ -194,12 +185,12 @@ class ResultFolder:
         """
         return self.running if _is_result(self.path) else self.publish()
 
-    def discard(self) -> None:
-        """Remove what has been written to ``RESULT.running``, and the folder where it is empty then."""
+    def discard(self, plugin_files: Iterable[str] = ()) -> None:
+        """Remove what evac and plugins have written to ``RESULT.running``, and the folder where it is empty then."""
         with writing("the results", self.running):
             if self.running.exists():
-                for name in self.plugin_files():
-                    (self.running / name).unlink()
+                for name in plugin_files:
+                    (self.running / name).unlink(missing_ok=True)
                 remove_written(self.running)
                 _remove_if_empty(self.running)
 
@@ -273,12 +264,18 @@ def check_folder(folder: Path) -> None:
         )
 
 
-def files_of_others(folder: Path) -> Iterator[Path]:
-    """Yield the files in a folder that are none of those that evac writes itself, in order of their names."""
+def files_of_others(folder: Path) -> set[str]:
+    """Return the files in a folder that are none of those that evac writes itself, relative to it."""
     written = set(_written(folder))
-    for path in sorted(folder.rglob("*")):
-        if path not in written and not _is_folder(path):
-            yield path
+    others = (path for path in folder.rglob("*") if path not in written and not _is_folder(path))
+    return {path.relative_to(folder).as_posix() for path in others}
+
+
+def is_written(name: str) -> bool:
+    """Return whether a name, relative to a result folder, is one of the files that evac writes itself."""
+    return any(
+        PurePath(name).match(pattern) and len(PurePath(name).parts) == pattern.count("/") + 1 for pattern in WRITTEN
+    )
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
@@ -292,7 +289,7 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     """
     kept = {folder / name for name in keep}
     listed = _summary(folder).get(PLUGIN_FILES)
-    of_plugins = [folder / name for name in listed if _is_within(name)] if isinstance(listed, list) else []
+    of_plugins = [folder / name for name in listed if is_within(name)] if isinstance(listed, list) else []
     for path in (*(path for path in of_plugins if path.is_file()), *_written(folder)):
         if path not in kept:
             path.unlink()
@@ -328,8 +325,8 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-def _is_within(name: Any) -> bool:
-    """Return whether a listed name leads to a place within the folder."""
+def is_within(name: Any) -> bool:
+    """Return whether a name that a file lists leads to a place within the folder of that file."""
     return isinstance(name, str) and bool(name) and not Path(name).is_absolute() and ".." not in Path(name).parts
 
 

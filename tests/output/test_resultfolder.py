@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from evac.errors import ResultError
-from evac.output.resultfolder import ResultFolder, find_result
+from evac.output.resultfolder import ResultFolder, files_of_others, find_result, is_written
 
 SUMMARY = json.dumps({"versions": {"evac": "1"}, "plugin_files": ["inside.csv", "sub/more.csv"]})
 
@@ -37,7 +37,7 @@ def run_into(folder):
         place.start()
         before = contents(folder) if folder.exists() else {}
         write(place.running, summary_json=SUMMARY, people_csv="new", notes_txt="of a plugin", deep="new")
-        assert set(place.plugin_files()) == {"notes.txt", "deep"}
+        assert files_of_others(place.running) == {"notes.txt", "deep"}
         assert not before or contents(folder) == before
         place.publish()
 
@@ -87,7 +87,6 @@ def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
         assert place.is_left_over
         place.start()
         assert contents(place.running) == {"mine.txt": "mine"}
-        assert place.plugin_files() == ()
         place.publish()
     assert contents(tmp_path / "r") == {"mine.txt": "mine"}
 
@@ -111,7 +110,7 @@ def test_a_run_that_has_not_begun_leaves_nothing_but_files_of_others(tmp_path):
     with ResultFolder(tmp_path / "r") as place:
         place.start()
         write(place.running, inside_csv="of a plugin", trajectory_evac="EVACTRJ2")
-        place.discard()
+        place.discard(["inside.csv"])
     assert contents(tmp_path) == {"r.running/mine.txt": "mine"}
 
 
@@ -160,3 +159,11 @@ def test_folders_that_cannot_be_replaced_are_refused(tmp_path, monkeypatch, name
     monkeypatch.chdir(tmp_path / "within")
     with pytest.raises(ResultError, match="name a folder in it"), ResultFolder(Path(name)):
         pass
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("people.csv", True), ("frames/frame_00012.vtp", True), ("frames/own.vtp", False), ("sub/people.csv", False)],
+)
+def test_files_of_evac_are_told_by_their_names(name, expected):
+    assert is_written(name) is expected
