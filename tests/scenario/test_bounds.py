@@ -1,7 +1,5 @@
 """Every number of a case has bounds, and what would take too much memory or time is refused by its key."""
 
-import time
-
 import numpy as np
 import pytest
 import shapely
@@ -71,10 +69,8 @@ def test_every_number_has_a_lower_and_an_upper_bound():
 )
 def test_what_cannot_be_meant_is_refused_by_its_key(key, value):
     changes = {key: value} | ({"output.every": 0.1} if key == "simulation.tick" else {})
-    start = time.process_time()
     with pytest.raises(ScenarioError, match=key.replace(".", r"\.")):
         evac.Simulation(evac.load("square_room", changes, registry=REGISTRY), will_run=False)
-    assert time.process_time() - start < 60.0
 
 
 def test_more_people_than_a_case_holds_are_refused():
@@ -113,4 +109,4 @@ def test_a_thin_area_needs_no_more_candidates_than_are_allowed(monkeypatch):
 
 
 def test_a_run_of_the_longest_duration_has_steps_that_can_be_counted():
-    assert SimulationSettings(step=1e-6, tick=0.1, duration=1e7).last_step < 2**63
+    assert SimulationSettings(step=1e-9, tick=1e-5, duration=1e7).last_step < 2**63
