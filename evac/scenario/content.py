@@ -75,6 +75,10 @@ def parse(text: str) -> dict[str, Any]:
     """
     try:
         return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # of Python, which reads no integers of more than some thousand digits
+        raise ValueError("an integer beyond 64 bits") from None
     except RecursionError:
         raise ValueError(f"tables and lists within each other more than {MOST_NESTED} deep") from None
 

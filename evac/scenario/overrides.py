@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from evac.parameters import did_you_mean
-from evac.scenario.content import LONGEST_KEY, faults, parse
+from evac.scenario.content import faults, parse
 from evac.scenario.problems import Key, Problem, dotted
 
 
@@ -39,8 +39,8 @@ def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -
     pairs, problems = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
-        wrong = faults({name: value})
-        found = Problem((name[:LONGEST_KEY],), wrong[0].text) if wrong else _set(table, name.split("."), value)
+        wrong = faults({"value": value})  # before it is copied
+        found = Problem((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
         if isinstance(found, Problem):
             problems.append(found)
         else:

@@ -17,7 +17,7 @@ from evac.output.trajectory import read_trajectory
 from tests.attacks.commands import write_case
 
 #: Longest time that a run takes to end after a signal [s].
-LONGEST = 60.0
+LONGEST = 300.0
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,18 @@ DISTRIBUTIONS = (
 VALUES = NUMBERS + WORDS + OTHERS + DISTRIBUTIONS
 
 #: What once went wrong.
-CRASHERS: tuple[Case, ...] = ()
+CRASHERS: tuple[Case, ...] = (
+    Case("people.put.name", "[]"),
+    Case("people.put.name", "[[0, 0], [0, 0]]"),
+    Case("directions.clearance", "1e12"),
+    Case("directions.clearance", "100"),
+    Case("directions.spacing", "5e-324"),
+    Case("simulation.step", "5e-324"),
+    Case("people.drawn.number", "1000000"),
+    Case("people.drawn.mass", "1" + "0" * 400),
+    Case("contact.dem.stiffness", "1" + "0" * 400, "dem"),
+    Case("behaviours.route_choice.exits", "[" + "0.5, " * 100_000 + "]"),
+)
 
 
 def cases(number: int, seed: int) -> Iterator[Case]:

@@ -31,7 +31,7 @@ class Case:
 
 
 #: What once went wrong.
-CRASHERS: tuple[Case, ...] = ()
+CRASHERS: tuple[Case, ...] = (Case(18118), Case(18164), Case(18762))
 
 
 def cases(number: int, seed: int) -> Iterator[Case]:
