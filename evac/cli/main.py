@@ -40,7 +40,7 @@ Exit status:
   2    bad input: a case, a building, a plugin, a file or the words of the command; the message names it
   3    people are left
   70   an error in evac itself, or not enough memory; the message names a file to send with a report
-  130  interrupted
+  130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP
 
 The status does not depend on whether what is printed can be read by anybody."""
 
