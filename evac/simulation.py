@@ -189,7 +189,7 @@ class Simulation:
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
-        return (*self.building.warnings, *narrow, *unusual(start, self.population.groups))
+        return (*self.building.warnings, *map(str, narrow), *unusual(start, self.population.groups))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
         """Run to the end and return the results.

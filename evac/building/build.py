@@ -97,11 +97,11 @@ def build_building(
         walls=walls,
         wall_level=wall_level,
         stairs=level_set.stairs,
-        warnings=(*surface.warnings, *level_set.warnings),
+        findings=(*surface.findings, *level_set.findings),
     )
     check_overlap(building)
     check_depth(building)
-    building = replace(building, warnings=(*building.warnings, *missed_seams(building)))
+    building = replace(building, findings=(*building.findings, *missed_seams(building)))
     for item in exits:
         with _given("exits", item):
             building = add_exit(building, item)
@@ -112,7 +112,7 @@ def build_building(
         with _given("areas", item):
             building = add_area(building, item)
     building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
-    building = replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
+    building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
     return close_links(building, closed) if closed else building
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from shapely.geometry import mapping, shape
 
+from evac.building.findings import as_findings
 from evac.building.model import Area, Building, Exit, Level, Portal
 
 
@@ -51,7 +52,7 @@ def building_from_json(data: Mapping[str, Any]) -> Building:
         walls=_segments(data["walls"]),
         wall_level=np.array(data["wall_level"], np.int32),
         stairs={name: tuple(levels) for name, levels in data["stairs"].items()},
-        warnings=tuple(data["warnings"]),
+        findings=as_findings(data["warnings"]),
         closed=frozenset(data.get("closed", ())),
     )
 
