@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from evac.behaviour import Behaviour as Behaviour
     from evac.behaviour import BehaviourScene as BehaviourScene
     from evac.building.importer import Importer as Importer
+    from evac.building.findings import Finding as Finding
     from evac.building.model import Building as Building
+    from evac.building.plan import Plan as Plan
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.ensemble import Ensemble as Ensemble
     from evac.ensemble import run_many as run_many
@@ -51,9 +53,11 @@ _HOMES = {
     "ContactModel": "evac.physics.contact_model",
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
+    "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
     "Parameter": "evac.parameters",
+    "Plan": "evac.building.plan",
     "PluginError": "evac.errors",
     "Progress": "evac.phases",
     "Recorder": "evac.output.recorder",

@@ -40,6 +40,9 @@ class SurfaceMesh:
         Edges that carry each tag ``exit:``, as pairs of rows of `points`.
     findings : sequence of Finding or str
         What the user should know of the file; a text alone is a warning.
+    openings : sequence of (str, (4,) array [units of the file])
+        Where an exit may be that the file does not name: a level and the ends x1, y1, x2, y2 of a piece of its outline.
+        `evac import` offers them.
     """
 
     points: ArrayLike
@@ -47,6 +50,7 @@ class SurfaceMesh:
     cell_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
     edge_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
     findings: Sequence[Finding | str] = ()
+    openings: Sequence[tuple[str, ArrayLike]] = ()
 
     @classmethod
     def of_polygons(
@@ -54,6 +58,7 @@ class SurfaceMesh:
         surfaces: Iterable[tuple[str | Sequence[str], BaseGeometry, Height]],
         edges: Iterable[tuple[str, Point, Point]] = (),
         findings: Sequence[Finding | str] = (),
+        openings: Sequence[tuple[str, ArrayLike]] = (),
     ) -> Self:
         """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
 
@@ -63,8 +68,8 @@ class SurfaceMesh:
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
-        findings : sequence of Finding or str
-            What the user should know.
+        findings, openings : sequence
+            As the attributes.
 
         Raises
         ------
@@ -81,7 +86,7 @@ class SurfaceMesh:
         surface = np.array(mesh.surface, dtype=np.int64)
         rows = {tag: [row for row, own in enumerate(tags) if tag in own] for tag in known}
         cell_tags = {tag: np.isin(surface, of_tag) for tag, of_tag in rows.items()}
-        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings)
+        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings)
 
 
 @dataclass(frozen=True)
