@@ -371,7 +371,7 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
+        used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:

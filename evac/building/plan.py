@@ -1,7 +1,7 @@
 """Plans: a building given storey by storey as polygons, with stairs, doors, exits, areas and obstacles."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -325,6 +325,32 @@ class Plan:
             The shape is none.
         """
         self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacle {name!r}", storey, polygon)))
+
+    def take(self, name: str, other: "Plan") -> None:
+        """Take polygons and everything on them from a plan of one storey, for a storey that was given as a file.
+
+        Raises
+        ------
+        BuildingError
+            The other plan has not one storey, or what it names is there already.
+        """
+        if len(other.storeys) != 1 or other.stairs or other.pieces:
+            raise BuildingError(
+                f"{other.source}: has {len(other.storeys)} storeys ({', '.join(other.storeys)}); the file of a storey "
+                "holds one storey and no stair"
+            )
+        (taken,) = other.storeys.values()
+        own = self.storeys[name]
+        self.storeys[name] = replace(own, polygons=taken.polygons, file=None, wall=own.wall or taken.wall, options={})
+        for kind in ("doors", "exits", "openings", "areas", "obstacles"):
+            items, names = getattr(self, kind), {one.name for one in getattr(self, kind)}
+            for item in getattr(other, kind):
+                if kind in ("exits", "areas") and item.name in names:
+                    raise BuildingError(
+                        f"{self.source}: two {kind} are named {item.name!r}, one of them in {other.source}; rename one"
+                    )
+                items.append(replace(item, storey=name))
+        self.findings += [replace(one, level=name if one.level == taken.name else one.level) for one in other.findings]
 
     def note(
         self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None

@@ -31,7 +31,8 @@ def load_case(
     ----------
     source : str, Path or mapping
         A case.toml, a folder that holds one, the name of a shipped case, or the content of a case.toml as a
-        dictionary; paths in a dictionary are relative to the current folder.
+        dictionary; paths in a dictionary are relative to the current folder. In a dictionary, the building, or its
+        key ``plan``, may be an `evac.Plan`.
     overrides : mapping, or iterable of str
         Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
         go by index or by name.
@@ -88,7 +89,7 @@ def case_from(
         from evac.registry import Registry
 
         registry = Registry()
-    content: dict[str, Any] = copy.deepcopy(dict(table))
+    content = _with_plan(copy.deepcopy(dict(table)))
     overridden, problems = apply(content, overrides)
     files, missing = _plugin_files(content, source.parent)
     given = _added(plugin_files, registry)
@@ -109,6 +110,20 @@ def case_from(
         raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
     case._origin = Origin(source, content, files, registry)
     return case
+
+
+def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a plan that was given in memory, as the building or as its plan, as the table that a file would hold."""
+    building = content.get("building")
+    plan = building.get("plan") if isinstance(building, dict) else building
+    if plan is None or isinstance(plan, dict | str):
+        return content
+    from evac.building.plan import Plan
+    from evac.building.plantable import table_of
+
+    if isinstance(plan, Plan):
+        content["building"] = {**(building if isinstance(building, dict) else {}), "plan": table_of(plan)}
+    return content
 
 
 def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
