@@ -109,7 +109,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people.teacher.number=2", "people.teacher.number: 2 people at 1 positions; remove number or correct it"),
         ("people.teacher.velocity=[[1,0],[0,1]]",
          "people.teacher.velocity: 2 velocities for 1 positions; give one for each"),
-        ("people.pupils.level=ground", "people.pupils.level: goes with positions, not with an area; remove it"),
+        ("people.pupils.level=ground", "people.pupils.level: goes with positions, not with area and number; remove it"),
         ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
         ("people=[]", "people: must have at least 1 item, not 0, got []"),
         ("people=3", "people: must be a list, got 3"),
@@ -170,7 +170,7 @@ def test_one_velocity_is_not_for_everybody(case_file, registry):
     [
         (
             "people.pupils.positions=[[0,0]]",
-            "people.pupils.area: say where they start: an area and a number, or positions, and not both",
+            "people.pupils.area: people start in an area or at positions, not both; remove one",
         ),
         (
             "people.teacher.z=0.0",
