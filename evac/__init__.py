@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from evac.errors import ScenarioError as ScenarioError
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
+    from evac.importing import import_building as import_building
     from evac.output.recorder import Recorder as Recorder
     from evac.output.results import Results as Results
     from evac.output.trajectory import Trajectory as Trajectory
@@ -71,6 +72,7 @@ _HOMES = {
     "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
+    "import_building": "evac.importing",
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",

@@ -153,7 +153,7 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
     PluginError
         The importer fails, or returns neither a surface nor a plan.
     """
-    read = _read(importer, path)
+    read = read_file(importer, path)
     if isinstance(read, SurfaceMesh):
         return read
     return draw_plan(read, registry or Registry(builtins=BUILTIN_IMPORTERS))
@@ -172,7 +172,7 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
     for storey in [one for one in plan.storeys.values() if one.file is not None]:
         assert storey.file is not None
         try:
-            read = _read(registry.importer_for(storey.file)(**storey.options), storey.file)
+            read = read_file(registry.importer_for(storey.file)(**storey.options), storey.file)
         except (BuildingError, PluginError) as error:
             raise type(error)(f"{plan.source}: storey {storey.name!r}: {error}") from error
         if not isinstance(read, Plan):
@@ -183,8 +183,14 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
     return plan.surface()
 
 
-def _read(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
-    """Return what an importer makes of a file, checked."""
+def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
+    """Return what an importer makes of a file: a plan, which is not drawn yet, or a surface.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `read_surface`.
+    """
     from evac.building.plan import Plan
 
     if not path.is_file():
