@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from evac.assembly import read_building as read_building
     from evac.behaviour import Behaviour as Behaviour
     from evac.behaviour import BehaviourScene as BehaviourScene
-    from evac.building.importer import Importer as Importer
     from evac.building.findings import Finding as Finding
+    from evac.building.importer import Importer as Importer
     from evac.building.model import Building as Building
     from evac.building.plan import Plan as Plan
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh

@@ -39,9 +39,7 @@ class GeoJsonImporter(Importer):
     height = Parameter(3.0, "height from one storey to the next where features give no z", unit="m", above=0.0)
     unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
     wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
-    coordinates = Parameter(
-        "auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees")
-    )
+    coordinates = Parameter("auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees"))
 
     def read(self, path: Path) -> Plan:
         """Read the features; raise ValueError if it is no GeoJSON."""

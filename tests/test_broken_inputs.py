@@ -66,8 +66,8 @@ def test_every_folder_is_tested():
 def test_is_refused_with_one_clear_message(name, capsys):
     assert main(["check", str(BROKEN / name)]) == 2
     out, err = capsys.readouterr()
-    shown = ["case"] * (name in WRONG_BUILDING | WRONG_PEOPLE) + ["mesh", "Levels"] * (name in WRONG_PEOPLE)
-    assert re.findall(r"^(case|mesh|Levels|People)\b", out, re.MULTILINE) == shown
+    shown = ["case"] * (name in WRONG_BUILDING | WRONG_PEOPLE) + ["building", "Levels"] * (name in WRONG_PEOPLE)
+    assert re.findall(r"^(case|building|Levels|People)\b", out, re.MULTILINE) == shown
     assert err.startswith("evac: ")
     assert re.search(REFUSED[name], err), err
 

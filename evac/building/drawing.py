@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building import stairs
+from evac.building.conforming import Height
 from evac.building.findings import Finding
 from evac.building.outlines import (
     Strip,
@@ -23,13 +24,17 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
+from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
 if TYPE_CHECKING:
-    from evac.building.plan import Item, Plan, Stair
+    from evac.building.plan import Plan
+
+#: A surface: its tags, its plan and its height.
+Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
 #: How far beside a segment it is asked whether there is floor [m].
 BESIDE = 0.05
@@ -75,7 +80,7 @@ class _Drawing:
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
-        surfaces = [*self._ground(), *(found for found in obstacles if found is not None)]
+        surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
         edges = []
@@ -121,7 +126,7 @@ class _Drawing:
             rooms = with_walls(rooms, storey.wall)
         self.floors[name] = united(rooms)
 
-    def _open_door(self, door: "Item") -> None:
+    def _open_door(self, door: Item) -> None:
         """Add the ground between a door and the rooms on both its sides."""
         assert door.segment is not None
         floor = self.floors[door.storey]
@@ -157,7 +162,7 @@ class _Drawing:
         if parts:
             self.floors[storey] = united([self.floors[storey], *parts])
 
-    def _place_obstacle(self, item: "Item") -> tuple[tuple[str, ...], BaseGeometry, float] | None:
+    def _place_obstacle(self, item: Item) -> tuple[tuple[str, ...], BaseGeometry, float] | None:
         """Cut an obstacle out of its floor; return its surface, if any of it is on the floor."""
         floor, storey = self.floors[item.storey], self.plan.storeys[item.storey]
         outline = united(item.polygons)
@@ -193,7 +198,7 @@ class _Drawing:
             with self._naming(what):
                 self._join(what, end, storey, edge, way)
 
-    def _stair_pieces(self, stair: "Stair") -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
+    def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
         """Return the pieces of a stair, its upper edge, and the directions from both its ends into their floors."""
         low, high = self.plan.storeys[stair.lower].z, self.plan.storeys[stair.upper].z
         if low >= high:
@@ -222,7 +227,7 @@ class _Drawing:
         pieces = stairs.switchback(foot, low, head, high, way, stair.length, width if depth is None else depth)
         return pieces, head, [-way, -way]
 
-    def _way(self, stair: "Stair") -> FloatArray:
+    def _way(self, stair: Stair) -> FloatArray:
         """Return the unit vector in which the first flight leaves the lower edge."""
         edge, floor = stair.lower_edge, self.floors[stair.lower]
         if stair.direction is not None:
@@ -249,8 +254,6 @@ class _Drawing:
 
     def _join(self, what: str, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
         """See that an end of a stair lies on the outline of its floor; a small gap between them is closed."""
-        from evac.building.plan import SNAP
-
         length = float(np.hypot(*(edge[1] - edge[0])))
         beside = covered(along(self.floors[storey], edge, 2e-6), edge)
         if beside < length - LEAST_LENGTH:
@@ -268,7 +271,7 @@ class _Drawing:
             text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} have floor before them"
             self._find("warning", text, storey, edge)
 
-    def _open_exit(self, item: "Item") -> None:
+    def _open_exit(self, item: Item) -> None:
         """Put an exit on the outline of its floor; where the floor ends inside a wall's thickness, extend it."""
         tag = f"exit:{item.name}"
         if item.segment is None:
@@ -287,10 +290,8 @@ class _Drawing:
             pieces = self._recess(item, floor, segment)
         self.edges.append((tag, item.storey, np.array(pieces)))
 
-    def _outline(self, item: "Item", segment: FloatArray | None) -> list[FloatArray]:
+    def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
         """Return the pieces (4,) of a floor's outline along a segment; those exactly on it if there are any."""
-        from evac.building.plan import SNAP
-
         assert segment is not None
         floor, length = self.floors[item.storey], float(np.hypot(*(segment[1] - segment[0])))
         exact = along(floor, segment, 2e-6)
@@ -298,10 +299,8 @@ class _Drawing:
             return [*exact]
         return [*along(floor, segment, SNAP)]
 
-    def _recess(self, item: "Item", floor: BaseGeometry, segment: FloatArray) -> list[FloatArray]:
+    def _recess(self, item: Item, floor: BaseGeometry, segment: FloatArray) -> list[FloatArray]:
         """Extend the floor to an exit on the outer face of a wall."""
-        from evac.building.plan import DOOR_REACH
-
         middle, left = segment.mean(axis=0), normal(segment)
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
             raise ValueError(

@@ -1,7 +1,7 @@
 """Plans: a building given storey by storey as polygons, with stairs, doors, exits, areas and obstacles."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,62 +10,13 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building.findings import Finding
+from evac.building.planparts import DOOR_REACH, HEADROOM, OUTSIDE, Item, Stair, Storey
 from evac.building.shapes import Shape, polygons_of, segment_of
 from evac.errors import BuildingError
 
 if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.building.surfacemesh import SurfaceMesh
-
-#: Least height above and below a stair that people need [m]; where a floor leaves less, it is cut away.
-HEADROOM = 2.0
-#: How far an exit, or the end of a stair, may lie off the outline of its floor [m].
-SNAP = 0.15
-#: How far a door may lie from the rooms that it joins [m]: half of a thick wall, or all of it.
-DOOR_REACH = 0.6
-#: What becomes of a door with a room on one side only.
-OUTSIDE = ("refuse", "exit", "opening")
-
-
-@dataclass(frozen=True)
-class Storey:
-    """A storey: its polygons, or the file that they are in; see `Plan.storey`."""
-
-    name: str
-    z: float
-    polygons: tuple[BaseGeometry, ...] = ()
-    file: Path | None = None
-    wall: float = 0.0
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Stair:
-    """A stair between two storeys; see `Plan.stair`."""
-
-    name: str
-    lower: str
-    lower_edge: FloatArray
-    upper: str
-    upper_edge: FloatArray | None
-    length: float | None
-    direction: FloatArray | None
-    landing: float | None
-    landings: int
-    turn: str | None
-    gap: float
-
-
-@dataclass(frozen=True)
-class Item:
-    """A door, exit, opening, area or obstacle on a storey: a segment (2, 2) or polygons."""
-
-    name: str
-    storey: str
-    segment: FloatArray | None = None
-    polygons: tuple[BaseGeometry, ...] = ()
-    reach: float = DOOR_REACH
-    outside: str = "refuse"
 
 
 class Plan:
@@ -217,7 +168,7 @@ class Plan:
         for key, value in (("length", length), ("landing", landing), ("gap", gap)):
             if value is not None:
                 self._number(what, key, value, least=0.0)
-        if direction is not None and (np.shape(direction) != (2,) or not np.hypot(*direction) > 0.0):
+        if direction is not None and (np.shape(direction) != (2,) or not np.linalg.norm(direction) > 0.0):
             raise BuildingError(f"{self.source}: {what}: direction is a vector [x, y], not {direction!r}")
         edge = None if upper_edge is None else self._segment(what, "upper_edge", upper_edge)
         way = None if direction is None else np.asarray(direction, np.float64)
@@ -352,9 +303,7 @@ class Plan:
                 items.append(replace(item, storey=name))
         self.findings += [replace(one, level=name if one.level == taken.name else one.level) for one in other.findings]
 
-    def note(
-        self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None
-    ) -> None:
+    def note(self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None) -> None:
         """Add a finding; importers say with it what they have found, assumed, repaired or left out."""
         self.findings.append(Finding(kind, text, storey, place))
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from evac.building.plan import HEADROOM, Item, Plan, Stair
+from evac.building.plan import Plan
+from evac.building.planparts import HEADROOM, Item, Stair
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 

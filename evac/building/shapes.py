@@ -1,7 +1,7 @@
 """Plane shapes as users have them: shapely geometries, WKT, GeoJSON or coordinates, to polygons and segments."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from evac.arrays import FloatArray
 from evac.building.findings import Finding
 
 #: What polygons can be given as: one of these, or a list of them.
-Shape = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
+Shape: TypeAlias = "BaseGeometry | str | Mapping[str, Any] | Sequence[Any]"
 
 #: Coordinates of plans are rounded to this grid, on which overlays are exact [m].
 GRID = 1e-6

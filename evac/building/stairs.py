@@ -151,8 +151,12 @@ def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:
     if piece.z_max > z + headroom:
         part = _below(part, piece.height, z + headroom)
     if piece.z_min < z - headroom:
-        part = _below(part, lambda x, y, height=piece.height: -height(x, y), headroom - z)
+        part = _below(part, _turned_over(piece.height), headroom - z)
     return part
+
+
+def _turned_over(height: Callable[[float, float], float]) -> Callable[[float, float], float]:
+    return lambda x, y: -height(x, y)
 
 
 def _below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:

@@ -58,7 +58,12 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
         lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
-    lines += ["", "[building]", 'mesh = "building.msh"', *(f"{key} = {_value(value)}" for key, value in building.items())]
+    lines += [
+        "",
+        "[building]",
+        'mesh = "building.msh"',
+        *(f"{key} = {_value(value)}" for key, value in building.items()),
+    ]
     for exit_ in exits:
         lines += ["", "[[building.exits]]", *(f"{key} = {_value(value)}" for key, value in exit_.items())]
     if not made.building.exits and made.openings:

@@ -19,6 +19,8 @@ LEAST_WIDTH = 0.5
 REACH = 0.05
 #: Behind a wall so thick there may be another room [m].
 THICKEST = 1.0
+#: Where along a wall it is looked for.
+LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
 @dataclass(frozen=True)
@@ -82,12 +84,15 @@ def _outer(building: Building, level: Level) -> FloatArray:
     middle = (walls[:, :2] + walls[:, 2:]) / 2
     step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
     outward = np.column_stack([step[:, 1], -step[:, 0]])
-    behind = shapely.linestrings(np.stack([middle + REACH * outward, middle + THICKEST * outward], axis=1))
-    own = [one.polygon for one in building.levels if one.kind == "floor" and abs(one.z_min - level.z_min) < THICKEST]
-    is_outer = shapely.dwithin(shapely.points(middle), rings, 1e-6) & ~shapely.intersects(
-        behind, shapely.union_all(own)
-    )
-    return walls[is_outer]
+    near = [one.polygon for one in building.levels if one.kind == "floor" and abs(one.z_min - level.z_min) < THICKEST]
+    ground = shapely.union_all(near)
+    is_outer = shapely.dwithin(shapely.points(middle), rings, 1e-6)
+    for share in LOOKS:
+        start = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])
+        behind = shapely.linestrings(np.stack([start + REACH * outward, start + THICKEST * outward], axis=1))
+        is_outer &= ~shapely.intersects(behind, ground)
+    outer: FloatArray = walls[is_outer]
+    return outer
 
 
 def _level_of(building: Building, name: str, segment: FloatArray) -> int | None:

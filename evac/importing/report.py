@@ -49,8 +49,8 @@ def report_text(made: "Imported", case: Path) -> str:
         own = [one for one in made.findings if one.kind == kind]
         if own:
             label = [marked.index(one) + 1 if kind != "found" else "" for one in own]
-            rows = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
-            text += [f"## {TITLES[kind]}", "", *table(("on the picture", "what", "where"), rows)]
+            listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
+            text += [f"## {TITLES[kind]}", "", *table(("on the picture", "what", "where"), listed)]
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, f"case.toml as written: {digest(case)}", ""])
 

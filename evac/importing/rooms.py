@@ -38,9 +38,7 @@ def connected_to_exits(building: Building) -> set[int]:
     return {level.index for level in building.levels if int(part[level.index]) in left}
 
 
-def fill(
-    building: Building, rooms: list[Room], people: int | None, density: float
-) -> tuple[list[Room], list[Finding]]:
+def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
     """Return the rooms with their numbers of people, and those that nobody starts in as findings.
 
     Parameters

@@ -42,6 +42,9 @@ WALL, TEXT, PORTAL, EXIT, CLOSED, AREA, OPENING = (
 )
 MARK = {"warning": "#c0392b", "repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
 
+#: Paper behind names, and room for them beside a building, as a share of its size.
+PAPER, NAMES = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}, 0.1
+
 #: Width of a panel, least height of one, height of a line of the list, margins [inches].
 PANEL, LEAST_PANEL, LINE, MARGIN = 8.0, 2.2, 0.17, 0.35
 
@@ -107,8 +110,8 @@ def draw_levels(
         for mark in marks:
             if mark.level in levels:
                 _draw_mark(axes, mark)
-        for place, labels in _by_place(building, panels, listed, number).items():
-            _draw_findings(axes, place, labels)
+        for own in _by_place(building, panels, listed, number):
+            _draw_findings(axes, own)
     for number, (text, colour) in enumerate(lines):
         y = below - 0.5 * MARGIN - LINE * (number + 0.5)
         figure.text(MARGIN / width, y / height, text, fontsize=8, color=colour, va="center")
@@ -177,8 +180,8 @@ def _draw_storey(axes: Axes, building: Building, levels: Sequence[int]) -> None:
     names = ", ".join(level.name for level in floors[:4]) + (", ..." if len(floors) > 4 else "")
     axes.set_title(f"{textwrap.shorten(names, 80, placeholder=' ...')}, z = {z:z.2f} m", fontsize=9, loc="left")
     low, high = building.vertices[:, :2].min(axis=0), building.vertices[:, :2].max(axis=0)
-    margin = 0.04 * float((high - low).max())
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
+    margin = NAMES * float((high - low).max())
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin / 2, high[1] + margin / 2), aspect="equal")
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False, style="plain")
     axes.spines[["top", "right"]].set_visible(False)
@@ -198,9 +201,11 @@ def _line(axes: Axes, segments: FloatArray, colour: str, width: float, style: st
 def _name(axes: Axes, polygon: BaseGeometry, text: str, colour: str) -> None:
     """Write a name where a polygon is widest."""
     part = max(shapely.get_parts(polygon), key=lambda one: one.area)
-    x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(part, tolerance=0.05))[0]
-    box = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.65}
-    axes.text(x, y, text, fontsize=6.5, color=colour, ha="center", va="center", bbox=box, zorder=5)
+    if shapely.contains(part, part.centroid):
+        x, y = part.centroid.coords[0]
+    else:
+        x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(part, tolerance=0.05))[0]
+    axes.text(x, y, text, fontsize=6.5, color=colour, ha="center", va="center", bbox=PAPER, zorder=5)
 
 
 def _beside(axes: Axes, segments: FloatArray, text: str, colour: str, distance: float) -> None:
@@ -219,6 +224,7 @@ def _beside(axes: Axes, segments: FloatArray, text: str, colour: str, distance: 
         color=colour,
         ha=across,
         va=upright,
+        bbox=PAPER,
         zorder=6,
     )
 
@@ -240,17 +246,14 @@ def _draw_mark(axes: Axes, mark: Mark) -> None:
 
 def _by_place(
     building: Building, panels: list[list[int]], listed: list[tuple[int, Finding]], panel: int
-) -> dict[tuple[float, float], str]:
-    """Return the numbers of the findings at each place of a storey."""
+) -> list[list[tuple[int, Finding]]]:
+    """Return the findings at each place of a storey, with their numbers."""
     found: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
     for number, finding in listed[:MOST_LISTED]:
         if finding.place is not None and _panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
             found.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
-    return {
-        one[0][1].place[:2]: ",".join(str(number) for number, _ in one)  # type: ignore[index, misc]
-        for one in found.values()
-    }
+    return list(found.values())
 
 
 def _panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
@@ -271,13 +274,16 @@ def _panel_of(building: Building, panels: list[list[int]], finding: Finding) -> 
     return next(number for number, levels in enumerate(panels) if int(np.argmin(off)) in levels)
 
 
-def _draw_findings(axes: Axes, place: tuple[float, float], labels: str) -> None:
-    """Put a ring at a place, and the numbers of its findings beside it."""
-    colour = MARK["warning"]
-    axes.plot(*place, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
+def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
+    """Put a ring at the place of findings, and their numbers beside it."""
+    kinds = [finding.kind for _, finding in findings]
+    colour = next(colour for kind, colour in MARK.items() if kind in kinds)
+    labels = ",".join(str(number) for number, _ in findings)
+    x, y = (findings[0][1].place or (0.0, 0.0))[:2]
+    axes.plot(x, y, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
     box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}
     axes.annotate(
-        labels, place, (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
+        labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
     )
 
 

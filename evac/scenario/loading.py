@@ -60,14 +60,14 @@ def load_case(
     if isinstance(source, Mapping):
         return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
     path = _found(source, registry)
+    if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
+        raise ScenarioError(
+            f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, or make a case of it "
+            f"with: evac import {source} --out FOLDER"
+        )
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
-            raise ScenarioError(
-                f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, and see what is in "
-                f"it with: evac check {source}"
-            ) from error
         raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error

@@ -223,7 +223,7 @@ def test_missing_files_are_named(case_file, registry):
 def test_a_building_in_place_of_a_case_is_told(tmp_path, registry, content):
     path = tmp_path / "house.obj"
     path.write_bytes(content)
-    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac check .*house\.obj"):
+    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac import .*house\.obj"):
         load_case(path, registry=registry)
 
 
