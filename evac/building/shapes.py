@@ -12,7 +12,7 @@ from evac.arrays import FloatArray
 from evac.building.findings import Finding
 
 #: What polygons can be given as: one of these, or a list of them.
-Shape: TypeAlias = "BaseGeometry | str | Mapping[str, Any] | Sequence[Any]"
+Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 
 #: Coordinates of plans are rounded to this grid, on which overlays are exact [m].
 GRID = 1e-6
