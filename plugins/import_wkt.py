@@ -7,6 +7,7 @@ import shapely
 
 from evac.building.importer import Importer
 from evac.building.plan import Plan
+from evac.building.shapes import from_wkt
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter
 
@@ -41,16 +42,16 @@ class WktImporter(Importer):
 def _geometries(text: str) -> list[shapely.Geometry]:
     """Return the geometries of a text: one that may fill several lines, or one on each line."""
     try:
-        return [shapely.from_wkt(" ".join(text.split()))]
-    except shapely.GEOSException as error:
+        return [from_wkt(" ".join(text.split()))]
+    except ValueError as error:
         first = error
     found = []
     lines = [line.strip().rstrip(";") for line in text.splitlines()]
     for number, line in enumerate(lines, start=1):
         if line and not line.startswith("#"):
             try:
-                found.append(shapely.from_wkt(line.partition(";")[2] if line.startswith("SRID=") else line))
-            except shapely.GEOSException as error:
+                found.append(from_wkt(line.partition(";")[2] if line.startswith("SRID=") else line))
+            except ValueError as error:
                 raise ValueError(f"line {number}: {error}" if len(lines) > 1 else str(first)) from error
     return found
 

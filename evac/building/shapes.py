@@ -39,10 +39,7 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
     if isinstance(given, BaseGeometry):
         yield from _simple(given)
     elif isinstance(given, str):
-        try:
-            yield from _simple(shapely.from_wkt(given))
-        except shapely.GEOSException as error:
-            raise ValueError(f"no WKT: {error}") from error
+        yield from _simple(from_wkt(given))
     elif isinstance(given, Mapping):
         yield from _of_geojson(given)
     elif isinstance(given, Iterable):
@@ -50,12 +47,24 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
         if items and all(_is_point(item) for item in items):
             if len(items) < 3:
                 raise ValueError(f"an outline has at least three corners [x, y], not {len(items)}")
-            yield shapely.Polygon(np.array(items, dtype=np.float64))
+            corners = np.array(items, dtype=np.float64)
+            if not np.isfinite(corners).all():
+                raise ValueError("a coordinate is not finite")
+            yield shapely.Polygon(corners)
         else:
             for item in items:
                 yield from geometries(item)
     else:
         raise ValueError(f"a shape is a shapely geometry, WKT, GeoJSON or a list of corners, not {given!r}")
+
+
+def from_wkt(text: str) -> BaseGeometry:
+    """Return the geometry of a text; raise ValueError if it is none."""
+    try:
+        with np.errstate(invalid="ignore"):
+            return shapely.from_wkt(text)
+    except shapely.GEOSException as error:
+        raise ValueError(f"no WKT: {error}") from error
 
 
 def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
@@ -162,7 +171,9 @@ def _of_geojson(given: Mapping[str, Any]) -> Iterator[BaseGeometry]:
             yield from _of_geojson(given["geometry"])
     else:
         try:
-            yield from _simple(shape(given))
+            with np.errstate(invalid="ignore"):
+                made = shape(given)
+            yield from _simple(made)
         except (shapely.GEOSException, AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
             raise ValueError(f"no GeoJSON geometry of type {kind!r}: {error}") from error
 
@@ -190,4 +201,4 @@ def _valid(polygon: BaseGeometry, level: str | None, findings: list[Finding]) ->
     if snapped.is_empty:
         place = tuple(shapely.get_coordinates(polygon)[0].tolist()) if not polygon.is_empty else None
         findings.append(Finding("left out", "a polygon without an area", level, place))
-    return [part for part in shapely.get_parts(snapped)]
+    return [part for part in shapely.get_parts(shapely.normalize(snapped))]
