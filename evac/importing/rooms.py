@@ -1,6 +1,5 @@
 """The rooms of a building, and how many people start in each."""
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,11 +49,11 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
     density : float [1/m2]
         If `people` is not given.
     """
-    open_levels: Collection[int] = connected_to_exits(building)
+    open_levels = connected_to_exits(building) if building.exits else {level.index for level in building.levels}
     used = [room for room in rooms if room.level in open_levels]
     notes = []
     for room in rooms:
-        if room not in used and building.exits:
+        if room not in used:
             x, y = building.levels[room.level].polygon.representative_point().coords[0]
             name = building.levels[room.level].name
             notes.append(Finding("left out", f"no people in {room.name!r}: no way leads to an exit", name, (x, y)))

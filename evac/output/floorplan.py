@@ -250,13 +250,13 @@ def _by_place(
     """Return the findings at each place of a storey, with their numbers."""
     found: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
     for number, finding in listed[:MOST_LISTED]:
-        if finding.place is not None and _panel_of(building, panels, finding) == panel:
+        if finding.place is not None and panel_of(building, panels, finding) == panel:
             x, y = finding.place[:2]
             found.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
     return list(found.values())
 
 
-def _panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
+def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
     """Return the storey that a finding is on: that of its level, or the one whose ground is nearest to its place."""
     assert finding.place is not None
     names = [level.name for level in building.levels]

@@ -274,7 +274,8 @@ REFUSED = {
         lambda p: p.storey("a", SQUARE) or p.area("b", "a", box(5, 5, 6, 6)) or p.surface(), "area 'b'.*'a'",
     ),
     "door to nowhere": (
-        lambda p: p.storey("a", SQUARE) or p.door("d", "a", [(9, 1), (9, 2)]) or p.surface(), r"door 'd'.*\(9.00, 1.00\)",
+        lambda p: p.storey("a", SQUARE) or p.door("d", "a", [(9, 1), (9, 2)]) or p.surface(),
+        r"door 'd'.*\(9.00, 1.00\)",
     ),
     "door with one room": (
         lambda p: p.storey("a", SQUARE) or p.door("d", "a", [(4, 1), (4, 2)]) or p.surface(), "door 'd'.*one side",

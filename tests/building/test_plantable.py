@@ -32,11 +32,12 @@ def test_a_table_makes_the_same_plan():
     table = table_of(everything())
     again = plan_of(table, Path("<plan>"), Path("."))
     assert table_of(again) == table
-    one, other = everything().surface(), again.surface()
-    assert np.array_equal(np.array(one.points), np.array(other.points))
-    assert np.array_equal(np.array(one.cells), np.array(other.cells))
-    assert one.cell_tags.keys() == other.cell_tags.keys()
-    assert one.edge_tags == other.edge_tags
+    one, other = everything().building(), again.building()
+    assert np.array_equal(one.vertices, other.vertices)
+    assert np.array_equal(one.walls, other.walls)
+    assert [level.name for level in one.levels] == [level.name for level in other.levels]
+    assert [way.name for way in one.exits] == [way.name for way in other.exits] == ["door", "ramp"]
+    assert [area.polygon.area for area in one.areas] == [area.polygon.area for area in other.areas]
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,9 @@ def test_options_of_wkt(tmp_path):
     assert sum(level.polygon.area for level in building.levels) == pytest.approx(24.0 - 0.6)
 
 
-@pytest.mark.parametrize("text", ["POLYGON ((0 0, 1", "POINT (1 1)", "GEOMETRYCOLLECTION EMPTY", "POLYGON ((0 0, 1 nan, 2 2, 0 0))"])
+@pytest.mark.parametrize(
+    "text", ["POLYGON ((0 0, 1", "POINT (1 1)", "GEOMETRYCOLLECTION EMPTY", "POLYGON ((0 0, 1 nan, 2 2, 0 0))"]
+)
 def test_wkt_without_ground_is_refused(tmp_path, text):
     with pytest.raises(BuildingError, match=r"a\.wkt"):
         building_of(tmp_path / "a.wkt", text)
