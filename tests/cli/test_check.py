@@ -67,8 +67,8 @@ from evac import Importer, SurfaceMesh, hookimpl
 
 evac_interface = 2
 
-class PlanImporter(Importer):
-    name = "plan"
+class RectangleImporter(Importer):
+    name = "rectangle"
     suffixes = (".plan",)
 
     def read(self, path):
@@ -78,7 +78,7 @@ class PlanImporter(Importer):
 
 @hookimpl
 def evac_importers():
-    return [PlanImporter]
+    return [RectangleImporter]
 """
     )
     assert evac("check", "room.plan", "--plugin", "reader.py") == 0
