@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from evac.assembly import read_building as read_building
     from evac.behaviour import Behaviour as Behaviour
     from evac.behaviour import BehaviourScene as BehaviourScene
+    from evac.building.findings import Finding as Finding
     from evac.building.importer import Importer as Importer
     from evac.building.model import Building as Building
+    from evac.building.plan import Plan as Plan
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.ensemble import Ensemble as Ensemble
     from evac.ensemble import run_many as run_many
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from evac.errors import ScenarioError as ScenarioError
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
+    from evac.importing import import_building as import_building
     from evac.output.recorder import Recorder as Recorder
     from evac.output.results import Results as Results
     from evac.output.trajectory import Trajectory as Trajectory
@@ -52,9 +55,11 @@ _HOMES = {
     "ContactModel": "evac.physics.contact_model",
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
+    "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
     "Parameter": "evac.parameters",
+    "Plan": "evac.building.plan",
     "PluginError": "evac.errors",
     "Progress": "evac.phases",
     "Recorder": "evac.output.recorder",
@@ -68,6 +73,7 @@ _HOMES = {
     "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
+    "import_building": "evac.importing",
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",

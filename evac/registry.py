@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 
 #: Modules of the built-in importers; enough to read a building alone.
 BUILTIN_IMPORTERS = (
+    "evac_plugins.import_geojson",
     "evac_plugins.import_meshio",
     "evac_plugins.import_obj",
     "evac_plugins.import_off",
+    "evac_plugins.import_plan",
     "evac_plugins.import_ply",
+    "evac_plugins.import_wkt",
 )
 
 #: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.

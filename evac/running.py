@@ -159,7 +159,7 @@ def resumed(
     differences = found.differences(before)
     _refuse(found.path, differences, allow_differences)
     simulation = Simulation(case, place.running, bool(found.header["full"]), compiling=compiling)
-    differences += found.kernel_differences(simulation)
+    differences += found.simulation_differences(simulation)
     _refuse(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)
     simulation.resumed.append(

@@ -26,6 +26,8 @@ COMMANDS = {
     "repeat": "evac.cli.repeat",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
+    "import": "evac.cli.importing",
+    "new": "evac.cli.new",
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
     "cache": "evac.cli.cache",

@@ -110,9 +110,9 @@ class Case(Section):
         return self._origin.table
 
     @property
-    def mesh(self) -> Path:
-        """The building's file."""
-        return self.folder / self.building.mesh
+    def mesh(self) -> Path | None:
+        """The building's file; None if the case holds its plan."""
+        return self.folder / self.building.mesh if self.building.mesh is not None else None
 
     @property
     def plugin_files(self) -> tuple[Path, ...]:
