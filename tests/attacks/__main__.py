@@ -70,8 +70,8 @@ def attack(name: str, family: Family, cases: list[Any], how: str) -> int:
                 outcomes[outcome] += 1
     counts = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
     print(
-        f"{name}: {len(cases)} cases, {failures} failed ({counts}); slowest {slowest:.1f} s of the processor, most memory "
-        f"{peak / 1e9:.2f} GB, {time.perf_counter() - started:.0f} s in all",
+        f"{name}: {len(cases)} cases, {failures} failed ({counts}); slowest {slowest:.1f} s of the processor, most "
+        f"memory {peak / 1e9:.2f} GB, {time.perf_counter() - started:.0f} s in all",
         flush=True,
     )
     return failures
