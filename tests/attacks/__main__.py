@@ -135,7 +135,7 @@ def _run(family: Family, case: Any) -> str:
     """Run a case in an empty folder, which is removed."""
     folder = Path(tempfile.mkdtemp(prefix="evac-attack-"))
     try:
-        return family.run(case, folder)
+        return family.run(case, folder) or "held"
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
