@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.cases import case_of, declare_case
-from evac.cli.progress import Display
+from evac.display import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.errors import BuildingError, EvacError
 

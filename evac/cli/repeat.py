@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from evac.cli.cases import case_to_run, declare_case, default_folder
-from evac.cli.progress import Display
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from evac.cli.cases import declare_plugin, tell_plugin_file
-from evac.cli.progress import Display
+from evac.display import Display
 from evac.cli.run import declare_checkpoint
 
 

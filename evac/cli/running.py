@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from evac.cli.progress import Display
+from evac.display import Display
 from evac.cli.streams import notify
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import io
 import pytest
 
 from evac.cli import progress
-from evac.cli.progress import Display, numbers_of
+from evac.display import Display, numbers_of
 from evac.simulation import Progress
 
 
