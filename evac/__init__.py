@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from evac.errors import ScenarioError as ScenarioError
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
+    from evac.output.exporter import Exporter as Exporter
+    from evac.output.maps import LevelMaps as LevelMaps
     from evac.output.recorder import Recorder as Recorder
     from evac.output.results import Results as Results
     from evac.output.trajectory import Trajectory as Trajectory
@@ -51,8 +53,10 @@ _HOMES = {
     "ContactModel": "evac.physics.contact_model",
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
+    "Exporter": "evac.output.exporter",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
+
     "Parameter": "evac.parameters",
     "PluginError": "evac.errors",
     "Progress": "evac.phases",

@@ -13,11 +13,18 @@ EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
 ANIMATION_NAME = "animation.pvd"
-BUILDING_NAME = "building.vtp"
+BUILDING_NAME = "building.vtm"
+BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
+
+#: Pattern of the files of the parts of a building.
+BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
+
+#: Pattern of the pictures of maps, see `map_name`.
+MAPS = "map_*.png"
 
 #: What `evac render` draws if nothing else is named.
 PICTURE_NAME = "picture.png"
@@ -31,7 +38,9 @@ WRITTEN = (
     RUNS_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
+    BUILDING_PARTS,
     FRAMES,
+    MAPS,
     PICTURE_NAME,
     FILM_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
@@ -42,6 +51,11 @@ WRITTEN = (
 def frame_name(k: int) -> str:
     """Return the file of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
+
+
+def map_name(quantity: str) -> str:
+    """Return the picture of the map of a quantity, relative to the result folder."""
+    return MAPS.replace("*", quantity)
 
 
 @contextmanager
