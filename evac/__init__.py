@@ -56,6 +56,7 @@ _HOMES = {
     "Exporter": "evac.output.exporter",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
+    "LevelMaps": "evac.output.maps",
 
     "Parameter": "evac.parameters",
     "PluginError": "evac.errors",
