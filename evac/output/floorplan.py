@@ -55,6 +55,7 @@ def draw_plans(
     dpi: int = 120,
     is_filled: bool = True,
     side: float = SIDE,
+    has_scale_bar: bool = True,
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
@@ -71,6 +72,7 @@ def draw_plans(
         Whether floors have the colours of their kinds; maps fill them on their own.
     side : float
         Room at the right for a legend or a colour bar [inches].
+    has_scale_bar : bool
 
     Raises
     ------
@@ -102,7 +104,8 @@ def draw_plans(
         _draw_levels(panel, building, found, is_filled)
         axes.append(panel)
     _write_title(figure, title, size)
-    _draw_scale_bar(figure, scale, size)
+    if has_scale_bar:
+        _draw_scale_bar(figure, scale, size)
     room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
     return Plans(figure, tuple(axes), tuple(found for _, found in panels), room)
 

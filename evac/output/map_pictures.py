@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.ticker import MaxNLocator
 
+from evac.building.model import Exit
 from evac.output import palette
 from evac.output.files import map_name, writing
 from evac.output.floorplan import Plans, draw_plans, outline
@@ -184,11 +185,22 @@ def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
     for axes, levels in zip(plans.axes, plans.levels, strict=True):
         rows = {level.index for level in levels}
         for flow in flows.values():
-            levels_of = {flow.link.level} if hasattr(flow.link, "level") else set(flow.link.levels)
-            if not flow.people or not levels_of & rows:
+            link = flow.link
+            is_exit = isinstance(link, Exit)
+            if not flow.people or not rows & ({link.level} if isinstance(link, Exit) else set(link.levels)):
                 continue
-            segment = flow.link.segments[len(flow.link.segments) // 2]
-            x, y = 0.5 * (segment[0] + segment[2]), 0.5 * (segment[1] + segment[3])
+            x1, y1, x2, y2 = link.segments[len(link.segments) // 2].tolist()
+            inward = np.array([y1 - y2, x2 - x1]) / math.hypot(x2 - x1, y2 - y1)
             rate = flow.flow_per_metre
-            words = f"{flow.people}" if rate is None or math.isnan(rate) else f"{flow.people}\n{rate:.2f}"
-            axes.text(x, y, words, ha="center", va="center", fontsize=7, color=palette.TEXT, bbox=box, zorder=7)
+            axes.annotate(
+                f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
+                (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
+                xytext=14.0 * inward if is_exit else (0.0, 0.0),  # the outside of an exit bears its name
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color=palette.TEXT,
+                bbox=box,
+                zorder=7,
+            )
