@@ -36,6 +36,10 @@ class GeojsonExporter(Exporter):
         path.write_text(json.dumps(data, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
         return [path]
 
+    def place(self, trajectory: Trajectory) -> Path:
+        """Return ``export/building.geojson`` in the result folder."""
+        return super().place(trajectory).with_name("building.geojson")
+
 
 def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
     """Return the levels and the areas."""

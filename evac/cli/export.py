@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="PATH",
-        help="file, or folder for formats of several files (default: named after the format, in the result folder)",
+        help="file, or folder for formats of several files (default: RESULT/export/..., of vtk RESULT)",
     )
     parser.add_argument(
         "--set", dest="parameters", metavar="NAME=VALUE", nargs="+", default=[], help="parameters of the exporter"

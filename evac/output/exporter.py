@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from evac.errors import plugin_code
-from evac.output.files import writing
+from evac.output.files import EXPORT_FOLDER, writing
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
@@ -46,8 +46,12 @@ class Exporter(Configurable, ABC):
         """
 
     def place(self, trajectory: "Trajectory") -> Path:
-        """Return where to write if the user names no place: ``NAME.suffix`` or ``NAME/`` in the result folder."""
-        return trajectory.path.parent / f"{self.name}{self.suffix}"
+        """Return where to write if the user names no place.
+
+        By default ``export/trajectory.SUFFIX`` or ``export/NAME/`` in the result folder.
+        """
+        folder = trajectory.path.parent / EXPORT_FOLDER
+        return folder / f"trajectory{self.suffix}" if self.suffix else folder / self.name
 
 
 def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = None) -> list[Path]:

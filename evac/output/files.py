@@ -23,6 +23,10 @@ FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
 #: Pattern of the files of the parts of a building.
 BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
 
+#: Where `evac export` writes if no place is named, and the patterns of what it writes there.
+EXPORT_FOLDER = "export"
+EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
+
 #: Pattern of the pictures of maps, see `map_name`.
 MAPS = "map_*.png"
 
@@ -41,6 +45,7 @@ WRITTEN = (
     BUILDING_PARTS,
     FRAMES,
     MAPS,
+    *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's

@@ -22,7 +22,8 @@ FILES = {
     "egress.png",
     "trajectory.evac",
     "animation.pvd",
-    "building.vtp",
+    "building",
+    "building.vtm",
     "frames",
 }
 
