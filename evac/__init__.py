@@ -57,7 +57,6 @@ _HOMES = {
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
     "LevelMaps": "evac.output.maps",
-
     "Parameter": "evac.parameters",
     "PluginError": "evac.errors",
     "Progress": "evac.phases",

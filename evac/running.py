@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 
 from evac.ending import FAILED
 from evac.errors import EvacError, ResultError, note
-from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
+from evac.output.files import (
+    BUILDING_FOLDER,
+    EGRESS_PICTURE_NAME,
+    FRAMES_FOLDER,
+    SUMMARY_NAME,
+    TRAJECTORY_NAME,
+    WRITTEN,
+    writing,
+)
 from evac.output.results import Results
 from evac.output.trajectory import MAGIC, read_trajectory
 from evac.phases import Phases, Progress
@@ -165,6 +173,9 @@ def clear_folder(folder: Path) -> None:
         for pattern in WRITTEN:
             for path in folder.glob(pattern):
                 path.unlink()
+        for name in (BUILDING_FOLDER, FRAMES_FOLDER):
+            with suppress(OSError):  # it holds files of others, or is not there
+                (folder / name).rmdir()
 
 
 def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:

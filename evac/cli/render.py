@@ -23,7 +23,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="what to draw: .png or .jpg a picture, .gif or .mp4 a film (default: picture.png and film.gif in RESULT)",
     )
-    parser.add_argument("--view", choices=("3d", "plan"), default="3d", help="from a slant, or straight from above (3d)")
+    parser.add_argument(
+        "--view", choices=("3d", "plan"), default="3d", help="from a slant, or straight from above (3d)"
+    )
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
     parser.add_argument(
         "--colour-by",
@@ -34,7 +36,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
     parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
-    parser.add_argument("--size", type=int, nargs=2, metavar=("W", "H"), help="pixels (picture 1600 1200, film 960 720)")
+    parser.add_argument(
+        "--size", type=int, nargs=2, metavar=("W", "H"), help="pixels (picture 1600 1200, film 960 720)"
+    )
     camera = parser.add_argument_group("camera of the 3d view")
     camera.add_argument("--azimuth", type=float, metavar="DEG", help="side to look from, counterclockwise from x")
     camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the look with the horizontal")

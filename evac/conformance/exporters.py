@@ -49,7 +49,9 @@ def check_files(exporter: Exporter, trajectory: Trajectory) -> None:
                 raise PluginError(f"{exporter.name}: writes {strays[0].name} beside its place; write to `path` only")
             digests.append({path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files})
         if digests[0] != digests[1]:
-            raise PluginError(f"{exporter.name}: the same run is written differently again; write no time and no chance")
+            raise PluginError(
+                f"{exporter.name}: the same run is written differently again; write no time and no chance"
+            )
         if hashlib.sha256(trajectory.path.read_bytes()).digest() != before:
             raise PluginError(f"{exporter.name}: changes the trajectory file; an exporter looks only")
 

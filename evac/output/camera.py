@@ -88,7 +88,7 @@ def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:
         x, y = np.ptp(np.array([level.polygon.bounds for level in levels]).reshape(-1, 2), axis=0)
         front = -90.0 if x >= y else 0.0
         azimuths = [side + turn for side in (front, front + 180.0) for turn in TURNS]
-    choices = []
+    choices: list[tuple[float, int, Aimed]] = []
     for azimuth in azimuths:
         axes = _axes(math.radians(azimuth), tilt)
         for clearance in CLEARANCES if camera.stretch is None and len(heights) > 1 else CLEARANCES[:1]:

@@ -4,6 +4,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -14,16 +15,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
+from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level
 from evac.output import palette
 from evac.output.storeys import level_of, storeys
+from evac.output.writing import round_length
 
 #: Greatest width and height of all plans together, and the room around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
-
-#: Lengths of scale bars [m].
-LENGTHS = tuple(step * 10.0**power for power in range(-1, 4) for step in (1.0, 2.0, 5.0))
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def draw_plans(
         panel = figure.add_axes(box)
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
-        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3)
+        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
         _draw_levels(panel, building, found, is_filled)
         axes.append(panel)
     _write_title(figure, title, size)
@@ -159,19 +159,18 @@ def _draw_exit(axes: Axes, exit_: Exit, is_open: bool) -> None:
         fontweight="bold",
         zorder=6,
         annotation_clip=False,
+        parse_math=False,
     )
 
 
-def _ends(segments: np.ndarray) -> np.ndarray:
-    return segments.reshape(-1, 2, 2)
+def _ends(segments: FloatArray) -> list[FloatArray]:
+    return list(segments.reshape(-1, 2, 2))
 
 
 def outline(level: Level) -> Outline:
     """Return the plan of a level, holes included, as matplotlib clips and fills it."""
     rings = [
-        ring
-        for part in shapely.get_parts(level.polygon)
-        for ring in shapely.get_rings(shapely.orient_polygons(part))
+        ring for part in shapely.get_parts(level.polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))
     ]
     return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
@@ -181,15 +180,15 @@ def _write_title(figure: Figure, title: str, size: tuple[float, float]) -> None:
     first, _, rest = title.partition("\n")
     letters = 9.4 * (size[0] - 2.0 * MARGIN)  # of 12 points that fit
     first = textwrap.shorten(first, int(1.4 * letters), placeholder=" ...")
-    style = {"color": palette.TEXT, "va": "top", "ha": "left"}
-    small = {"fontsize": min(12.0, 12.0 * letters / max(len(first), 1)), "fontweight": "bold"}
+    style: dict[str, Any] = {"color": palette.TEXT, "va": "top", "ha": "left", "parse_math": False}
+    small: dict[str, Any] = {"fontsize": min(12.0, 12.0 * letters / max(len(first), 1)), "fontweight": "bold"}
     figure.text(MARGIN / size[0], 1.0 - 0.12 / size[1], first, **small, **style)
     figure.text(MARGIN / size[0], 1.0 - 0.38 / size[1], rest, fontsize=9.5, **style)
 
 
 def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float]) -> None:
     """Draw a bar of a round length of about an inch."""
-    length = min(LENGTHS, key=lambda one: abs(math.log(one * scale / 1.2)))
+    length = round_length(1.2 / scale)
     left, low = MARGIN / size[0], 0.22 / size[1]
     right = left + length * scale / size[0]
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none", zorder=5)

@@ -36,7 +36,9 @@ class Grid:
         low_x, low_y, high_x, high_y = level.polygon.bounds
         self.spacing = spacing
         self.origin = spacing * np.floor(np.array([low_x, low_y]) / spacing)
-        nx, ny = (max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin))
+        nx, ny = (
+            max(1, math.ceil((high - low) / spacing)) for high, low in zip((high_x, high_y), self.origin, strict=True)
+        )
         self.shape = ny, nx
         self._deviation = kernel_radius / math.sqrt(2.0) / spacing  # of the kernel, in cells
         x = self.origin[0] + spacing * (np.arange(nx) + 0.5)
@@ -49,7 +51,8 @@ class Grid:
         """Return the number of the cell of each point (s, 2); points beyond the grid are moved to its edge."""
         ny, nx = self.shape
         column, row = np.floor((position - self.origin) / self.spacing).astype(np.int64).T
-        return np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
+        cell: NDArray[np.int64] = np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
+        return cell
 
     def gathered(self, position: FloatArray, values: FloatArray | None = None) -> FloatArray:
         """Return sum_i values_i / k_i of the points in each cell, (ny, nx), for `smoothed`.

@@ -169,7 +169,7 @@ def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
 
 def _add_scale(plans: Plans, colours: ScalarMappable, label: str, is_whole: bool) -> None:
     """Add the scale of colours at the right, with whole numbers for people."""
-    left, bottom, width, height = plans.side
+    left, bottom, _, height = plans.side
     inch = 1.0 / plans.figure.get_size_inches()
     tall = min(height, 4.0 * inch[1])
     axes = plans.figure.add_axes((left + 0.1 * inch[0], bottom + 0.5 * (height - tall), 0.16 * inch[0], tall))
@@ -190,12 +190,15 @@ def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
             if not flow.people or not rows & ({link.level} if isinstance(link, Exit) else set(link.levels)):
                 continue
             x1, y1, x2, y2 = link.segments[len(link.segments) // 2].tolist()
-            inward = np.array([y1 - y2, x2 - x1]) / math.hypot(x2 - x1, y2 - y1)
+            length = math.hypot(x2 - x1, y2 - y1)
+            inward = (y1 - y2) / length, (x2 - x1) / length
             rate = flow.flow_per_metre
             axes.annotate(
                 f"{flow.people}" if rate is None else f"{flow.people}\n{rate:.2f}",
                 (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
-                xytext=14.0 * inward if is_exit else (0.0, 0.0),  # the outside of an exit bears its name
+                xytext=(14.0 * inward[0], 14.0 * inward[1])
+                if is_exit
+                else (0.0, 0.0),  # the outside of an exit bears its name
                 textcoords="offset points",
                 ha="center",
                 va="center",

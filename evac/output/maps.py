@@ -126,12 +126,12 @@ class LevelMaps:
     @property
     def x(self) -> FloatArray:
         """Centres of the columns, (nx,) [m]."""
-        return self.origin[0] + self.spacing * (np.arange(self.shape[1]) + 0.5)
+        return np.asarray(self.origin[0] + self.spacing * (np.arange(self.shape[1]) + 0.5))
 
     @property
     def y(self) -> FloatArray:
         """Centres of the rows, (ny,) [m]."""
-        return self.origin[1] + self.spacing * (np.arange(self.shape[0]) + 0.5)
+        return np.asarray(self.origin[1] + self.spacing * (np.arange(self.shape[0]) + 0.5))
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -213,7 +213,7 @@ def level_maps(
         raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded was {recorded}")
     time = trajectory.time[rows]
     sums = {level.index: _Sums(Grid(level, spacing, kernel_radius)) for level in chosen}
-    for now, after, share in _steps(trajectory, rows):
+    for now, after, share in _steps(trajectory, rows.astype(np.int32)):
         for index, total in sums.items():
             total.add_people(now, index, share, waiting_speed)
             total.add_bodies(now, after, index, trajectory.radius)

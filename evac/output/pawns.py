@@ -129,7 +129,9 @@ def _surface(elevation: float, density: int) -> tuple[FloatArray, FloatArray, Fl
     # The normal is perpendicular to the profile: (slope_h, -slope_r) in the plane of radius and height.
     length = np.hypot(slope_r, slope_h)
     normal = seen(
-        np.outer(slope_h / length, cosine), np.outer(slope_h / length, sine), np.outer(-slope_r / length, np.ones(angles))
+        np.outer(slope_h / length, cosine),
+        np.outer(slope_h / length, sine),
+        np.outer(-slope_r / length, np.ones(angles)),
     )
     light = np.maximum(np.tensordot(LIGHT / np.linalg.norm(LIGHT), normal, 1), 0.0)
     rim = np.clip(normal[2] * 2.5, 0.0, 1.0)  # darker where it turns away, so that neighbours stand apart

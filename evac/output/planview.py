@@ -22,7 +22,11 @@ class _InPlan:
         """Return column, row and nearness [pixels]."""
         corner = self.corner[level]
         return np.column_stack(
-            [corner[:, 0] + self.scale * points[:, 0], corner[:, 1] - self.scale * points[:, 1], self.scale * points[:, 2]]
+            [
+                corner[:, 0] + self.scale * points[:, 0],
+                corner[:, 1] - self.scale * points[:, 1],
+                self.scale * points[:, 2],
+            ]
         )
 
 

@@ -92,9 +92,7 @@ class Renderer:
         Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.people} out")
         return np.array(picture)
 
-    def _look(
-        self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None
-    ) -> View:
+    def _look(self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None) -> View:
         """Draw the building."""
         building, has_legend = self.trajectory.building, self._colouring.has_legend
         if view == "plan":

@@ -3,12 +3,10 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pyvista
 import shapely
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from evac.arrays import FloatArray, IntArray
@@ -100,7 +98,10 @@ class _Scene:
         scale = camera.zoom * min(free[0] / np.ptp(across), free[1] / np.ptp(along))
         middle = MARGIN["left"] * width + 0.5 * free[0], MARGIN["top"] * height + 0.5 * free[1]
         corner = np.array(
-            [0.5 * (across.min() + across.max()) - middle[0] / scale, 0.5 * (along.min() + along.max()) + middle[1] / scale]
+            [
+                0.5 * (across.min() + across.max()) - middle[0] / scale,
+                0.5 * (along.min() + along.max()) + middle[1] / scale,
+            ]
         )
         self._is_stacked = len({round(level.z_min, 1) for level in levels if level.kind == "floor"}) > 1
         self.project = _InSpace(self.rows, aimed.axes, zero, aimed.stretch, scale, corner)

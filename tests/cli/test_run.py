@@ -225,7 +225,7 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     assert {path.name for path in (tmp_path / "r").iterdir()} == {TRAJECTORY_NAME}
     frames = len(read_trajectory(tmp_path / "r"))
     assert frames >= 3
-    assert evac("export", "r", "--vtk") == 0
+    assert evac("export", "r") == 0
     assert f"{frames} frames" in capsys.readouterr().out
     assert len(list((tmp_path / "r" / "frames").iterdir())) == frames
     assert evac("render", "r", "--out", "picture.png") == 0

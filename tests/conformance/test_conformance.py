@@ -91,7 +91,10 @@ def test_built_ins_are_named_after_what_they_are():
             if cls.__module__ in BUILTIN_PLUGINS:
                 assert cls.__module__ == f"evac_plugins.{kind}_{name}"
                 camel = "".join(word.capitalize() for word in name.split("_"))
-                assert cls.__name__ in (camel, camel + {"import": "Importer", "export": "Exporter"}.get(kind, kind.capitalize()))
+                assert cls.__name__ in (
+                    camel,
+                    camel + {"import": "Importer", "export": "Exporter"}.get(kind, kind.capitalize()),
+                )
     for name, cls in REGISTRY.solvers.items():
         assert cls.__module__.startswith("evac_plugins.solver_")
         assert cls.__name__ == "".join(word.capitalize() for word in name.split("_"))

@@ -21,7 +21,9 @@ def integral(maps, name):
 @pytest.fixture
 def standing(written):
     """One person at the centre of floor 0 for 10 s, pressed by 100 N."""
-    return written(np.full((11, 1, 2), [5.05, 3.05]), force=100.0, radius=0.23).maps(["floor 0"], spacing=0.1, kernel_radius=R)
+    return written(np.full((11, 1, 2), [5.05, 3.05]), force=100.0, radius=0.23).maps(
+        ["floor 0"], spacing=0.1, kernel_radius=R
+    )
 
 
 @pytest.fixture

@@ -64,7 +64,7 @@ def test_people_stand_on_three_storeys(exported):
 def test_building_has_its_parts_by_name_at_their_heights(exported):
     trajectory, path = exported
     blocks = pyvista.read(path.parent / "building.vtm")
-    names = {block: blocks[block].keys() for block in blocks.keys()}
+    names = {block: blocks[block].keys() for block in blocks.keys()}  # noqa: SIM118
     levels = [item.name for item in trajectory.building.levels]
     portals = [f"portal {k}" for k in range(4)]
     assert names == {"levels": levels, "walls": levels, "exits": ["door"], "portals": portals, "areas": ["room"]}
