@@ -81,7 +81,7 @@ class Pen:
 
     def colour_bar(self, side: tuple[int, int, int, int], colours: NDArray[np.uint8], top: float, label: str) -> None:
         """Draw a scale of colours (n, 3) from 0 to `top`."""
-        left, upper, right, lower = side
+        left, upper, _, lower = side
         tall = min(lower - upper, 20 * self.unit)
         high = (upper + lower + tall) // 2 - tall
         for k in range(tall):
