@@ -1,6 +1,5 @@
 """Exporter "jupedsim": SQLite databases of JuPedSim, version 2, one for each level."""
 
-import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
@@ -79,6 +78,8 @@ def _rows(trajectory: Trajectory, frames: list[int]) -> np.ndarray:
 
 def _write(path: Path, level: Level, rows: np.ndarray, frames: int, frame_rate: float) -> None:
     """Write one database; what cannot be written is an OSError, as of other files."""
+    import sqlite3
+
     # A collection of polygons, as JuPedSim writes them.
     wkt = shapely.to_wkt(shapely.GeometryCollection(list(shapely.get_parts(level.polygon))), rounding_precision=-1)
     key = zlib.crc32(wkt.encode())

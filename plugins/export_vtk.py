@@ -6,7 +6,6 @@ from pathlib import Path
 from evac.hookspecs import hookimpl
 from evac.output.exporter import Exporter
 from evac.output.trajectory import Trajectory
-from evac.output.vtk_export import export_vtk
 
 
 class VtkExporter(Exporter):
@@ -16,6 +15,8 @@ class VtkExporter(Exporter):
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
         """Write ``animation.pvd`` and the files that it lists."""
+        from evac.output.vtk_export import export_vtk
+
         return [export_vtk(trajectory, path)]
 
     def place(self, trajectory: Trajectory) -> Path:

@@ -249,6 +249,7 @@ class _Sums:
         self.pressure = np.zeros(cells)
         self.visits = np.zeros(0, np.int64)  # person * cells + cell, of everybody who covered a cell
         self._new_visits: list[NDArray[np.int64]] = []
+        self._new = 0  # number of those
 
     def add_people(self, frame: Frame, level: int, share: float, waiting_speed: float) -> None:
         """Add one frame to the maps of densities."""
@@ -291,13 +292,14 @@ class _Sums:
     def _visit(self, person: IntArray, cell: NDArray[np.int64], time: float) -> None:
         """Note that people cover cells at a time."""
         self.last[cell] = time
-        self._new_visits.append(person * np.int64(self.last.size) + cell)
-        if sum(map(len, self._new_visits)) > 1_000_000:
+        self._new_visits.append(np.unique(person * np.int64(self.last.size) + cell))
+        self._new += len(self._new_visits[-1])
+        if self._new > max(1_000_000, len(self.visits)):  # so that what is known is not sorted again too often
             self._merge_visits()
 
     def _merge_visits(self) -> None:
         self.visits = np.unique(np.concatenate([self.visits, *self._new_visits]))
-        self._new_visits = []
+        self._new_visits, self._new = [], 0
 
     def maps(self, level: Level, time: FloatArray) -> LevelMaps:
         """Return the maps of frames at these times."""

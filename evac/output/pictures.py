@@ -20,13 +20,18 @@ SIZE = (8.0, 5.0)
 
 
 def draw_egress(results: Results, path: Path) -> None:
-    """Draw the egress curve of everybody, and of each group of several where there are not too many, to a PNG file.
+    """Draw the egress curve to a PNG file, see `egress_figure`.
 
     Raises
     ------
     ResultError
         The file cannot be written.
     """
+    save(egress_figure(results), path)
+
+
+def egress_figure(results: Results) -> Figure:
+    """Return the egress curve of everybody, and of each group of several where there are not too many."""
     note = f"{results.evacuated} of {results.people} out"
     if results.last_out is not None:
         which = "the last one" if results.evacuated == results.people else "the last of these"
@@ -46,7 +51,7 @@ def draw_egress(results: Results, path: Path) -> None:
         legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
         # Of names that are too long for the picture, the end is cut off.
         figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
-    save(figure, path)
+    return figure
 
 
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
