@@ -77,7 +77,8 @@ class Grid:
         A body covers the cells whose centre is within its `radius` (s,), and the one that its centre is in.
         """
         ny, nx = self.shape
-        reach = math.ceil(float(radius.max(initial=0.0)) / self.spacing) + 1
+        # The centre of the k-th neighbour of a cell is no nearer than k - 1/2 cells.
+        reach = math.floor(float(radius.max(initial=0.0)) / self.spacing + 0.5)
         steps = np.arange(-reach, reach + 1)
         own = np.floor((position - self.origin) / self.spacing).astype(np.int64)
         column = own[:, :1] + np.repeat(steps[None], steps.size, axis=0).ravel()
