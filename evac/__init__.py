@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from evac.physics.force import Force as Force
     from evac.physics.solver import Solver as Solver
     from evac.registry import Registry as Registry
+    from evac.running import resume as resume
     from evac.running import run as run
     from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
@@ -74,6 +75,7 @@ _HOMES = {
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",
+    "resume": "evac.running",
     "run": "evac.running",
     "run_many": "evac.ensemble",
 }

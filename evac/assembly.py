@@ -1,11 +1,12 @@
 """From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code
+from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code, text_of
 from evac.registry import BUILTIN_IMPORTERS, Registry
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     """
     path = Path(path)
     importer = (registry or Registry(builtins=BUILTIN_IMPORTERS)).importer_for(path)
-    return _building(importer(), path, options)
+    return _building(_made("importer", importer, {}), path, options)
 
 
 def make_importer(case: "Case") -> "Importer":
@@ -70,7 +71,7 @@ def make_importer(case: "Case") -> "Importer":
     """
     off = {name for name, table in case.importers.items() if table is False}
     importer = case.registry.importer_for(case.mesh, off)
-    made: Importer = importer(**(case.importers.get(importer.name) or {}))
+    made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
     return made
 
 
@@ -85,7 +86,8 @@ def make_contact_model(case: "Case") -> "ContactModel":
     from evac.physics.contact_model import SolvedContactModel
 
     name = case.contact.model
-    made: ContactModel = case.registry.get("contact_model", name)(**case.contact.tables.get(name, {}))
+    model = case.registry.get("contact_model", name)
+    made: ContactModel = _made("contact model", model, case.contact.tables.get(name, {}))
     if isinstance(made, SolvedContactModel):
         try:
             case.registry.get("solver", made.solver)
@@ -96,21 +98,30 @@ def make_contact_model(case: "Case") -> "ContactModel":
 
 def make_forces(case: "Case") -> "list[Force]":
     """Return the forces in use, in the order of the case."""
-    return [case.registry.get("force", name)(**table) for name, table in case.forces.items() if table is not False]
+    return _all_made(case, "force", case.forces)
 
 
 def make_behaviours(case: "Case") -> "list[Behaviour]":
     """Return the behaviours in use, in the order of the case; those that act last behind the others."""
-    made: list[Behaviour] = [
-        case.registry.get("behaviour", name)(**table) for name, table in case.behaviours.items() if table is not False
-    ]
+    made: list[Behaviour] = _all_made(case, "behaviour", case.behaviours)
     return sorted(made, key=lambda behaviour: behaviour.acts_last)
 
 
 def make_recorders(case: "Case") -> "list[Recorder]":
     """Return the recorders in use: all that are registered but those switched off."""
     given = {name: case.recorders.get(name, {}) for name in case.registry.recorders}
-    return [case.registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
+    return _all_made(case, "recorder", given)
+
+
+def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
+    """Return the plugins of a kind that are not switched off, each with its parameters."""
+    used = {name: table for name, table in tables.items() if table is not False}
+    return [_made(kind, case.registry.get(kind, name), table) for name, table in used.items()]
+
+
+def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
+    with plugin_code(f"{word} {cls.name!r}: cannot be made"):
+        return cls(**table)
 
 
 def read_surface(importer: "Importer", path: Path) -> SurfaceMesh:
@@ -132,7 +143,7 @@ def read_surface(importer: "Importer", path: Path) -> SurfaceMesh:
             mesh = importer.read(path)
         except (ValueError, OSError) as error:
             raise BuildingError(
-                f"{path}: cannot be read: {error}; write the file again, or in another format"
+                f"{path}: cannot be read: {text_of(error)}; write the file again, or in another format"
             ) from error
     if not isinstance(mesh, SurfaceMesh):
         raise PluginError(f"{path}: importer {importer.name!r} returned {type(mesh).__name__}, not a SurfaceMesh")

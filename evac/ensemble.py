@@ -19,8 +19,9 @@ from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
 from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
+from evac.output.resultfolder import ResultFolder
 from evac.output.results import plain, versions, write_csv
-from evac.running import clear_folder
+from evac.scenario.trust import run_plugin_files
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -120,20 +121,26 @@ class Ensemble:
             columns[f"percentile_{of}_over_runs"] = np.percentile(out, of, axis=0)
         return columns
 
-    def write(self, folder: Path) -> None:
+    def write(self, folder: str | Path) -> None:
         """Write summary.json, runs.csv, egress.csv and egress.png.
 
         Parameters
         ----------
         folder : Path
-            New, empty, or a result folder of evac, which is overwritten.
+            New, empty, or a result folder of evac, which is replaced.
 
         Raises
         ------
         ResultError
-            The folder is somebody else's, or cannot be written.
+            The folder is somebody else's, is being written by another run, or cannot be written.
         """
-        clear_folder(folder)
+        with ResultFolder(folder) as place:
+            place.start()
+            self.write_to(place.running)
+            place.publish()
+
+    def write_to(self, folder: Path) -> None:
+        """As `write`, to a folder that is there already and empty."""
         summary = {
             "title": self.case.title,
             "people": self.people,
@@ -228,6 +235,7 @@ def run_many(
     """
     if runs < 1 or (workers is not None and workers < 1):
         raise ScenarioError(f"runs and workers must be at least 1, not {runs} and {workers}")
+    case = run_plugin_files(case)
     first = case.simulation.seed
     cases = [case.change({"simulation.seed": first + k}) for k in range(runs)]
     found = []

@@ -71,6 +71,9 @@ KINDS = {
     "case": "evac_building_cases",
 }
 
+#: Modules of plugin files have names that start so.
+FILE_PREFIX = "evac_plugin_"
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -244,6 +247,23 @@ class Registry:
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
+    def call_all(self, hook: str, **given: Any) -> None:
+        """Call a hook of every plugin that has it, the last registered first; what one raises names it.
+
+        Parameters
+        ----------
+        hook, **given
+            As for `calls`.
+
+        Raises
+        ------
+        PluginError
+            A plugin fails.
+        """
+        for plugin, call in reversed(self.calls(hook, **given)):
+            with plugin_code(f"{plugin}: {hook}"):
+                call()
+
     def providers(self, used: Iterable[Configurable]) -> list[str]:
         """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
 
@@ -324,7 +344,7 @@ class Registry:
 def _module_of(path: Path, text: bytes) -> ModuleType:
     """Import a file under a name of its own, kept in `sys.modules` as numba's cache asks for."""
     digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
-    name = f"evac_plugin_{path.stem}_{digest}"
+    name = f"{FILE_PREFIX}{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
@@ -338,6 +358,12 @@ def _module_of(path: Path, text: bytes) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def is_plugin_file(path: str) -> bool:
+    """Return whether a plugin has been imported from that file."""
+    modules = list(sys.modules.items())
+    return any(getattr(module, "__file__", None) == path for name, module in modules if name.startswith(FILE_PREFIX))
 
 
 def _description(kind: str, name: str, item: Any) -> dict[str, Any]:

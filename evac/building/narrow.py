@@ -64,9 +64,12 @@ def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
     ends = shapely.get_coordinates(gap).reshape(-1, 2, 2)
     along = np.full(len(one), np.inf)
     same = of[one] == of[other]
-    ring = rings[of[one[same]]]
-    along[same] = np.abs(np.subtract(*(shapely.line_locate_point(ring, shapely.points(ends[same, k])) for k in (0, 1))))
-    along[same] = np.minimum(along[same], shapely.length(ring) - along[same])
+    # Where on their ring: the sides before, and the way along the side itself.
+    length = shapely.length(lines)
+    before = np.cumsum(length) - length
+    at = before[other] + np.hypot(*(ends[:, 1] - side[other, 0]).T)
+    along[same] = np.abs(at - before[one])[same]
+    along[same] = np.minimum(along[same], shapely.length(rings)[of[one[same]]] - along[same])
     across = (shapely.length(gap) > ROUNDING) & (along > FAR_ALONG * width)
     shapely.prepare(polygon)
     across[across] = shapely.contains(polygon, gap[across])

@@ -19,6 +19,9 @@ from evac.errors import BuildingError
 #: Welding may change the area of the ground by this share.
 MOST_CHANGE = 5e-4
 
+#: Extent of a building, and the distance of its farthest point from the origin [m].
+LARGEST, FARTHEST = 1e5, 1e8
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -52,6 +55,19 @@ class Surface:
     warnings: tuple[str, ...]
 
 
+def _check_extent(mesh: TriangleMesh, points: FloatArray) -> None:
+    """Refuse what is too large or too far off [m] to be a building in metres."""
+    used = points[mesh.triangles.ravel()]
+    low, high = used.min(axis=0), used.max(axis=0)
+    if (high - low).max() > LARGEST or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
+        width, depth, height = (high - low).tolist()
+        raise BuildingError(
+            f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
+            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); at most {LARGEST:g} m are allowed, no farther "
+            f"than {FARTHEST:g} m from the origin: set building.scale, or move it"
+        )
+
+
 def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
     """Weld, sort out and split the cells of a mesh until it is a walkable surface.
 
@@ -73,6 +89,7 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
     check_resolution(mesh.source, mesh.points, scale, weld)
     notes = list(mesh.warnings)
     points = mesh.points * scale
+    _check_extent(mesh, points)
     vertices, new_index = weld_points(points, weld)
     exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
     exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}

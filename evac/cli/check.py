@@ -1,4 +1,7 @@
-"""evac check: read a case or a mesh file and show what evac makes of it."""
+"""evac check: read a case or a mesh file and show what evac makes of it.
+
+Plugin files that a case names are listed and not run; what they would add cannot be checked. --plugin FILE runs one.
+"""
 
 import argparse
 import math
@@ -8,10 +11,11 @@ from typing import TYPE_CHECKING
 from evac.cli.cases import case_of, declare_case
 from evac.cli.progress import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
-from evac.errors import EvacError
+from evac.errors import BuildingError, EvacError
 
 if TYPE_CHECKING:
     from evac.building.model import Building, Exit, Portal
+    from evac.scenario.case import Case
     from evac.simulation import Simulation
 
 
@@ -33,9 +37,14 @@ def execute(arguments: argparse.Namespace) -> int:
         check_exits(building)
         return 0
     case = case_of(arguments)
+    show_facts({"case": case.title or case.folder.name, "file": case.source})
+    if case.unloaded_files:
+        known = _known_part(case)
+        if known is None:
+            return 0
+        case = known
     from evac.simulation import Simulation
 
-    show_facts({"case": case.title or case.folder.name, "file": case.source})
     try:
         with Display(has_lines=False) as display:
             simulation = Simulation(case, will_run=False, compiling=display.compiling)
@@ -49,6 +58,33 @@ def execute(arguments: argparse.Namespace) -> int:
     show_people(simulation)
     show_warnings(simulation.warnings())
     return 0
+
+
+def _known_part(case: "Case") -> "Case | None":
+    """Show the plugin files that have not been run, and return what can be checked without; None if it cannot be."""
+    from evac.assembly import make_building, make_importer
+    from evac.scenario.problems import dotted
+    from evac.scenario.trust import is_inside, without_unknown
+
+    rows = [
+        (path, "yes" if is_inside(path, case.folder) else "only with --plugin: it is outside of the case's folder")
+        for path in case.unloaded_files
+    ]
+    show_table("Plugin files of the case, not run", ("file", "evac run runs it"), rows)
+    unchecked = [dotted(key, {}) for key in case.unchecked]
+    option = " ".join(f"--plugin {path}" for path in case.unloaded_files)
+    names = ", ".join(unchecked) or "none that the case uses"
+    show_warnings([f"names that cannot be checked without the plugin files: {names}; with them: {option}"])
+    try:
+        make_importer(case)
+    except BuildingError:
+        show_warnings([f"{case.mesh}: no importer reads it without the plugin files, so it is not checked either"])
+        return None
+    if ("contact", "model") in case.unchecked:
+        show_building(make_building(case))
+        show_warnings(["without the contact model people are not placed"])
+        return None
+    return without_unknown(case)
 
 
 def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":

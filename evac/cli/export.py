@@ -1,18 +1,21 @@
 """evac export: write what a run recorded in a format of other programs.
 
-Works on what is left of a killed run as well. Formats are plugins: `evac plugins` lists them with the other plugins.
+Works on a run that goes on, and on what is left of a killed one, as well. Formats are plugins: `evac plugins` lists
+them with the other plugins.
 """
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
 from evac.cli.cases import declare_plugin
+from evac.cli.results import declare_result, trajectory_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+    declare_result(parser)
     parser.add_argument(
         "--to", default="vtk", metavar="FORMAT", help="vtk (default), jupedsim, csv, parquet, geojson, or of a plugin"
     )
@@ -31,13 +34,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Write the files and name those that a user opens."""
     from evac.output.exporter import export
-    from evac.output.trajectory import read_trajectory
     from evac.registry import BUILTIN_EXPORTERS, Registry
 
     registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
     exporter = registry.get("exporter", arguments.to)(**_values(arguments.parameters))
-    for path in export(read_trajectory(arguments.result), exporter, arguments.out):
+    trajectory = trajectory_of(arguments)
+    for path in export(trajectory, exporter, arguments.out):
         print(path)
+    if len(trajectory):
+        print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
     return 0
 
 

@@ -1,15 +1,18 @@
 """evac map: draw maps of a run: density, speed, flow, waiting, time to clear, contact pressure, usage.
 
-Each map is a picture with the plans of all storeys. Works on what is left of a killed run as well.
+Each map is a picture with the plans of all storeys. Works on a run that goes on, and on what is left of
+a killed one, as well.
 """
 
 import argparse
 from pathlib import Path
 
+from evac.cli.results import declare_result, trajectory_of
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+    declare_result(parser)
     parser.add_argument(
         "--of",
         metavar="MAP,...",
@@ -33,14 +36,13 @@ def execute(arguments: argparse.Namespace) -> int:
     """Draw the maps and name the files."""
     from evac.errors import ResultError
     from evac.output.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
-    from evac.output.trajectory import read_trajectory
     from evac.parameters import did_you_mean
 
     quantities = list(QUANTITIES) if arguments.of == "all" else arguments.of.split(",")
     for quantity in quantities:
         if quantity not in QUANTITIES:
             raise ResultError(f"--of {quantity}: there is no such map; {did_you_mean(quantity, list(QUANTITIES))}")
-    trajectory = read_trajectory(arguments.result)
+    trajectory = trajectory_of(arguments)
     maps = level_maps(
         trajectory,
         arguments.level,

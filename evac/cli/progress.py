@@ -31,9 +31,10 @@ class Display:
     def __init__(self, has_lines: bool = True) -> None:
         self._has_lines = has_lines
         self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
-        self._is_bar = self._console.is_terminal
+        # Variables such as FORCE_COLOR make rich take any file for a terminal.
+        self._is_bar = self._console.is_terminal and sys.stderr.isatty() and not self._console.is_dumb_terminal
         self._bar = bars.Progress(
-            bars.SpinnerColumn(),
+            bars.SpinnerColumn("line" if self._console.options.ascii_only else "dots"),
             bars.TextColumn("{task.description}", markup=False),
             bars.BarColumn(bar_width=30),
             bars.TextColumn("{task.fields[numbers]}", markup=False),
@@ -75,6 +76,10 @@ class Display:
         elif now - self._shown >= LINE_EVERY:
             self._shown = now
             self._print(numbers)
+
+    def line(self, text: str) -> None:
+        """Print a line for good, above the bar."""
+        self._console.print(text, soft_wrap=True)
 
     def _print(self, line: str) -> None:
         if self._has_lines:

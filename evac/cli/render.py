@@ -1,12 +1,13 @@
 """evac render: draw a picture and a film of a run, off screen.
 
-Works on what is left of a killed run as well.
+Works on a run that goes on, and on what is left of a killed one, as well.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
+from evac.cli.results import declare_result, trajectory_of
 from evac.output.files import FILM_NAME, PICTURE_NAME
 
 #: Width and height of pictures and of films [pixels].
@@ -15,7 +16,7 @@ PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+    declare_result(parser)
     parser.add_argument(
         "--out",
         type=Path,
@@ -52,10 +53,9 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.output.camera import Camera
     from evac.output.colouring import LEGEND_GROUPS
     from evac.output.render import FILMS, Renderer, render_animation, render_picture
-    from evac.output.trajectory import read_trajectory
 
     camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
-    trajectory = read_trajectory(arguments.result)
+    trajectory = trajectory_of(arguments)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
         show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])

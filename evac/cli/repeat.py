@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from evac.cli.cases import case_of, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder
 from evac.cli.progress import Display
 
 
@@ -28,21 +28,22 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.ending import EVERYBODY_OUT
     from evac.ensemble import run_many
-    from evac.running import check_folder, make_folder
+    from evac.output.resultfolder import ResultFolder
     from evac.simulation import Simulation
 
-    case = case_of(arguments)
+    case = case_to_run(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
-    check_folder(folder)
-    with Display() as display:
-        display.phase("reading the building, computing directions")
-        warnings = Simulation(case, compiling=display.compiling).warnings()
-    show_warnings(warnings)
-    make_folder(folder)
-    print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
-    with Display() as display:
-        ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
-    ensemble.write(folder)
+    with ResultFolder(folder) as place:
+        with Display() as display:
+            display.phase("reading the building, computing directions")
+            warnings = Simulation(case, compiling=display.compiling).warnings()
+        show_warnings(warnings)
+        print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
+        with Display() as display:
+            ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
+        place.start()
+        ensemble.write_to(place.running)
+        place.publish()
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
     show_table("When the last person left", ("statistic", "value", "over"), _rows(ensemble.last_out()))

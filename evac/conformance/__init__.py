@@ -18,7 +18,7 @@ from typing import Any
 
 from evac.behaviour import Behaviour, check_writes
 from evac.building.importer import Importer
-from evac.conformance.cases import check_declared_arrays, check_looks_only, check_same_bits
+from evac.conformance.cases import check_declared_arrays, check_goes_on, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.exporters import EXPORTER_CHECKS, recorded
 from evac.conformance.forces import check_pair_force
@@ -88,6 +88,7 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
             check_declared_arrays(case, cls.name, ticks)
         elif issubclass(cls, Recorder):
             check_looks_only(cls(**values), case, ticks)
+            check_goes_on(cls(**values), case, ticks)
         check_same_bits(case, ticks)
 
 

@@ -1,5 +1,6 @@
 """The files of a result folder: what each is called, and what is said where one cannot be written."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+CHECKPOINT_NAME = "checkpoint.evac"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 BUILDING_FOLDER = "building"
@@ -34,7 +36,10 @@ MAPS = "map_*.png"
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
-#: What a run writes to its folder; nothing else there is ever touched.
+#: Key of a summary that lists the files of plugins, relative to the folder.
+PLUGIN_FILES = "plugin_files"
+
+#: What a run writes to its folder, besides files of plugins, which its summary lists.
 WRITTEN = (
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
@@ -48,6 +53,8 @@ WRITTEN = (
     *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
+    f"{CHECKPOINT_NAME}.new",
+    CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
     TRAJECTORY_NAME,
 )
@@ -61,6 +68,25 @@ def frame_name(k: int) -> str:
 def map_name(quantity: str) -> str:
     """Return the picture of the map of a quantity, relative to the result folder."""
     return MAPS.replace("*", quantity)
+
+
+def sync_file(path: Path) -> None:
+    """See that a file is on the disk as the system has it now."""
+    _sync(path, os.O_RDWR)
+
+
+def sync_folder(folder: Path) -> None:
+    """See that names and renames in a folder are on the disk, where the system lets one ask for it."""
+    if os.name != "nt":
+        _sync(folder, os.O_RDONLY)
+
+
+def _sync(path: Path, mode: int) -> None:
+    descriptor = os.open(path, mode)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager

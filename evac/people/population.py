@@ -12,7 +12,8 @@ from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import elevation
 from evac.building.model import DOWN, FLAT, UP, Building
 from evac.building.places import HEIGHT_REACH
-from evac.errors import ScenarioError
+from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.errors import ScenarioError, naming
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
@@ -27,6 +28,17 @@ if TYPE_CHECKING:
 
 #: How far outside a level, or into a wall, rounding may put a position that was written down [m].
 ROUNDING = 1e-6
+
+
+#: Of what is drawn for each person; masses and relaxation times that are less make the models overflow.
+BOUNDS = {
+    "radius": (LEAST_RADIUS, MOST_RADIUS),
+    "mass": (0.001, MOST_MASS),
+    "tau": (1e-6, MOST_TAU),
+    "speed": (0.0, MOST_SPEED),
+    "speed_up": (0.0, MOST_SPEED),
+    "speed_down": (0.0, MOST_SPEED),
+}
 
 
 @dataclass(frozen=True)
@@ -142,7 +154,8 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):
         crowd.group[group.rows] = index
         crowd.route[group.rows] = _route_index(case, people, fields)
-        _draw_quantities(crowd, people, group.rows, seed)
+        with naming(case.source):
+            _draw_quantities(crowd, people, group.rows, seed)
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
@@ -165,7 +178,15 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
     """Draw what the people of one group differ in."""
 
     def drawn(quantity: str, distribution: Distribution) -> FloatArray:
-        return distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
+        values = distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
+        least, greatest = BOUNDS[quantity]
+        for value in (values.min(), values.max()):
+            if not least <= value <= greatest:
+                raise ScenarioError(
+                    f"people.{people.name}.{quantity}: {value:.3g} for one person lies outside "
+                    f"[{least:g}, {greatest:g}]; bound the distribution by minimum and maximum"
+                )
+        return values
 
     crowd.radius[rows] = drawn("radius", people.radius)
     crowd.mass[rows] = drawn("mass", people.mass)

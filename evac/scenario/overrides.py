@@ -1,11 +1,11 @@
 """Overrides: single keys of a case changed from outside, as `people.class_1.number=5`."""
 
 import copy
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from evac.parameters import did_you_mean
+from evac.scenario.content import faults, parse
 from evac.scenario.problems import Key, Problem, dotted
 
 
@@ -25,8 +25,8 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
             problems.append(Problem((text,), "an override reads dotted.key=value"))
             continue
         try:
-            pairs.append((key, tomllib.loads(f"value = {word}")["value"]))
-        except tomllib.TOMLDecodeError as error:
+            pairs.append((key, parse(f"value = {word}")["value"]))
+        except ValueError as error:
             if word[0] in "\"'[{":
                 problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
             else:
@@ -39,7 +39,8 @@ def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -
     pairs, problems = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
-        found = _set(table, name.split("."), value)
+        wrong = faults({"value": value})  # before it is copied
+        found = Problem((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
         if isinstance(found, Problem):
             problems.append(found)
         else:

@@ -207,7 +207,7 @@ def _start_long_run(folder):
     words = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(folder), "--set"]
     words += ["simulation.step=0.00005", "output.every=0.1"]
     process = subprocess.Popen(words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    path = folder / TRAJECTORY_NAME
+    path = folder.with_name(f"{folder.name}.running") / TRAJECTORY_NAME
     deadline = time.monotonic() + 240.0
     while time.monotonic() < deadline and process.poll() is None:
         if path.is_file() and path.stat().st_size > 100_000:
@@ -222,15 +222,18 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     process.kill()
     assert process.wait() == -signal.SIGKILL
     process.communicate()
-    assert {path.name for path in (tmp_path / "r").iterdir()} == {TRAJECTORY_NAME}
-    frames = len(read_trajectory(tmp_path / "r"))
+    assert {path.name for path in (tmp_path / "r.running").iterdir()} == {TRAJECTORY_NAME}
+    frames = len(read_trajectory(tmp_path / "r.running"))
     assert frames >= 3
     assert evac("export", "r") == 0
-    assert f"{frames} frames" in capsys.readouterr().out
-    assert len(list((tmp_path / "r" / "frames").iterdir())) == frames
+    shown = capsys.readouterr()
+    assert f"{frames} frames" in shown.err
+    assert "r.running" in shown.err
+    assert len(list((tmp_path / "r.running" / "frames").iterdir())) == frames
     assert evac("render", "r", "--out", "picture.png") == 0
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert evac("run", "square_room", "--out", "r") == 0
+    assert not (tmp_path / "r.running").exists()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
@@ -246,3 +249,8 @@ def test_ctrl_c_keeps_what_there_is(tmp_path):
     assert "interrupted" in out
     assert "stopping at the end of this tick" in err
     assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_bytes_that_are_no_text_are_refused(evac, capsys):
+    assert evac("check", "square_room", "--set", "title=\udcff") == 2
+    assert r"--set title=\udcff" in capsys.readouterr().err

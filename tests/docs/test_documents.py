@@ -21,6 +21,7 @@ DOCUMENTS = (
     "docs/pictures.md",
     "docs/plugins.md",
     "docs/results.md",
+    "docs/status.md",
     "docs/trajectory.md",
 )
 
