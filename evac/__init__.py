@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
     from evac.importing import import_building as import_building
+    from evac.output.exporter import Exporter as Exporter
+    from evac.output.maps import LevelMaps as LevelMaps
     from evac.output.recorder import Recorder as Recorder
     from evac.output.results import Results as Results
     from evac.output.trajectory import Trajectory as Trajectory
@@ -55,9 +57,11 @@ _HOMES = {
     "ContactModel": "evac.physics.contact_model",
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
+    "Exporter": "evac.output.exporter",
     "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
+    "LevelMaps": "evac.output.maps",
     "Parameter": "evac.parameters",
     "Plan": "evac.building.plan",
     "PluginError": "evac.errors",

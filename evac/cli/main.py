@@ -33,6 +33,7 @@ COMMANDS = {
     "cache": "evac.cli.cache",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
+    "map": "evac.cli.map",
     "evidence": "evac.cli.evidence",
 }
 

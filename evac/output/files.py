@@ -15,11 +15,22 @@ PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
 CHECKPOINT_NAME = "checkpoint.evac"
 ANIMATION_NAME = "animation.pvd"
-BUILDING_NAME = "building.vtp"
+BUILDING_NAME = "building.vtm"
+BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
+
+#: Pattern of the files of the parts of a building.
+BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
+
+#: Where `evac export` writes if no place is named, and the patterns of what it writes there.
+EXPORT_FOLDER = "export"
+EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
+
+#: Pattern of the pictures of maps, see `map_name`.
+MAPS = "map_*.png"
 
 #: What `evac render` draws if nothing else is named.
 PICTURE_NAME = "picture.png"
@@ -36,7 +47,10 @@ WRITTEN = (
     RUNS_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
+    BUILDING_PARTS,
     FRAMES,
+    MAPS,
+    *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
     f"{CHECKPOINT_NAME}.new",
@@ -49,6 +63,11 @@ WRITTEN = (
 def frame_name(k: int) -> str:
     """Return the file of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
+
+
+def map_name(quantity: str) -> str:
+    """Return the picture of the map of a quantity, relative to the result folder."""
+    return MAPS.replace("*", quantity)
 
 
 def sync_file(path: Path) -> None:

@@ -4,11 +4,11 @@ import mmap
 import os
 import stat
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, TypedDict
+from typing import TYPE_CHECKING, Any, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,11 @@ from evac.output.layout import (
     read_header,
 )
 from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from pedpy import TrajectoryData, WalkableArea
+
+    from evac.output.maps import LevelMaps
 
 #: Positions farther than this outside the rectangle around the building are taken for damage [m].
 FAR_OUTSIDE = 1000.0
@@ -279,6 +284,18 @@ class Trajectory:
             contact_force=records[:, 6],
             crowd_pressure=records[:, 6] / (2.0 * np.pi * self.radius[person]),
         )
+
+    def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
+        """Return maps of density, speed, flow, ... of levels: see `evac.output.maps.level_maps`."""
+        from evac.output.maps import level_maps
+
+        return level_maps(self, levels, **options)
+
+    def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
+        """Return the motion on a level and its floor as PedPy takes them: see `evac.output.pedpy_data.to_pedpy`."""
+        from evac.output.pedpy_data import to_pedpy
+
+        return to_pedpy(self, level)
 
     def nearest(self, time: float) -> int:
         """Return the index of the frame nearest to `time` [s]."""

@@ -18,6 +18,8 @@ DOCUMENTS = (
     "docs/architecture.md",
     "docs/buildings.md",
     "docs/compilation.md",
+    "docs/exports.md",
+    "docs/pictures.md",
     "docs/plugins.md",
     "docs/results.md",
     "docs/status.md",
@@ -77,6 +79,20 @@ def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
     lines = done.stdout.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["dem", "nsm1", "nsm2"]
     assert 0.0 < float(re.fullmatch(r"mean speed in the room (\S+) m/s", lines[3])[1]) < 2.0
+
+
+def test_python_of_the_guides_to_pictures_and_exports_runs(text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    evac.run(evac.load("classroom", {"simulation.duration": 6.0, "output.animation": False}), "classroom-result")
+    for document, blocks in (("docs/pictures.md", 2), ("docs/exports.md", 1)):
+        found = fenced(text(document), "python")
+        assert len(found) == blocks
+        for block in found:
+            exec(compile(block, document, "exec"), {})
+    assert (tmp_path / "classroom.png").stat().st_size > 0
+    greatest, passed = re.findall(r"(\S+) people pe|(\d+) people passed", capsys.readouterr().out)[-2:]
+    assert 2.0 < float(greatest[0]) < 12.0
+    assert 25 <= int(passed[1]) <= 30
 
 
 def test_the_reference_of_a_case_is_the_generated_one(text):

@@ -89,7 +89,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac explain square_room": [],
         "evac run square_room": ["--out", result],
         "evac repeat square_room --runs 2 --jobs 1": ["--out", str(folder / "runs")],
-        "evac export --vtk": [result],
+        "evac export": [result],
         "evac render": [result, "--out", str(folder / "picture.png")],
         "evac evidence --help": [],
         "evac check primary_school": [],
