@@ -66,7 +66,7 @@ def draw_levels(
 def levels_figure(
     building: Building, findings: Sequence[Finding] = (), marks: Sequence[Mark] = (), title: str = ""
 ) -> Figure:
-    """Return the plan of every storey, with walls, portals, exits, areas and stairs, their names, widths and coordinates.
+    """Return the plan of every storey: walls, portals, exits, areas and stairs, with names, widths and coordinates.
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
     numbers at their places and listed below, in their order.
