@@ -97,7 +97,10 @@ def run_into(
             if simulation.step:
                 simulation.ended = simulation.ended or FAILED
                 with suppress(ResultError):  # the first failure is the one to tell
-                    simulation.results().write(folder)
+                    results = simulation.results()
+                    if results.case.output.tables:
+                        results.write_tables(folder)
+                    results.write_summary(folder)
             raise
         if writing is not None:
             writing()
@@ -168,10 +171,10 @@ def clear_folder(folder: Path) -> None:
 
 
 def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
-    """Write everything but the trajectory, which the run has written, to its folder.
+    """Write everything but trajectory and replay, which the run has written, to its folder.
 
-    Always egress.csv, people.csv and summary.json; egress.png where ``output.picture`` is true, the VTK
-    animation where ``output.animation`` is.
+    Always summary.json; egress.csv and people.csv where ``output.tables`` is true, egress.png where ``output.picture``
+    is, the VTK animation where ``output.animation`` is.
 
     Parameters
     ----------
@@ -192,7 +195,8 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
         A file cannot be written.
     """
     try:
-        results.write_tables(folder)
+        if results.case.output.tables:
+            results.write_tables(folder)
         if results.case.output.picture:
             from evac.output.pictures import draw_egress
 

@@ -26,6 +26,7 @@ COMMANDS = {
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
     "cache": "evac.cli.cache",
+    "replay": "evac.cli.replay",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
     "evidence": "evac.cli.evidence",

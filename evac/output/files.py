@@ -12,6 +12,9 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+REPLAY_NAME = "replay.html"
+MEDIAN_REPLAY_NAME = "replay-median.html"
+WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtp"
 FRAMES_FOLDER = "frames"
@@ -29,6 +32,9 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     RUNS_NAME,
+    REPLAY_NAME,
+    MEDIAN_REPLAY_NAME,
+    WORST_REPLAY_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
     FRAMES,
