@@ -58,6 +58,9 @@ def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
 
 def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, Any]:
     c, a, b = level_plane(building, level)
+    walls = building.walls[building.wall_level == level.index]
+    furniture = [hole for hole in _holes(level.polygon) if hole.area <= FURNITURE] if level.kind == "floor" else []
+    is_low = _are_sides(walls, furniture)
     return {
         "name": level.name,
         "kind": level.kind,
@@ -66,8 +69,11 @@ def _level(building: Building, level: Level, origin: FloatArray) -> dict[str, An
         "uneven": not is_even(building, level),
         "z": [round(level.z_min, 3), round(level.z_max, 3)],
         "triangles": level.triangles.ravel().tolist(),
-        "walls": _segments(building, building.walls[building.wall_level == level.index], level.index, origin),
-        "furniture": _furniture(level, origin) if level.kind == "floor" else [],
+        "walls": _segments(building, walls[~is_low], level.index, origin),
+        "furniture": {
+            "sides": _segments(building, walls[is_low], level.index, origin),
+            "top": _tops(furniture, origin),
+        },
     }
 
 
@@ -78,18 +84,27 @@ def _segments(building: Building, segments: FloatArray, level: int, origin: Floa
     return _grains(np.column_stack([ends, z]), origin).ravel().tolist()
 
 
-def _furniture(level: Level, origin: FloatArray) -> list[int]:
-    """Return the triangles of the small holes of a floor [x1, y1, x2, y2, x3, y3, ...]."""
-    holes = [shapely.Polygon(hole) for hole in _holes(level.polygon)]
-    small = [hole for hole in holes if hole.area <= FURNITURE]
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(small))
-    corners = [shapely.get_coordinates(piece)[:3] for piece in shapely.get_parts(pieces)]
+def _are_sides(walls: FloatArray, furniture: list[shapely.Polygon]) -> NDArray[np.bool_]:
+    """Return which walls (w, 4) are sides of furniture, (w,)."""
+    if not furniture:
+        return np.zeros(len(walls), bool)
+    middles = shapely.points(0.5 * (walls[:, :2] + walls[:, 2:]))
+    sides = shapely.STRtree([piece.exterior for piece in furniture])
+    found = np.zeros(len(walls), bool)
+    found[sides.query(middles, predicate="dwithin", distance=GRAIN)[0]] = True
+    return found
+
+
+def _tops(furniture: list[shapely.Polygon], origin: FloatArray) -> list[int]:
+    """Return the triangles of furniture [x1, y1, x2, y2, x3, y3, ...]."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(furniture))
+    corners = [shapely.get_coordinates(piece)[:3] for piece in pieces]
     return _grains(np.concatenate(corners), origin).ravel().tolist() if corners else []
 
 
-def _holes(polygon: shapely.Geometry) -> Iterable[shapely.Geometry]:
+def _holes(polygon: shapely.Geometry) -> Iterable[shapely.Polygon]:
     for part in shapely.get_parts(polygon):
-        yield from part.interiors
+        yield from map(shapely.Polygon, part.interiors)
 
 
 def _grains(points: FloatArray, origin: FloatArray) -> NDArray[np.int64]:

@@ -4,7 +4,6 @@ import base64
 import html
 import json
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,9 @@ from evac.output.trajectory import Trajectory
 
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
+
+#: Inflates and runs the others.
+LOADER = "loader.js"
 
 #: In the order in which they are run; one function has them all, so that no name is seen from outside.
 SCRIPTS = (
@@ -105,7 +107,9 @@ class ReplayWriter:
             "grain": GRAIN,
             "least_force": LEAST_FORCE,
         }
-        streams = {"about": zlib.compress(json.dumps(about, separators=(",", ":"), allow_nan=False).encode(), 9)}
+        text = json.dumps(about, separators=(",", ":"), allow_nan=False)
+        scripts = "\n".join(_read(name) for name in SCRIPTS)
+        streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
         streams |= self._motion.finish()
         head, tail = _template(account.title).split("<!--data-->")
         with writing("the replay", path), path.open("w", encoding="utf-8") as file:
@@ -201,7 +205,9 @@ def _about(account: Account) -> dict[str, Any]:
 
 def _template(title: str) -> str:
     """Return the page without its data."""
-    read: Callable[[str], str] = lambda name: (PAGE / name).read_text(encoding="utf-8")  # noqa: E731
-    page = read("template.html").replace("<!--title-->", html.escape(title))
-    page = page.replace("/*style*/", read("style.css"))
-    return page.replace("/*scripts*/", "\n".join(read(name) for name in SCRIPTS))
+    page = _read("template.html").replace("/*style*/", _read("style.css")).replace("/*loader*/", _read(LOADER))
+    return page.replace("<!--title-->", html.escape(title))
+
+
+def _read(name: str) -> str:
+    return (PAGE / name).read_text(encoding="utf-8")

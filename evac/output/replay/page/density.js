@@ -5,18 +5,9 @@ const MOST_CELLS = 300000;
 const ATLAS_WIDTH = 1024;
 
 class Density {
-  constructor(building, grain, greatest) {
+  constructor({ building, grain, boxes }, greatest) {
     this.greatest = greatest;
-    const { vertices, levels } = building;
-    this.boxes = levels.map((level) => {
-      const box = [Infinity, Infinity, -Infinity, -Infinity];
-      for (const v of level.triangles) {
-        const x = vertices[3 * v] * grain, y = vertices[3 * v + 1] * grain;
-        box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
-        box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
-      }
-      return box;
-    });
+    this.boxes = boxes;
     const area = this.boxes.reduce((sum, box) => sum + (box[2] - box[0] + 1) * (box[3] - box[1] + 1), 0);
     this.cell = Math.max(0.25, Math.sqrt(area / MOST_CELLS), ...this.boxes.map((box) => (box[2] - box[0]) / (ATLAS_WIDTH - 4)));
     this.reach = Math.max(1, Math.ceil(3 * BANDWIDTH / this.cell));

@@ -21,18 +21,27 @@ function findStoreys(levels) {
   return storeys;
 }
 
+// Least x, least y, greatest x, greatest y of triangles [m].
+function planBox(triangles, vertices, grain) {
+  const box = [Infinity, Infinity, -Infinity, -Infinity];
+  for (const v of triangles) {
+    const x = vertices[3 * v] * grain, y = vertices[3 * v + 1] * grain;
+    box[0] = Math.min(box[0], x);
+    box[1] = Math.min(box[1], y);
+    box[2] = Math.max(box[2], x);
+    box[3] = Math.max(box[3], y);
+  }
+  return box;
+}
+
 class Layout {
   constructor(building, grain, storeys) {
     this.building = building;
     this.grain = grain;
     this.storeys = storeys;
     this.base = storeys[0].z;
-    const { vertices } = building;
-    this.box = [Infinity, Infinity, -Infinity, -Infinity];
-    for (let v = 0; v < vertices.length; v += 3) {
-      const x = vertices[v] * grain, y = vertices[v + 1] * grain;
-      this.box = [Math.min(this.box[0], x), Math.min(this.box[1], y), Math.max(this.box[2], x), Math.max(this.box[3], y)];
-    }
+    this.boxes = building.levels.map((level) => planBox(level.triangles, building.vertices, grain));
+    this.box = [0, 1, 2, 3].map((i) => Math[i < 2 ? "min" : "max"](...this.boxes.map((box) => box[i])));
     this.extent = [this.box[2] - this.box[0], this.box[3] - this.box[1]];
     this.shift = building.levels.map(() => [0, 0]);
     this.visible = building.levels.map(() => true);
@@ -79,9 +88,10 @@ class Layout {
 
   // Corners of everything visible, to fit the view to.
   corners() {
-    const [x1, y1, x2, y2] = this.box, found = [];
+    const found = [];
     this.building.levels.forEach((level, index) => {
       if (!this.visible[index]) return;
+      const [x1, y1, x2, y2] = this.boxes[index];
       for (const x of [x1, x2]) for (const y of [y1, y2]) for (const z of [level.z[0], level.z[1] + 1.2]) {
         found.push(this.place(index, x, y, z));
       }

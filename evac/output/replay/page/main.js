@@ -10,7 +10,7 @@ async function start() {
   const record = new Record(about, motion);
   const storeys = findStoreys(about.building.levels);
   const layout = new Layout(about.building, about.grain, storeys);
-  const density = new Density(about.building, about.grain, QUANTITIES.density.greatest);
+  const density = new Density(layout, QUANTITIES.density.greatest);
   const series = new Series(record, storeys);
   const people = new People(record, density);
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas);
@@ -230,7 +230,7 @@ async function start() {
   }
 }
 
-start().then((replay) => { window.replay = replay; }, (error) => {
+start().then((replay) => { window.replay = Object.assign(replay, { opened: performance.now() }); }, (error) => {
   by("loading").hidden = false;
   by("loading").textContent = `The replay cannot be shown: ${error.message}`;
   throw error;

@@ -23,11 +23,11 @@ function solidMesh(layout) {
   building.levels.forEach((level, index) => {
     if (!layout.visible[index]) return;
     const { walls, furniture } = level;
-    for (let s = 0; s < walls.length; s += 6) {
-      const [x1, y1, z1, x2, y2, z2] = walls.slice(s, s + 6).map((value) => value * grain);
-      const length = Math.hypot(x2 - x1, y2 - y1);
-      if (!length) continue;
-      const normal = [-(y2 - y1) / length, (x2 - x1) / length, 0];
+    for (const [a, b, normal] of sidesOf(furniture.sides, grain)) {
+      const low = [layout.place(index, ...a), layout.place(index, ...b)], raise = ([x, y, z]) => [x, y, z + DESK_HEIGHT];
+      quad(low[0], low[1], raise(low[1]), raise(low[0]), normal, 2);
+    }
+    for (const [[x1, y1, z1], [x2, y2, z2], normal] of sidesOf(walls, grain)) {
       const [ox, oy] = [-thick * normal[0], -thick * normal[1]];
       const low = [layout.place(index, x1, y1, z1), layout.place(index, x2, y2, z2)];
       const far = [layout.place(index, x1 + ox, y1 + oy, z1), layout.place(index, x2 + ox, y2 + oy, z2)];
@@ -38,12 +38,21 @@ function solidMesh(layout) {
       quad(low[0], raise(low[0]), raise(far[0]), far[0], [-normal[1], normal[0], 0], 0);
       quad(low[1], raise(low[1]), raise(far[1]), far[1], [normal[1], -normal[0], 0], 0);
     }
-    for (let t = 0; t < furniture.length; t += 2) {
-      const [x, y, z] = layout.place(index, furniture[t] * grain, furniture[t + 1] * grain, level.z[0]);
+    for (let t = 0; t < furniture.top.length; t += 2) {
+      const [x, y, z] = layout.place(index, furniture.top[t] * grain, furniture.top[t + 1] * grain, level.z[0]);
       values.push(x, y, z + DESK_HEIGHT, 0, 0, 1, 2);
     }
   });
   return values;
+}
+
+// The ends of each segment, and the direction to its left, which is inside.
+function* sidesOf(segments, grain) {
+  for (let s = 0; s < segments.length; s += 6) {
+    const [x1, y1, z1, x2, y2, z2] = segments.slice(s, s + 6).map((value) => value * grain);
+    const length = Math.hypot(x2 - x1, y2 - y1);
+    if (length) yield [[x1, y1, z1], [x2, y2, z2], [-(y2 - y1) / length, (x2 - x1) / length, 0]];
+  }
 }
 
 // Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor.

@@ -1,15 +1,5 @@
 // Where everybody was: takes apart what evac/output/replay/motion.py has packed.
 
-async function inflate(name) {
-  const node = document.getElementById(`data-${name}`);
-  const text = atob(node.textContent);
-  node.remove();
-  const bytes = new Uint8Array(text.length);
-  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
-}
-
 async function inflateMotion() {
   const names = ["times", "events", "steps", "heights", "forces", "wide"];
   const [times, events, steps, heights, forces, wide] = await Promise.all(names.map(inflate));

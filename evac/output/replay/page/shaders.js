@@ -103,8 +103,8 @@ void main() {
   float way = isHead ? b.y : (a.x < 1.0 ? a.y : (b.x < a.x ? b.y : a.y));
   vec3 hit = from + way * along;
   vec3 normal = normalize(isHead ? hit - head : (hit - trunk) / (size * size));
-  float light = 0.50 + 0.42 * max(0.0, dot(normal, normalize(0.9 * up - 0.5 * right + vec3(0.0, 0.0, 0.9))));
-  light += 0.16 * max(0.0, -dot(normal, along));
+  float light = 0.66 + 0.40 * max(0.0, dot(normal, normalize(0.9 * up - 0.5 * right + vec3(0.0, 0.0, 0.9))));
+  light += 0.12 * max(0.0, -dot(normal, along));
   vec3 tone = isHead ? mix(shade, vec3(1.0), 0.28) : shade;
   colour = vec4(tone * light, cover);
   vec4 clip = view * vec4(hit, 1.0);

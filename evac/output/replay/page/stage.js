@@ -1,7 +1,7 @@
 // What WebGL draws: the building, made anew when the layout changes, and the people of one time.
 
-const WALL_HEIGHT = 1.0;  // Low enough to look over [m].
-const DESK_HEIGHT = 0.7;
+const WALL_HEIGHT = 0.55;  // Low enough to look over [m].
+const DESK_HEIGHT = 0.45;
 const EXIT_HEIGHT = 1.9;
 const KINDS = ["floor", "flight", "landing"];
 
