@@ -9,14 +9,16 @@ The page takes the streams apart again (page/motion.js). All numbers are little-
 - ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
   centimetres. Positions before a person's first are taken to be zero, that before its second to be the first one.
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
-- ``forces``: bytes. For each frame, of everybody inside: 0 below `LEAST_FORCE`, else 1 + 4 log2(force / `LEAST_FORCE`).
+- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the frame before: 0 below
+  `LEAST_FORCE`, else 1 + 2 log2(force / `LEAST_FORCE`), rounded.
 - ``wide``: int32. What has no room in a byte.
 
-A byte b of ``steps`` and ``heights`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is odd; 255
+A byte b of ``steps``, ``heights`` and ``forces`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is odd; 255
 stands for the next number of ``wide``.
 """
 
 import zlib
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -29,10 +31,10 @@ from evac.building.model import Building, Level
 #: Positions are kept to this [m].
 GRAIN = 0.01
 
-#: Contact forces below this count as none [N]; above, they are kept to 9 %.
+#: Contact forces below this count as none [N]; above, they are kept to 19 %.
 LEAST_FORCE = 10.0
 
-_PER_OCTAVE = 4
+_PER_OCTAVE = 2
 _ESCAPE = 255
 STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
 
@@ -70,7 +72,10 @@ class MotionPacker:
         self._seen = np.zeros(people, np.int32)  # frames of each person so far
         self._last = np.zeros((people, 2), np.int64)  # positions in the frame before and in the one before that
         self._before = np.zeros((people, 2), np.int64)
-        self._packers: dict[str, Compressor] = {name: zlib.compressobj(9) for name in STREAMS}
+        self._force = np.zeros(people, np.int64)  # codes in the frame before
+        # Few bytes come again in the same order, but some are much more frequent than others.
+        make = partial(zlib.compressobj, 9, strategy=zlib.Z_FILTERED)
+        self._packers: dict[str, Compressor] = {name: make() for name in STREAMS}
         self._packed = {name: bytearray() for name in STREAMS}
 
     def add(
@@ -101,8 +106,9 @@ class MotionPacker:
         if uneven.size:
             self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
         octaves = np.log2(np.maximum(contact_force, LEAST_FORCE) / LEAST_FORCE)
-        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(_PER_OCTAVE * octaves))
-        self._write("forces", np.minimum(codes, 255).astype(np.uint8))
+        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(_PER_OCTAVE * octaves)).astype(np.int64)
+        self._numbers("forces", codes - self._force[person])
+        self._force[person] = codes
 
     def finish(self) -> dict[str, bytes]:
         """Return the compressed streams by name; nothing can be added afterwards."""

@@ -16,7 +16,6 @@ class Camera {
     this.toward = [s * ct, -c * ct, st];
     const away = this.isPlan ? 2 * this.reach : this.size / (2 * Math.tan(FIELD / 2));
     this.position = this.target.map((value, i) => value + away * this.toward[i]);
-    this.eye = this.isPlan ? [...this.toward, 0] : [...this.position, 1];
     const near = Math.max(0.02 * away, away - 4 * this.reach), far = away + 6 * this.reach;
     const [tall, wide] = [this.size / 2, this.size / 2 * this.aspect];
     const rows = [this.right, this.up, this.toward].map((axis) => [...axis, -dot(axis, this.position)]);

@@ -41,10 +41,10 @@ class Chart {
       parts.push(`<line class="grid" x1="${CHART.left}" x2="${CHART.width - CHART.right}" y1="${y(tick)}" y2="${y(tick)}"/>`,
                  `<text x="${CHART.left - 5}" y="${y(tick) + 4}" text-anchor="end">${tick}</text>`);
     }
-    for (const tick of ticks(end - begin, 5)) {
-      parts.push(`<text x="${this.x(begin + tick)}" y="${CHART.height - 7}" text-anchor="middle">${begin + tick}</text>`);
-    }
-    parts.push(`<text x="${CHART.width - CHART.right}" y="${CHART.height - 7}" text-anchor="end">s</text>`);
+    ticks(end - begin, 5).forEach((tick, k, all) => {
+      const text = k + 1 < all.length ? begin + tick : `${begin + tick} s`;
+      parts.push(`<text x="${Math.min(CHART.width - 12, this.x(begin + tick))}" y="${CHART.height - 7}" text-anchor="middle">${text}</text>`);
+    });
     curves.forEach((curve, index) => {
       const points = times.map((time, k) => `${this.x(time).toFixed(1)},${y(values[index][k]).toFixed(1)}`);
       const colour = curve.isTotal ? "" : ` style="stroke:${colours(name, index)}"`;

@@ -9,7 +9,7 @@ class Labels {
     this.items = building.exits.map((exit, index) => {
       const s = 6 * Math.floor(exit.segments.length / 12);
       const [x1, y1, z1, x2, y2, z2] = exit.segments.slice(s, s + 6).map((value) => value * grain);
-      return { kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], lift: EXIT_HEIGHT + 0.3 };
+      return { kind: "exit", index, name: exit.name, level: exit.level, at: [(x1 + x2) / 2, (y1 + y2) / 2, (z1 + z2) / 2], out: outside(x1, y1, x2, y2), lift: EXIT_HEIGHT + 0.1 };
     });
     layout.storeys.forEach((storey, index) => {
       if (layout.storeys.length < 2) return;
@@ -35,7 +35,9 @@ class Labels {
   }
 
   rename(item, text) {
-    if (item.text !== text) item.span.textContent = item.text = text;
+    if (item.text === text) return;
+    item.span.textContent = item.text = text;
+    item.size = null;
   }
 
   // Puts every label where it belongs; of two that overlap, the later one is hidden.
@@ -43,7 +45,7 @@ class Labels {
     const { clientWidth: width, clientHeight: height } = this.node, taken = [];
     const put = (item, [x, y, depth], above) => {
       const left = (x + 1) / 2 * width, top = (1 - y) / 2 * height;
-      const [w, h] = [item.span.offsetWidth, item.span.offsetHeight];
+      const [w, h] = item.size ??= [item.span.offsetWidth, item.span.offsetHeight];
       const box = [left - w / 2, top - (above ? h : h / 2), left + w / 2, top + (above ? 0 : h / 2)];
       const clear = depth < 1 && taken.every((other) => box[2] < other[0] || box[0] > other[2] || box[3] < other[1] || box[1] > other[3]);
       item.span.style.visibility = clear ? "visible" : "hidden";
@@ -57,16 +59,23 @@ class Labels {
       put(this.who, camera.project(selected.at), true);
     }
     for (const item of this.items) {
-      if (!this.layout.visible[item.level]) { item.span.style.visibility = "hidden"; continue; }
+      if (!this.layout.visible[item.level] || item.kind === "storey" && this.layout.storey >= 0) { item.span.style.visibility = "hidden"; continue; }
       const [x, y, z] = this.layout.place(item.level, ...item.at);
       if (item.kind === "exit") {
         const isClosed = closed.includes(this.record.building.portals.length + item.index);
         item.span.className = isClosed ? "closed" : "exit";
         this.rename(item, isClosed ? `${item.name} (closed)` : item.name);
       }
-      put(item, camera.project([x, y, z + (camera.isPlan ? 0 : item.lift)]), item.kind === "exit");
+      const off = camera.isPlan && item.out ? 0.03 * camera.size : 0;
+      put(item, camera.project([x + off * (item.out?.[0] ?? 0), y + off * (item.out?.[1] ?? 0), z + (camera.isPlan ? 0 : item.lift)]), item.kind === "exit" && !camera.isPlan);
     }
   }
+}
+
+// Direction to the right of a segment, which is outside.
+function outside(x1, y1, x2, y2) {
+  const length = Math.hypot(x2 - x1, y2 - y1) || 1;
+  return [(y2 - y1) / length, -(x2 - x1) / length];
 }
 
 // A bar of a round length, for plans.

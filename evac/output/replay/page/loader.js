@@ -2,10 +2,9 @@
 
 async function inflate(name) {
   const node = document.getElementById(`data-${name}`);
-  const text = atob(node.textContent);
+  const text = node.textContent;
   node.remove();
-  const bytes = new Uint8Array(text.length);
-  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
+  const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Response(stream).arrayBuffer();
 }

@@ -2,26 +2,30 @@
 
 const TILT = 0.72;  // Of the first view [rad].
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
+const LEAST_PIXELS = 0.6;
+const SLOW_FRAME = 60;  // [ms]
+const TELL_EVERY = 120;  // While it plays, numbers are shown this often [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
 async function start() {
   const about = JSON.parse(new TextDecoder().decode(await inflate("about")));
-  const motion = unpackMotion(await inflateMotion(), about.building.levels, about.group.length, about.grain);
+  const streams = await inflateMotion();
+  const motion = unpackMotion(streams, about.building.levels, about.group.length, about.grain);
   const record = new Record(about, motion);
   const storeys = findStoreys(about.building.levels);
   const layout = new Layout(about.building, about.grain, storeys);
   const density = new Density(layout, QUANTITIES.density.greatest);
   const series = new Series(record, storeys);
   const people = new People(record, density);
-  const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas);
+  const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
   const labels = new Labels(by("labels"), record, layout);
   const panel = new Panel(record, series, layout, people);
   const state = {
     time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: layout.clearSpread(TILT),
-    layer: false, selected: null, highlighted: null, pixels: MOST_PIXELS,
+    layer: false, selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
-  let look = {}, closed = [], isStale = true, isBuilt = false, last = null;
+  let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0;
   const drawn = [];
 
   const redraw = () => {
@@ -60,7 +64,7 @@ async function start() {
     panel.showLegend(state.quantity, state.highlighted, (index) => { state.highlighted = index; recolour(); });
     by("layer").setAttribute("aria-pressed", state.layer);
     by("layer-legend").hidden = !state.layer;
-    by("layer-legend").innerHTML = `<div class="ends"><span>Density on the floors</span></div>${bar(about.colours.maps.density, density.greatest, "1/m²")}`;
+    by("layer-legend").innerHTML = `<div class="ends"><span>Density on the floors</span></div>${bar(onFloor(about.colours.maps.density, look.floors[0]), density.greatest, "1/m²")}`;
     redraw();
   }
 
@@ -68,7 +72,7 @@ async function start() {
     if (state.selected === null) return null;
     for (let k = 0; k < people.count; k++) {
       if (now.person[people.shown[k]] !== state.selected) continue;
-      const [x, y, z] = people.floats.subarray(5 * k, 5 * k + 3);
+      const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
       return { name: `Person ${state.selected}`, at: [x, y, z + 1.95] };
     }
     return null;
@@ -99,19 +103,25 @@ async function start() {
     if (state.layer || state.quantity === "density") density.update(now);
     if (state.layer) stage.setDensity(density);
     people.update(now, layout, state.quantity, state.highlighted, state.selected);
-    stage.draw(camera, people.bytes, people.count, { ...look, layer: state.layer, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, layer: state.layer, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, closed, selectedPlace(now));
     updateScale(camera, canvas.clientHeight);
+    if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
+    drawn.push(performance.now() - began);
+  }
+
+  function tell(now) {
+    told = performance.now();
     panel.update(state.time, now);
     panel.tellPerson(state.selected, state.time, now);
     chart.update(state.time);
     by("slider").value = state.time;
     by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${now.count} people inside`);
-    drawn.push(performance.now() - began);
   }
 
   function play(time) {
     if (!state.isPlaying) return;
+    if (last !== null) spare(time - last);
     if (last !== null) state.time = Math.min(record.end, state.time + state.speed * Math.min(0.25, (time - last) / 1000));
     last = time;
     if (state.time >= record.end) pause();
@@ -120,8 +130,16 @@ async function start() {
     if (state.isPlaying) requestAnimationFrame(play);
   }
 
+  // Where drawing is slow, motion is shown with fewer pixels; a picture that stands has all.
+  function spare(took) {
+    state.took = 0.8 * state.took + 0.2 * Math.min(took, 400);
+    if (state.took < SLOW_FRAME || state.pixels <= LEAST_PIXELS) return;
+    Object.assign(state, { pixels: Math.max(LEAST_PIXELS, 0.8 * Math.min(state.pixels, devicePixelRatio)), took: 0 });
+  }
+
   function pause() {
-    state.isPlaying = false;
+    Object.assign(state, { isPlaying: false, pixels: MOST_PIXELS, took: 0 });
+    redraw();
     by("play").textContent = "▶";
     by("play").setAttribute("aria-label", "Play");
   }
@@ -163,6 +181,7 @@ async function start() {
     theme() {
       document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
       applyTheme();
+      recolour();
       if (state.selected !== null) select(state.selected);
     },
     select,
@@ -173,7 +192,7 @@ async function start() {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; applyTheme(); };
   dark.addEventListener("change", follow);
-  stage.setScale(people.ramps.density);
+  stage.setScale(veiled(people.ramps.density));
   stage.setDensity(density);
   fillChoices();
   listen();

@@ -34,13 +34,14 @@ function unpackMotion(streams, levels, people, grain) {
   const first = firstRows(streams);
   const rows = first[first.length - 1];
   const motion = {
-    times: streams.times, first, force: streams.forces,
+    times: streams.times, first, force: new Uint8Array(rows),
     person: new Uint32Array(rows), level: new Uint16Array(rows),
     x: new Float32Array(rows), y: new Float32Array(rows), z: new Float32Array(rows),
   };
-  const { events, steps, heights, wide } = streams;
+  const { events, steps, heights, forces, wide } = streams;
   const levelOf = new Int32Array(people).fill(-1);
   const seen = new Uint8Array(people);
+  const code = new Uint8Array(people);
   const last = [new Int32Array(people), new Int32Array(people)];
   const before = [new Int32Array(people), new Int32Array(people)];
   let event = 0, step = 0, lift = 0, wider = 0;
@@ -79,6 +80,9 @@ function unpackMotion(streams, levels, people, grain) {
       if (seen[motion.person[row]] < 2) seen[motion.person[row]]++;
       motion.z[row] = c + a * motion.x[row] + b * motion.y[row];
       if (level.uneven) motion.z[row] += grain * number(heights[lift++]);
+    }
+    for (row = first[k]; row < first[k + 1]; row++) {
+      motion.force[row] = code[motion.person[row]] += number(forces[row]);
     }
   }
   return motion;

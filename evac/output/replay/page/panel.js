@@ -93,7 +93,7 @@ class Panel {
     if (isInside) {
       facts.push(["Level", record.building.levels[now.level[i]].name]);
       facts.push(["Speed", `${this.people.valueOf("speed", now, i).toFixed(2)} m/s`]);
-      facts.push(["Contact force", `${Math.round(record.forceOf(now.row[i]))} N`]);
+      facts.push(["Contact force", `about ${Number(record.forceOf(now.row[i]).toPrecision(2))} N`]);
       facts.push(["Waited so far", seconds(record.waiting()[now.row[i]])]);
     } else {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);

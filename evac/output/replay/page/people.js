@@ -13,9 +13,11 @@ class People {
   constructor(record, density) {
     this.record = record;
     this.density = density;
-    this.bytes = new Uint8Array(20 * Math.max(1, record.people));
-    this.floats = new Float32Array(this.bytes.buffer);
-    this.words = new Uint32Array(this.bytes.buffer);
+    this.width = 1024;  // of the textures that have everybody
+    const room = this.width * Math.ceil(record.people / this.width);
+    this.bodies = new Float32Array(4 * room);
+    this.tints = new Uint8Array(4 * room);
+    this.words = new Uint32Array(this.tints.buffer);
     this.shown = new Uint32Array(record.people);  // rows of `now`
     this.count = 0;
     const { colours } = record;
@@ -37,7 +39,7 @@ class People {
     });
     const sorted = peaks.filter((value) => value > 0).sort();
     let most = sorted.length ? sorted[Math.floor(0.99 * (sorted.length - 1))] : 1;
-    if (!values) most = sorted.length ? record.least_force * 2 ** ((most - 1) / 4) : 100;
+    if (!values) most = sorted.length ? record.least_force * 2 ** ((most - 1) / 2) : 100;
     const power = 10 ** Math.floor(Math.log10(most));
     this.greatest[quantity] = [1, 2, 5, 10].find((k) => k * power >= most * 0.999) * power;
     return this.greatest[quantity];
@@ -53,7 +55,7 @@ class People {
   }
 
   update(now, layout, quantity, highlighted, selected) {
-    const { record, floats, words } = this;
+    const { record, bodies, words } = this;
     const isGroup = quantity === "group";
     const scale = isGroup ? null : this.ramps[quantity];
     const factor = isGroup ? 1 : 255 / this.greatestOf(quantity);
@@ -62,15 +64,15 @@ class People {
       const level = now.level[i];
       if (!layout.visible[level]) continue;
       const p = now.person[i], shift = layout.shift[level];
-      floats[5 * k] = now.x[i] + shift[0];
-      floats[5 * k + 1] = now.y[i] + shift[1];
-      floats[5 * k + 2] = layout.height(now.z[i]);
-      floats[5 * k + 3] = record.radius[p] / 1000;
+      bodies[4 * k] = now.x[i] + shift[0];
+      bodies[4 * k + 1] = now.y[i] + shift[1];
+      bodies[4 * k + 2] = layout.height(now.z[i]);
+      bodies[4 * k + 3] = record.radius[p] / 1000;
       const group = record.group[p] < 0 ? this.groups.length - 1 : record.group[p];
       const fades = highlighted !== null && group !== highlighted;
       let colour = isGroup ? this.groups[group] : scale[Math.max(0, Math.min(255, Math.round(factor * this.valueOf(quantity, now, i))))];
       if (fades) colour = this.faded[group];
-      words[5 * k + 4] = p === selected ? colour & 0xffffff : colour;
+      words[k] = p === selected ? colour & 0xffffff : colour;
       this.shown[k++] = i;
     }
     this.count = k;
@@ -80,7 +82,7 @@ class People {
   pick([from, along]) {
     let least = Infinity, found = -1;
     for (let k = 0; k < this.count; k++) {
-      const [x, y, z, r] = this.floats.subarray(5 * k, 5 * k + 4);
+      const [x, y, z, r] = this.bodies.subarray(4 * k, 4 * k + 4);
       const way = meetCapsule(from, along, [x, y, z], 1.25 * r, 1.7);
       if (way < least) [least, found] = [way, this.shown[k]];
     }

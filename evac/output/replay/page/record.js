@@ -177,7 +177,7 @@ class Record {
   // Contact force of a row [N].
   forceOf(row) {
     const code = this.motion.force[row];
-    return code ? this.least_force * 2 ** ((code - 1) / 4) : 0;
+    return code ? this.least_force * 2 ** ((code - 1) / 2) : 0;
   }
 
   closedAt(time) {

@@ -1,10 +1,25 @@
-// Shaders. Lengths are metres; `eye` is the eye (w = 1), or the direction towards it where rays are parallel (w = 0).
+// Shaders. Lengths are metres.
 
 const HEAD = `#version 300 es
 precision highp float;
 uniform mat4 view;
-uniform vec4 eye;
 uniform vec3 right, up;
+`;
+
+// Six vertices for each person, who is a texel of two textures. Software draws this much faster than instances.
+const FIND = `
+precision highp sampler2D;
+uniform sampler2D bodies, tints;
+vec4 body;  // place, radius
+vec4 tint;
+vec2 corner;
+void find() {
+  int person = gl_VertexID / 6, turn = gl_VertexID % 6, width = textureSize(bodies, 0).x;
+  ivec2 texel = ivec2(person % width, person / width);
+  body = texelFetch(bodies, texel, 0);
+  tint = texelFetch(tints, texel, 0);
+  corner = vec2(turn == 1 || turn == 2 || turn == 4 ? 1.0 : -1.0, turn == 2 || turn == 4 || turn == 5 ? 1.0 : -1.0);
+}
 `;
 
 const FLOOR = [HEAD + `
@@ -32,9 +47,11 @@ void main() {
     float edge = smoothstep(0.0, 0.12 + wide, fract(tread)) ;
     base *= mix(mix(0.80, 1.0, edge), 0.95, clamp(1.6 * wide - 0.3, 0.0, 1.0));
   }
-  float value = texture(density, cell).r;
-  vec3 heat = texture(scale, vec2(value * 0.996 + 0.002, 0.5)).rgb;
-  colour = vec4(mix(base, heat, layer * smoothstep(0.01, 0.12, value) * 0.88), 1.0);
+  if (layer > 0.5) {
+    vec4 heat = texture(scale, vec2(texture(density, cell).r * 0.996 + 0.002, 0.5));
+    base = mix(base, heat.rgb, heat.a);
+  }
+  colour = vec4(base, 1.0);
 }`];
 
 const SOLID = [HEAD + `
@@ -63,63 +80,50 @@ in vec4 shade;
 out vec4 colour;
 void main() { colour = vec4(shade.rgb * shade.a, shade.a); }`];
 
-// People are an ellipsoid of the body's radius and a sphere on it, met by the ray of each pixel.
-const PERSON = [HEAD + `
-layout(location = 0) in vec2 corner;
-layout(location = 1) in vec4 body;  // place, radius
-layout(location = 2) in vec4 tint;
-out vec3 at;
-flat out vec4 who;
+// People are an ellipsoid of the body's radius and a sphere on it, as outlines that face the eye and are shaded as
+// if round. Depth is that of the upright axis, so that nobody stands out of a wall or sinks into the floor.
+const PERSON = [HEAD + FIND + `
+out vec2 at;
+flat out vec3 trunk;  // half width, half height, height of the centre
+flat out vec2 head;  // radius, height of the centre
 flat out vec3 shade;
 void main() {
-  float flatness = length(up.xy);
-  vec2 size = vec2(body.w * 1.08, body.w * (1.0 - flatness * flatness) * 1.08 + body.w * 0.1 + 0.87 * flatness);
-  at = body.xyz + vec3(0.0, 0.0, 0.84) + size.x * corner.x * right + size.y * corner.y * up;
-  who = body;
+  find();
+  float upright = length(up.z), lying = length(up.xy), r = body.w, h = 0.6 * r;
+  trunk = vec3(r, length(vec2(r * lying, 0.70 * upright)), -0.14 * upright);
+  head = vec2(h, (0.56 + 0.55 * h) * upright);
+  float top = max(trunk.z + trunk.y, head.y + h) * 1.03, bottom = (trunk.z - trunk.y) * 1.03;
+  at = vec2(1.06 * r * corner.x, corner.y > 0.0 ? top : bottom);
   shade = tint.rgb;
-  gl_Position = view * vec4(at, 1.0);
+  gl_Position = view * vec4(body.xyz + vec3(0.0, 0.0, 0.84) + at.x * right + at.y * up, 1.0);
+  vec4 axis = view * vec4(body.xyz + vec3(0.0, 0.0, corner.y > 0.0 ? 1.7 : 0.05), 1.0);
+  gl_Position.z = axis.z / axis.w * gl_Position.w;
 }`, HEAD + `
-in vec3 at;
-flat in vec4 who;
+in vec2 at;
+flat in vec3 trunk;
+flat in vec2 head;
 flat in vec3 shade;
 out vec4 colour;
-// Nearest distance of the ray to the centre in units of the surface, and where it enters.
-vec2 meet(vec3 from, vec3 along) {
-  float a = dot(along, along), b = dot(from, along), c = dot(from, from);
-  float off = c - b * b / a;
-  return vec2(sqrt(max(off, 0.0)), (-b - sqrt(max((1.0 - off) * a, 0.0))) / a);
-}
 void main() {
-  vec3 along = eye.w > 0.5 ? normalize(at - eye.xyz) : -eye.xyz;
-  vec3 from = at - 3.0 * along;
-  float r = who.w, h = 0.60 * r;
-  vec3 size = vec3(r, r, 0.70);
-  vec3 trunk = who.xyz + vec3(0.0, 0.0, 0.70), head = who.xyz + vec3(0.0, 0.0, 1.40 + 0.55 * h);
-  vec2 a = meet((from - trunk) / size, along / size), b = meet((from - head) / h, along / h);
-  float wide = fwidth(min(a.x, b.x)) + 1e-5;
-  float cover = clamp((1.0 - min(a.x, b.x)) / wide + 0.5, 0.0, 1.0);
+  vec2 a = vec2(at.x, at.y - trunk.z) / trunk.xy, b = vec2(at.x, at.y - head.y) / head.x;
+  float body = dot(a, a), top = dot(b, b), nearest = min(body, top);
+  float cover = clamp((1.0 - nearest) / (fwidth(nearest) + 1e-4) + 0.5, 0.0, 1.0);
   if (cover <= 0.0) discard;
-  bool isHead = b.x < 1.0 && (a.x >= 1.0 || b.y < a.y);
-  float way = isHead ? b.y : (a.x < 1.0 ? a.y : (b.x < a.x ? b.y : a.y));
-  vec3 hit = from + way * along;
-  vec3 normal = normalize(isHead ? hit - head : (hit - trunk) / (size * size));
-  float light = 0.66 + 0.40 * max(0.0, dot(normal, normalize(0.9 * up - 0.5 * right + vec3(0.0, 0.0, 0.9))));
-  light += 0.12 * max(0.0, -dot(normal, along));
+  bool isHead = top < 1.0;
+  vec2 n = isHead ? b : a;
+  float facing = sqrt(max(0.0, 1.0 - dot(n, n)));
+  float light = 0.66 + 0.40 * max(0.0, dot(vec3(n, facing), vec3(-0.36, 0.66, 0.66)));
   vec3 tone = isHead ? mix(shade, vec3(1.0), 0.28) : shade;
   colour = vec4(tone * light, cover);
-  vec4 clip = view * vec4(hit, 1.0);
-  gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
 }`];
 
 // A soft shadow on the floor under each person, and a ring around whoever is selected.
-const SHADOW = [HEAD + `
-layout(location = 0) in vec2 corner;
-layout(location = 1) in vec4 body;
-layout(location = 2) in vec4 tint;
+const SHADOW = [HEAD + FIND + `
 uniform float widen;
 out vec2 off;
 flat out float ring;
 void main() {
+  find();
   ring = tint.a;
   off = corner;
   float size = body.w * (ring < 0.5 ? 2.4 * widen : 1.5);

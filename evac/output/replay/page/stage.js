@@ -2,12 +2,23 @@
 
 const WALL_HEIGHT = 0.55;  // Low enough to look over [m].
 const DESK_HEIGHT = 0.45;
-const EXIT_HEIGHT = 1.9;
+const EXIT_HEIGHT = 1.3;
 const KINDS = ["floor", "flight", "landing"];
 
+const SMOOTH = 2000;  // So many people have smooth edges even where there is no graphics processor.
+
+function drawsInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const known = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? gl.getParameter(known.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
 class Stage {
-  constructor(canvas) {
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
+  constructor(canvas, people) {
+    const antialias = people <= SMOOTH || !drawsInSoftware();
+    const gl = canvas.getContext("webgl2", { antialias, alpha: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("This browser has no WebGL 2, which the replay is drawn with. Use a current browser.");
     this.canvas = canvas;
     this.gl = gl;
@@ -17,9 +28,9 @@ class Stage {
     this.person = this.program(PERSON);
     this.shadow = this.program(SHADOW);
     this.meshes = {};
-    this.square = this.buffer(new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
-    this.bodies = gl.createBuffer();
-    this.crowd = this.crowdArray();
+    this.crowd = gl.createVertexArray();
+    this.bodies = this.texture(gl.NEAREST);
+    this.tints = this.texture(gl.NEAREST);
     this.atlas = this.texture(gl.LINEAR);
     this.scale = this.texture(gl.LINEAR);
   }
@@ -60,24 +71,6 @@ class Stage {
     return texture;
   }
 
-  // Four vertices for each person: place and radius as floats, the colour as bytes.
-  crowdArray() {
-    const { gl } = this, array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.square);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.bodies);
-    gl.enableVertexAttribArray(1);
-    gl.vertexAttribPointer(1, 4, gl.FLOAT, false, 20, 0);
-    gl.vertexAttribDivisor(1, 1);
-    gl.enableVertexAttribArray(2);
-    gl.vertexAttribPointer(2, 4, gl.UNSIGNED_BYTE, true, 20, 16);
-    gl.vertexAttribDivisor(2, 1);
-    gl.bindVertexArray(null);
-    return array;
-  }
-
   mesh(name, values, sizes) {
     const { gl } = this, old = this.meshes[name];
     if (old) { gl.deleteBuffer(old.buffer); gl.deleteVertexArray(old.array); }
@@ -115,7 +108,7 @@ class Stage {
   }
 
   // `look` has the colours of the theme, whether the density layer is on, and whether there are shadows.
-  draw(camera, bodies, count, look) {
+  draw(camera, people, look) {
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(...look.background, 1);
@@ -137,7 +130,7 @@ class Stage {
     this.use(this.solid, camera);
     gl.uniform3fv(this.solid.places.solids, look.solids.flat());
     this.show("solid");
-    this.drawPeople(camera, bodies, count, look);
+    this.drawPeople(camera, people, look);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
@@ -148,34 +141,53 @@ class Stage {
     gl.disable(gl.BLEND);
   }
 
-  drawPeople(camera, bodies, count, look) {
+  // Hands the people over as two textures, whose rows may end with nobody.
+  setPeople({ bodies, tints, width }) {
+    const { gl } = this, height = bodies.length / 4 / width;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.bodies);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, bodies);
+    gl.bindTexture(gl.TEXTURE_2D, this.tints);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, tints);
+  }
+
+  drawPeople(camera, people, look) {
     const { gl } = this;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.bodies);
-    gl.bufferData(gl.ARRAY_BUFFER, bodies.subarray(0, 20 * count), gl.DYNAMIC_DRAW);
+    this.setPeople(people);
     gl.bindVertexArray(this.crowd);
     if (look.shadows) {
-      this.use(this.shadow, camera);
+      this.usePeople(this.shadow, camera);
       gl.uniform3fv(this.shadow.places.mark, look.mark);
       gl.uniform1f(this.shadow.places.widen, look.widen);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+      gl.drawArrays(gl.TRIANGLES, 0, 6 * people.count);
       gl.depthMask(true);
       gl.disable(gl.BLEND);
     }
-    this.use(this.person, camera);
+    this.usePeople(this.person, camera);
     gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, count);
+    gl.drawArrays(gl.TRIANGLES, 0, 6 * people.count);
     gl.disable(gl.SAMPLE_ALPHA_TO_COVERAGE);
     gl.bindVertexArray(null);
+  }
+
+  usePeople(program, camera) {
+    const { gl } = this;
+    this.use(program, camera);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, this.tints);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.bodies);
+    gl.uniform1i(program.places.bodies, 0);
+    gl.uniform1i(program.places.tints, 1);
   }
 
   use({ program, places }, camera) {
     const { gl } = this;
     gl.useProgram(program);
     gl.uniformMatrix4fv(places.view, false, camera.matrix);
-    if (places.eye) gl.uniform4fv(places.eye, camera.eye);
     if (places.right) gl.uniform3fv(places.right, camera.right);
     if (places.up) gl.uniform3fv(places.up, camera.up);
   }
