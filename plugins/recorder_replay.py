@@ -1,9 +1,10 @@
 """Recorder "replay": the run as one page, replay.html, written when it ends, however it ends."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.hookspecs import hookimpl
 from evac.output.files import REPLAY_NAME
@@ -28,6 +29,7 @@ class ReplayRecorder(Recorder):
             from evac.output.replay.writer import ReplayWriter
 
             self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.building)
+        self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:
         """Take the state."""
@@ -42,6 +44,17 @@ class ReplayRecorder(Recorder):
         """Take the state at the end, unless it is there already."""
         if simulation.time > self._recorded:
             self.record(simulation)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what has been taken so far, compressed."""
+        return {} if self.writer is None else {"recorded": np.array([self._recorded])} | self.writer.state()
+
+    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on with what had been taken."""
+        self.start(simulation)
+        if self.writer is not None and state:
+            self.writer.restore(state)
+            self._recorded = float(state["recorded"][0])
 
 
 evac_interface = 2

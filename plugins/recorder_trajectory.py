@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 class TrajectoryRecorder(Recorder):
     """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); nothing without a folder, or where
-    ``output.trajectory`` is false."""
+    ``output.trajectory`` is false.
+    """
 
     name = "trajectory"
     _writer: TrajectoryWriter | None = None

@@ -279,7 +279,9 @@ class OutputSettings(Section):
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
     replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
     trajectory: Switch = key(
-        "whether everybody's way is kept in trajectory.evac, of which replays, films and other formats can be made", "", True
+        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "",
+        True,
     )
     animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
 

@@ -10,16 +10,16 @@ The page takes the streams apart again (page/motion.js). All numbers are little-
   centimetres. Positions before a person's first are taken to be zero, that before its second to be the first one.
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
 - ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the frame before: 0 below
-  `LEAST_FORCE`, else 1 + 2 log2(force / `LEAST_FORCE`), rounded.
+  `LEAST_FORCE`, else 1 + `PER_OCTAVE` log2(force / `LEAST_FORCE`), rounded.
 - ``wide``: int32. What has no room in a byte.
 
-A byte b of ``steps``, ``heights`` and ``forces`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is odd; 255
-stands for the next number of ``wide``.
+A byte b of ``steps``, ``heights`` and ``forces`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is
+odd; 255 stands for the next number of ``wide``.
 """
 
 import zlib
-from functools import partial
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,24 +31,34 @@ from evac.building.model import Building, Level
 #: Positions are kept to this [m].
 GRAIN = 0.01
 
-#: Contact forces below this count as none [N]; above, they are kept to 19 %.
+#: Contact forces below this count as none [N]; above, they are kept to 26 %.
 LEAST_FORCE = 10.0
 
-_PER_OCTAVE = 2
+#: Codes of a force for each doubling.
+PER_OCTAVE = 1.5
 _ESCAPE = 255
+#: Arrays that go from one frame to the next.
+_STATE = ("level", "seen", "last", "before", "force")
+
 STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
 
 
-class Compressor(Protocol):
-    """What `zlib.compressobj` returns."""
+class _Stream:
+    """Bytes that are compressed as they come."""
 
-    def compress(self, data: bytes, /) -> bytes:
-        """Return what is ready."""
-        ...
+    def __init__(self, packed: bytes = b"") -> None:
+        # Few bytes come again in the same order, but some are much more frequent than others.
+        self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
+        self._ready = bytearray()
+        if packed:
+            self.write(zlib.decompress(packed))
 
-    def flush(self) -> bytes:
-        """Return the rest."""
-        ...
+    def write(self, data: bytes) -> None:
+        self._ready += self._compressor.compress(data)
+
+    def packed(self) -> bytes:
+        """Return all that was written, compressed; writing can go on."""
+        return bytes(self._ready) + self._compressor.copy().flush()
 
 
 class MotionPacker:
@@ -73,10 +83,7 @@ class MotionPacker:
         self._last = np.zeros((people, 2), np.int64)  # positions in the frame before and in the one before that
         self._before = np.zeros((people, 2), np.int64)
         self._force = np.zeros(people, np.int64)  # codes in the frame before
-        # Few bytes come again in the same order, but some are much more frequent than others.
-        make = partial(zlib.compressobj, 9, strategy=zlib.Z_FILTERED)
-        self._packers: dict[str, Compressor] = {name: make() for name in STREAMS}
-        self._packed = {name: bytearray() for name in STREAMS}
+        self._streams = {name: _Stream() for name in STREAMS}
 
     def add(
         self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
@@ -106,15 +113,26 @@ class MotionPacker:
         if uneven.size:
             self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
         octaves = np.log2(np.maximum(contact_force, LEAST_FORCE) / LEAST_FORCE)
-        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(_PER_OCTAVE * octaves)).astype(np.int64)
+        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(PER_OCTAVE * octaves)).astype(np.int64)
         self._numbers("forces", codes - self._force[person])
         self._force[person] = codes
 
-    def finish(self) -> dict[str, bytes]:
-        """Return the compressed streams by name; nothing can be added afterwards."""
-        for name, packer in self._packers.items():
-            self._packed[name] += packer.flush()
-        return {name: bytes(data) for name, data in self._packed.items()}
+    def streams(self) -> dict[str, bytes]:
+        """Return the compressed streams by name."""
+        return {name: stream.packed() for name, stream in self._streams.items()}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of everything that packing needs to go on to the same bytes."""
+        state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
+        state["frames"] = np.array([self.frames])
+        return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned, in a packer of the same people and building."""
+        for name in _STATE:
+            getattr(self, f"_{name}")[:] = state[name]
+        self.frames = int(state["frames"][0])
+        self._streams = {name: _Stream(state[f"stream.{name}"].tobytes()) for name in STREAMS}
 
     def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
         """Return who is new, who has gone, and who has changed the level since the frame before."""
@@ -123,7 +141,7 @@ class MotionPacker:
         new = np.flatnonzero((self._level < 0) & (now >= 0))
         gone = np.flatnonzero((self._level >= 0) & (now < 0))
         changed = np.flatnonzero((self._level >= 0) & (now >= 0) & (self._level != now))
-        self._level = now
+        self._level[:] = now
         parts = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
         return np.concatenate(parts).astype("<i4")
 
@@ -140,7 +158,7 @@ class MotionPacker:
         self._write("wide", values[folded >= _ESCAPE].astype("<i4"))
 
     def _write(self, name: str, values: NDArray[np.generic]) -> None:
-        self._packed[name] += self._packers[name].compress(values.tobytes())
+        self._streams[name].write(values.tobytes())
 
 
 def level_plane(building: Building, level: Level) -> tuple[float, float, float]:

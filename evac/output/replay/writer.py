@@ -4,10 +4,12 @@ import base64
 import html
 import json
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
@@ -16,7 +18,7 @@ from evac.output import palette
 from evac.output.files import writing
 from evac.output.replay.account import Account, account_of_folder
 from evac.output.replay.geometry import building_for_page
-from evac.output.replay.motion import GRAIN, LEAST_FORCE, MotionPacker
+from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
 from evac.output.trajectory import Trajectory
 
 #: Template, style and scripts.
@@ -90,6 +92,17 @@ class ReplayWriter:
             self._closed.append((time, sorted(closed)))
         self._motion.add(time, person, level, position, contact_force)
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of everything that it needs to go on."""
+        links = self._building.n_links
+        rows = [[time, *np.isin(np.arange(links), closed)] for time, closed in self._closed]
+        return {"closed": np.array(rows, np.float64).reshape(-1, 1 + links)} | self._motion.state()
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned, in a writer of the same people and building."""
+        self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in state["closed"]]
+        self._motion.restore(state)
+
     def write(self, path: Path, account: Account) -> None:
         """Write the page.
 
@@ -106,11 +119,12 @@ class ReplayWriter:
             "closed": self._closed,
             "grain": GRAIN,
             "least_force": LEAST_FORCE,
+            "codes_per_octave": PER_OCTAVE,
         }
         text = json.dumps(about, separators=(",", ":"), allow_nan=False)
         scripts = "\n".join(_read(name) for name in SCRIPTS)
         streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
-        streams |= self._motion.finish()
+        streams |= self._motion.streams()
         head, tail = _template(account.title).split("<!--data-->")
         with writing("the replay", path), path.open("w", encoding="utf-8") as file:
             file.write(head)
@@ -166,9 +180,9 @@ def _chosen(time: FloatArray, every: float | None) -> list[int]:
     if every is None:
         return list(range(len(time)))
     wanted = np.arange(time[0], time[-1], every)
-    nearest = np.abs(time[:, None] - wanted).argmin(axis=0) if len(time) * len(wanted) < 10_000_000 else None
-    if nearest is None:
-        nearest = np.minimum(np.searchsorted(time, wanted), len(time) - 1)
+    after = np.searchsorted(time, wanted)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(wanted - time[before] < time[after] - wanted, before, after)
     return sorted({*nearest.tolist(), len(time) - 1})
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 #: Software rendering, so that every machine draws the same.
@@ -52,10 +53,8 @@ class Browser:
 
     def close(self) -> None:
         """End the process."""
-        try:
+        with suppress(OSError, EOFError):
             self.send("Browser.close", session=None)
-        except (OSError, EOFError):
-            pass
         self._process.wait(timeout=20)
         os.close(self._in)
         os.close(self._out)
@@ -84,9 +83,7 @@ class Browser:
 
     def run(self, expression):
         """Return what an expression, or the promise that it is, comes to."""
-        answer = self.send(
-            "Runtime.evaluate", {"expression": expression, "returnByValue": True, "awaitPromise": True}
-        )
+        answer = self.send("Runtime.evaluate", {"expression": expression, "returnByValue": True, "awaitPromise": True})
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 

@@ -39,7 +39,7 @@ class People {
     });
     const sorted = peaks.filter((value) => value > 0).sort();
     let most = sorted.length ? sorted[Math.floor(0.99 * (sorted.length - 1))] : 1;
-    if (!values) most = sorted.length ? record.least_force * 2 ** ((most - 1) / 2) : 100;
+    if (!values) most = sorted.length ? record.forceOfCode(most) : 100;
     const power = 10 ** Math.floor(Math.log10(most));
     this.greatest[quantity] = [1, 2, 5, 10].find((k) => k * power >= most * 0.999) * power;
     return this.greatest[quantity];

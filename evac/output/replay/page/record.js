@@ -174,11 +174,10 @@ class Record {
 
   responseOf(p) { return this.response_time ? this.response_time[p] / 100 : 0; }
 
-  // Contact force of a row [N].
-  forceOf(row) {
-    const code = this.motion.force[row];
-    return code ? this.least_force * 2 ** ((code - 1) / 2) : 0;
-  }
+  // Contact force of a row [N], and of a code.
+  forceOf(row) { return this.forceOfCode(this.motion.force[row]); }
+
+  forceOfCode(code) { return code ? this.least_force * 2 ** ((code - 1) / this.codes_per_octave) : 0; }
 
   closedAt(time) {
     let closed = [];
