@@ -100,7 +100,7 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
         ``summary.json`` or ``people.csv`` cannot be read, or is of another run.
     """
     folder, header = trajectory.path.parent, trajectory.header
-    known = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
+    known: dict[str, Any] = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
     path = folder / SUMMARY_NAME
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
@@ -171,8 +171,8 @@ def _of_summary(summary: Mapping[str, Any], error: str | None) -> dict[str, Any]
 def _banner(ended: str, time: float, left: int, people: int, error: str | None) -> tuple[str, str] | None:
     inside = f"{left} of {people} people were still inside."
     if ended == FAILED:
-        why = f": {error}" if error else "."
-        return "error", f"This run failed at t = {time:.2f} s{why} Until then, {people - left} of {people} got out."
+        why = f" ({error})" if error else ""
+        return "error", f"This run failed at t = {time:.2f} s{why}. Until then, {people - left} of {people} got out."
     if ended == INTERRUPTED:
         return "error", f"This run was interrupted at t = {time:.2f} s, when {inside}"
     if ended == NO_PROGRESS:

@@ -149,7 +149,8 @@ class MotionPacker:
         """Return heights above the planes of the levels [cm]."""
         plane = np.array(self._planes)[level]
         height = plane[:, 0] + (plane[:, 1:] * position).sum(axis=1)
-        return np.rint((elevation(self._building, level, position) - height) / GRAIN).astype(np.int64)
+        off: NDArray[np.int64] = np.rint((elevation(self._building, level, position) - height) / GRAIN).astype(np.int64)
+        return off
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
         """Write whole numbers as bytes, and those that are too great to ``wide``."""

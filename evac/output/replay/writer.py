@@ -192,7 +192,8 @@ def _about(account: Account) -> dict[str, Any]:
     def whole(values: FloatArray | None, scale: float) -> list[int] | None:
         if values is None:
             return None
-        return np.where(np.isfinite(values), np.rint(np.nan_to_num(values) * scale), -1).astype(np.int64).tolist()
+        scaled = np.where(np.isfinite(values), np.rint(np.nan_to_num(values) * scale), -1)
+        return [int(value) for value in scaled.tolist()]
 
     return {
         "title": account.title,

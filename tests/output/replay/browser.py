@@ -1,10 +1,12 @@
 """A headless Chromium, driven by the DevTools protocol over its pipe: JSON messages that end with a zero byte."""
 
 import base64
+import fcntl
 import json
 import os
 import shutil
 import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +23,9 @@ SWITCHES = (
     "--disable-background-networking",
     "--force-device-scale-factor=1",
 )
+#: DevTools reads from 3 and writes to 4.
+HAND_OVER = "import os, sys; [os.dup2(int(sys.argv[k]), k + 2) for k in (1, 2)]; os.execv(sys.argv[3], sys.argv[3:])"
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
@@ -35,20 +40,20 @@ class Browser:
     def __init__(self, executable, profile: Path) -> None:
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
-
-        # The shell hands the pipes over: Python's own way would need code between fork and exec.
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_browser, from_browser)]
         words = [executable, *SWITCHES, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(
-            ["/bin/sh", "-c", f'exec "$@" 3<&{to_browser} 4>&{from_browser}', "sh", *words],
-            pass_fds=(to_browser, from_browser),
+            [sys.executable, "-S", "-c", HAND_OVER, *map(str, ends), *words],
+            pass_fds=ends,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        os.close(to_browser)
-        os.close(from_browser)
+        for end in (to_browser, from_browser, *ends):
+            os.close(end)
         self._count = 0
         self._rest = b""
         self._session = None
+        self.page = None
         self.errors, self.requests = [], []
 
     def close(self) -> None:
@@ -66,6 +71,7 @@ class Browser:
         self._target = self.send("Target.createTarget", {"url": "about:blank"}, session=None)["targetId"]
         attached = self.send("Target.attachToTarget", {"targetId": self._target, "flatten": True}, session=None)
         self._session = attached["sessionId"]
+        self.page = path
         self.errors, self.requests = [], []
         for domain in ("Page", "Runtime", "Network", "Log"):
             self.send(f"{domain}.enable")
@@ -110,7 +116,7 @@ class Browser:
 
     def press(self, key, code="", text=None, modifiers=0) -> None:
         """Press a key and let it go."""
-        values = {"key": key, "code": code, "modifiers": modifiers}
+        values = {"key": key, "code": code, "modifiers": modifiers, "windowsVirtualKeyCode": 27 * (key == "Escape")}
         self.send("Input.dispatchKeyEvent", {"type": "keyDown", **values, **({"text": text} if text else {})})
         self.send("Input.dispatchKeyEvent", {"type": "keyUp", **values})
         self.settle()

@@ -146,6 +146,17 @@ async function start() {
 
   const act = {
     look: redraw,
+    restart() {
+      pause();
+      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: false, highlighted: null });
+      for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
+      act.speed(1);
+      select(null);
+      recolour();
+      turnBack();
+      arrange();
+      fit();
+    },
     fit,
     toggle() {
       if (state.isPlaying) return pause();
@@ -198,14 +209,15 @@ async function start() {
   listen();
   isStale = false;
   follow();
-  camera.tilt = storeys.length > 1 ? TILT : 0.95;
-  camera.azimuth = layout.extent[0] >= layout.extent[1] ? 0.35 : 0.35 - Math.PI / 2;
-  arrange();
-  fit();
-  recolour();
+  act.restart();
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, series, people, camera, state, act, stage, drawn };
+  return { record, layout, density, series, people, camera, state, act, stage, drawn };
+
+  function turnBack() {
+    camera.tilt = storeys.length > 1 ? TILT : 0.95;
+    camera.azimuth = camera.turned = layout.extent[0] >= layout.extent[1] ? 0.35 : 0.35 - Math.PI / 2;
+  }
 
   function fillChoices() {
     const options = (id, entries) => {
