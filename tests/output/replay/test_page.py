@@ -99,9 +99,7 @@ def test_counts_and_curves_are_those_of_the_run(browser, room):
         assert browser.text("#time") == f"{time:.1f} s"
         assert (browser.text("#inside"), browser.text("#outside")) == (str(20 - out), str(out))
         assert browser.text("#exits tbody td:nth-child(2)") == str(out)
-    heights = browser.run(
-        "[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])"
-    )
+    heights = browser.run("[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])")
     assert len({y for _, y in heights}) > 15
     assert browser.run("document.title") == results.case.title
 
