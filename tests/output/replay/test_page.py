@@ -10,9 +10,9 @@ from PIL import Image
 
 from evac.building.elevation import elevation
 from evac.output.palette import group_colours
+from evac.output.replay.account import account_of_run
 from evac.output.replay.motion import GRAIN, PER_OCTAVE
 from evac.output.replay.writer import ReplayWriter, replay_trajectory
-from evac.output.replay.account import account_of_run
 from evac.output.trajectory import read_trajectory
 
 
@@ -130,7 +130,8 @@ def test_all_levels_are_in_the_picture_and_one_alone(browser, storeys):
     browser.press("p", "KeyP")
     assert browser.run("document.getElementById('view-plan').getAttribute('aria-pressed')") == "true"
     boxes = browser.run(
-        "replay.layout.storeys.map((s, k) => replay.layout.shift[replay.layout.building.levels.findIndex((l) => l.storey === k)])"
+        """replay.layout.storeys.map((_, k) =>
+             replay.layout.shift[replay.layout.building.levels.findIndex((level) => level.storey === k)])"""
     )
     assert len({tuple(box) for box in boxes}) == 3  # side by side
     browser.press("PageUp", "PageUp")
@@ -187,7 +188,8 @@ def test_colours_follow_the_quantity(browser, room, quantity):
     browser.settle()
     assert browser.text("#legend").startswith("0")
     values = browser.run(
-        f"Array.from({{ length: replay.people.count }}, (_, k) => replay.people.valueOf({json.dumps(quantity)}, replay.record.now, k))"
+        f"""Array.from({{ length: replay.people.count }},
+             (_, k) => replay.people.valueOf({json.dumps(quantity)}, replay.record.now, k))"""
     )
     assert max(values) > min(values) >= 0.0
     colours = browser.run("Array.from(replay.people.words.subarray(0, replay.people.count))")
@@ -230,9 +232,12 @@ def test_text_has_contrast_in_both_themes(browser, room):
           .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
         return 0.2126 * r + 0.7152 * g + 0.0722 * b;
       };
-      const pairs = [["--text", "--panel"], ["--soft", "--panel"], ["--soft", "--ground"], ["--accent-text", "--accent"],
-                     ["--error", "--error-ground"], ["--notice", "--notice-ground"], ["--exit", "--panel"]];
-      return Math.min(...pairs.map(([a, b]) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05)));
+      const pairs = [["--text", "--panel"], ["--soft", "--panel"], ["--soft", "--ground"],
+                     ["--accent-text", "--accent"], ["--error", "--error-ground"], ["--notice", "--notice-ground"], ["--exit", "--panel"]];
+      return Math.min(...pairs.map((pair) => {
+        const [low, high] = pair.map(light).sort((a, b) => a - b);
+        return (high + 0.05) / (low + 0.05);
+      }));
     })()"""
     assert browser.run(ratio) >= 4.5
     browser.press("t", "KeyT")
@@ -249,7 +254,7 @@ def test_every_control_has_a_name_and_can_be_reached(browser, room):
 
 
 def test_a_run_that_was_killed_says_so(browser, room, tmp_path):
-    folder, results = room
+    folder, _ = room
     (tmp_path / "trajectory.evac").write_bytes((folder / "trajectory.evac").read_bytes()[:-700])
     trajectory = read_trajectory(tmp_path)
     assert replay_trajectory(trajectory, tmp_path / "replay.html") == len(trajectory)

@@ -20,7 +20,7 @@ class Labels {
       const level = stair.levels[Math.floor(stair.levels.length / 2)];
       const sum = [0, 0, 0], { triangles } = building.levels[level];
       for (const v of triangles) for (const i of [0, 1, 2]) sum[i] += building.vertices[3 * v + i] * grain / triangles.length;
-      this.items.push({ kind: "stair", index, name: stair.name, level, at: sum, lift: 0.3 });
+      this.items.push({ kind: "stair", index, name: /stair/i.test(stair.name) ? stair.name : `stair ${stair.name}`, level, at: sum, lift: 0.3 });
     });
     for (const item of this.items) this.add(item);
     this.who = this.add({ kind: "who", name: "" });

@@ -9,9 +9,9 @@ class Panel {
     Object.assign(this, { record, series, layout, people });
     const { groups } = record.colours;
     this.lineColour = (index) => LINES[index % LINES.length];
-    this.exits = this.table("exits", series.exits, 2, true);
-    this.stairs = this.table("stairs", series.stairs, 2, false);
-    this.storeys = this.table("storeys", series.storeys, 1, false);
+    this.exits = this.table("exits", series.exits, 2);
+    this.stairs = this.table("stairs", series.stairs, 2);
+    this.storeys = this.table("storeys", series.storeys, 1);
     by("stair-section").hidden = !series.stairs.length;
     by("storey-section").hidden = series.storeys.length < 2;
     this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, colour: groups[index] ?? record.colours.none }))
@@ -19,10 +19,10 @@ class Panel {
     this.tellAbout();
   }
 
-  table(id, rows, columns, hasSwatch) {
+  table(id, rows, columns) {
     return rows.map(({ name }, index) => {
       const row = by(id).tBodies[0].insertRow();
-      const swatch = hasSwatch && rows.length > 1 ? `<span class="swatch" style="background:${this.lineColour(index)}"></span>` : "";
+      const swatch = rows.length > 1 ? `<span class="swatch" style="background:${this.lineColour(index)}"></span>` : "";
       row.insertCell().innerHTML = swatch + escaped(name);
       return Array.from({ length: columns }, () => row.insertCell());
     });
@@ -91,9 +91,10 @@ class Panel {
     const left = record.outTime[p] < Infinity, exit = record.building.exits[record.outBy[p]];
     const facts = [["Group", group]];
     if (isInside) {
+      const force = record.forceOf(now.row[i]);
       facts.push(["Level", record.building.levels[now.level[i]].name]);
       facts.push(["Speed", `${this.people.valueOf("speed", now, i).toFixed(2)} m/s`]);
-      facts.push(["Contact force", `about ${Number(record.forceOf(now.row[i]).toPrecision(2))} N`]);
+      facts.push(["Contact force", force ? `about ${Number(force.toPrecision(2))} N` : `below ${record.least_force} N`]);
       facts.push(["Waited so far", seconds(record.waiting()[now.row[i]])]);
     } else {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);
@@ -103,7 +104,7 @@ class Panel {
     facts.push(["Body radius", `${(record.radius[p] / 10).toFixed(1)} cm`]);
     facts.push(["Exit time", left ? (record.hasTimes ? `${record.outTime[p].toFixed(2)} s` : `by ${seconds(record.outTime[p])}`) : "did not get out"]);
     if (left) facts.push(["Exit used", `${exit ? exit.name : "unknown"}${record.hasTimes ? "" : " (the nearest)"}`]);
-    by("person-name").textContent = `Person ${p}`;
+    if (by("person-name").textContent !== `Person ${p}`) by("person-name").textContent = `Person ${p}`;
     by("person-facts").innerHTML = facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
   }
 }
