@@ -5,10 +5,6 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from browser import Browser, find_chromium
-
 import evac
 from evac.output.replay.writer import replay_trajectory
 from evac.output.trajectory import read_trajectory
@@ -17,14 +13,19 @@ from evac.output.trajectory import read_trajectory
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory):
     """A running browser; .ci/run installs one where there is none, so that nothing is skipped there."""
+    if sys.platform == "win32":
+        pytest.skip("the browser is driven through pipes that Windows does not hand over")
+    monkeypatch = pytest.MonkeyPatch()
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    from browser import Browser, find_chromium
+
     executable = find_chromium()
     if executable is None:
         pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    if sys.platform == "win32":
-        pytest.skip("the browser is driven through pipes that Windows does not hand over")
     browser = Browser(executable, tmp_path_factory.mktemp("profile"))
     yield browser
     browser.close()
+    monkeypatch.undo()
 
 
 @pytest.fixture
