@@ -2,6 +2,7 @@
 
 const TILT = 0.72;  // Of the first view [rad].
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
+const BAR = 56;  // Height of the tools over the picture.
 const LEAST_PIXELS = 0.6;
 const SLOW_FRAME = 60;  // [ms]
 const TELL_EVERY = 120;  // While it plays, numbers are shown this often [ms].
@@ -39,7 +40,10 @@ async function start() {
     camera.aspect = aspect();
     camera.isPlan = state.isPlan;
     if (state.isPlan) camera.azimuth = 0;
-    camera.fit(layout.corners(), 1.14);
+    camera.fit(layout.corners(), 1.08);
+    const share = Math.min(0.3, BAR / canvas.clientHeight);
+    camera.zoom(1 / (1 - share));
+    camera.pan(0, -share);
     redraw();
   }
 

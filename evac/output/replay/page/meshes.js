@@ -16,7 +16,7 @@ function floorMesh(layout, density) {
 // Walls stand outside their line, so that the floor inside keeps its width.
 function solidMesh(layout) {
   const { building, grain } = layout, values = [];
-  const thick = Math.max(0.07, Math.max(...layout.extent) / 700);
+  const thick = Math.max(0.07, Math.max(...layout.extent) / 420);
   const quad = (a, b, c, d, normal, kind) => {
     for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...normal, kind);
   };

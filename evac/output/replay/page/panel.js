@@ -94,7 +94,7 @@ class Panel {
       const force = record.forceOf(now.row[i]);
       facts.push(["Level", record.building.levels[now.level[i]].name]);
       facts.push(["Speed", `${this.people.valueOf("speed", now, i).toFixed(2)} m/s`]);
-      facts.push(["Contact force", force ? `about ${Number(force.toPrecision(2))} N` : `below ${record.least_force} N`]);
+      facts.push(["Contact force", force ? `about ${short(Number(force.toPrecision(2)))} N` : `below ${record.least_force} N`]);
       facts.push(["Waited so far", seconds(record.waiting()[now.row[i]])]);
     } else {
       facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);
@@ -113,4 +113,6 @@ class Panel {
 const LINES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a939e"];
 
 const bar = (stops, most, unit) => `<div class="bar" style="background:${gradient(stops)}"></div>`
-  + `<div class="ends"><span>0</span><span>${most / 2}</span><span>≥ ${most} ${unit}</span></div>`;
+  + `<div class="ends"><span>0</span><span>${short(most / 2)}</span><span>≥ ${short(most)} ${unit}</span></div>`;
+
+const short = (value) => value >= 1000 ? value.toLocaleString("en").replaceAll(",", "\u202f") : value;
