@@ -5,7 +5,7 @@ const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const BAR = 56;  // Height of the tools over the picture.
 const LEAST_PIXELS = 0.6;
 const SLOW_FRAME = 60;  // [ms]
-const TELL_EVERY = 120;  // While it plays, numbers are shown this often [ms].
+const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
 const SHADOWED = 3000;  // So many people have shadows.
 
 async function start() {
@@ -26,7 +26,7 @@ async function start() {
     layer: false, selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
-  let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0;
+  let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
   const drawn = [];
 
   const redraw = () => {
@@ -104,8 +104,12 @@ async function start() {
       isBuilt = true;
     }
     const now = record.at(state.time);
-    if (state.layer || state.quantity === "density") density.update(now);
-    if (state.layer) stage.setDensity(density);
+    const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;
+    if (isLate && (state.layer || state.quantity === "density")) {
+      felt = began;
+      density.update(now);
+      stage.setDensity(density);
+    }
     people.update(now, layout, state.quantity, state.highlighted, state.selected);
     stage.draw(camera, people, { ...look, layer: state.layer, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, closed, selectedPlace(now));
