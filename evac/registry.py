@@ -57,6 +57,7 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_route_choice",
     "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
+    "evac_plugins.recorder_replay",
     *BUILTIN_IMPORTERS,
     *BUILTIN_EXPORTERS,
     "evac_plugins.cases",

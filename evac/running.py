@@ -247,10 +247,10 @@ def run_into(
 
 
 def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
-    """Write everything but the trajectory, which the run has written, to its folder.
+    """Write everything but trajectory and replay, which the run has written, to its folder.
 
-    Always egress.csv, people.csv and summary.json; egress.png where ``output.picture`` is true, the VTK
-    animation where ``output.animation`` is.
+    Always summary.json; egress.csv and people.csv where ``output.tables`` is true, egress.png where ``output.picture``
+    is, the VTK animation where ``output.animation`` is.
 
     Parameters
     ----------
@@ -271,7 +271,8 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
         A file cannot be written.
     """
     try:
-        results.write_tables(folder)
+        if results.case.output.tables:
+            results.write_tables(folder)
         if results.case.output.picture:
             from evac.output.pictures import draw_egress
 
@@ -290,7 +291,8 @@ def _look(simulation: Simulation, place: ResultFolder) -> None:
     """See that all that was written is there."""
     place.check()
     simulation.recording.check_files()
-    check_lengths(place.running, dict.fromkeys((EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME), 1))
+    tables = (EGRESS_NAME, PEOPLE_NAME) if simulation.case.output.tables else ()
+    check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
 
 
 def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
@@ -300,7 +302,10 @@ def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacE
         if simulation.step > first:
             simulation.ended = simulation.ended or FAILED
             if not (place.running / SUMMARY_NAME).is_file():
-                replace(simulation.results(), plugin_files=simulation.recording.plugin_files()).write(place.running)
+                results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
+                if results.case.output.tables:
+                    results.write_tables(place.running)
+                results.write_summary(place.running)
             error.add_note(f"what the run has done until then is in {place.publish_if_new()}")
         elif not first:
             place.discard(simulation.recording.plugin_files())

@@ -45,7 +45,7 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert (tmp_path / "r" / "runs.csv").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac"}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
 RECORDER = """

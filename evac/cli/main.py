@@ -31,6 +31,7 @@ COMMANDS = {
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
     "cache": "evac.cli.cache",
+    "replay": "evac.cli.replay",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
     "map": "evac.cli.map",
