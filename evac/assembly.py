@@ -1,11 +1,13 @@
 """From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
 
+import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
 from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code
+from evac.plan import field_settings
 from evac.registry import BUILTIN_IMPORTERS, Registry
 
 if TYPE_CHECKING:
@@ -58,6 +60,33 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     path = Path(path)
     importer = (registry or Registry(builtins=BUILTIN_IMPORTERS)).importer_for(path)
     return _building(importer(), path, options)
+
+
+def ground_key(case: "Case") -> str:
+    """Return a digest that is the same for two cases exactly where their building and directions are.
+
+    It covers the file of the building and how it is read, and everything that the directions depend on. What groups
+    of people, contact models and behaviours do not share with these may differ, as may the seed.
+
+    Raises
+    ------
+    BuildingError
+        The file of the building cannot be read.
+    """
+    importer = make_importer(case)
+    try:
+        content = hashlib.sha256(case.mesh.read_bytes()).hexdigest()
+    except OSError as error:
+        raise BuildingError(f"{case.mesh}: cannot be read: {error.strerror}; check the path") from error
+    parts = (
+        str(case.mesh),
+        content,
+        case.registry.providers([importer]),
+        importer.values(),
+        case.building.options(),
+        field_settings(case, make_behaviours(case), full=False),
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 def make_importer(case: "Case") -> "Importer":

@@ -224,6 +224,13 @@ class SimulationSettings(Section):
     tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, gt=0)
     duration: Real = key("when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0)
     seed: Whole = key("seed of everything random", "", 1, ge=0)
+    population_seed: Whole | None = key(
+        "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
+        "elsewhere; if not given, `seed`",
+        "",
+        None,
+        ge=0,
+    )
     driving: Literal["exponential", "explicit"] = key(
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
