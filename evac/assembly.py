@@ -142,6 +142,12 @@ def make_recorders(case: "Case") -> "list[Recorder]":
     return [case.registry.get("recorder", name)(**table) for name, table in given.items() if table is not False]
 
 
+def providers(case: "Case") -> list[str]:
+    """Return name and version of each plugin that a case names, and of those with a part in every run."""
+    used = [make_importer(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
+    return case.registry.providers([*used, *make_recorders(case)])
+
+
 def read_surface(importer: "Importer", path: Path) -> SurfaceMesh:
     """Return the surface that an importer reads from a file.
 

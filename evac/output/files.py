@@ -12,6 +12,12 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+RUNS_STREAM_NAME = "runs.arrows"
+RUNS_PARQUET_NAME = "runs.parquet"
+STATISTICS_NAME = "statistics.csv"
+CONVERGENCE_NAME = "convergence.csv"
+SWEEP_PICTURE_NAME = "statistics.png"
+STUDY_NAME = "study.json"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtp"
 FRAMES_FOLDER = "frames"
@@ -29,12 +35,19 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     RUNS_NAME,
+    RUNS_STREAM_NAME,
+    RUNS_PARQUET_NAME,
+    "runs.new",
+    STATISTICS_NAME,
+    CONVERGENCE_NAME,
+    SWEEP_PICTURE_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
     FRAMES,
     PICTURE_NAME,
     FILM_NAME,
-    SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
+    SUMMARY_NAME,  # these three last: while one is there, the folder is known to be evac's
+    STUDY_NAME,
     TRAJECTORY_NAME,
 )
 

@@ -99,6 +99,11 @@ class Case(Section):
         return self.folder / self.building.mesh
 
     @property
+    def table(self) -> Mapping[str, Any]:
+        """The content of the case.toml with what was changed, before defaults; to be read only."""
+        return self._origin.table
+
+    @property
     def plugin_files(self) -> tuple[Path, ...]:
         """The plugin files, resolved."""
         return self._origin.plugin_files
