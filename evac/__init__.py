@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from evac.building.importer import Importer as Importer
     from evac.building.model import Building as Building
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
-    from evac.ensemble import Ensemble as Ensemble
-    from evac.ensemble import run_many as run_many
     from evac.errors import BuildingError as BuildingError
     from evac.errors import EvacError as EvacError
     from evac.errors import PluginError as PluginError
@@ -40,6 +38,9 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
     from evac.simulation import Simulation as Simulation
+    from evac.study.study import Study as Study
+    from evac.study.study import repeat as repeat
+    from evac.study.study import sweep as sweep
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
 _HOMES = {
@@ -49,7 +50,6 @@ _HOMES = {
     "BuildingError": "evac.errors",
     "Case": "evac.scenario.case",
     "ContactModel": "evac.physics.contact_model",
-    "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
@@ -66,12 +66,14 @@ _HOMES = {
     "Solver": "evac.physics.solver",
     "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
+    "Study": "evac.study.study",
     "hookimpl": "evac.hookspecs",
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",
+    "repeat": "evac.study.study",
     "run": "evac.running",
-    "run_many": "evac.ensemble",
+    "sweep": "evac.study.study",
 }
 
 __all__ = list(_HOMES)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from evac.ending import FAILED
 from evac.errors import EvacError, ResultError, note
-from evac.output.files import EGRESS_PICTURE_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
+from evac.output.files import EGRESS_PICTURE_NAME, STUDY_NAME, SUMMARY_NAME, TRAJECTORY_NAME, WRITTEN, writing
 from evac.output.results import Results
 from evac.output.trajectory import MAGIC, read_trajectory
 from evac.phases import Phases, Progress
@@ -131,8 +131,13 @@ def _is_result(folder: Path) -> bool:
                 return True
     except OSError:
         pass
+    return any(_is_written_by_evac(folder / name) for name in (SUMMARY_NAME, STUDY_NAME))
+
+
+def _is_written_by_evac(path: Path) -> bool:
+    """Say whether a file is one of evac's that name its version."""
     try:
-        summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
+        summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     versions = summary.get("versions") if isinstance(summary, dict) else None

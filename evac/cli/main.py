@@ -21,6 +21,7 @@ INTERRUPTED_STATUS = 130
 COMMANDS = {
     "run": "evac.cli.run",
     "repeat": "evac.cli.repeat",
+    "sweep": "evac.cli.sweep",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
     "explain": "evac.cli.explain",

@@ -132,11 +132,13 @@ class Store:
         with writing("the rows", self._parquet_path):
             with pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
                 group: list[pa.RecordBatch] = []
+                size = 0
                 for batch in self._batches(wanted, self.schema.names):
                     group.append(batch)
-                    if sum(one.nbytes for one in group) >= GROUP_BYTES:
+                    size += batch.nbytes
+                    if size >= GROUP_BYTES:
                         writer.write_table(pa.Table.from_batches(group, self.schema))
-                        group = []
+                        group, size = [], 0
                 if group:
                     writer.write_table(pa.Table.from_batches(group, self.schema))
             _replace(new, self._parquet_path)

@@ -277,9 +277,8 @@ def repeat(
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
-    seeds = Seeds(case.simulation.seed, repetitions)
-    study = Study(points.single(case), seeds, rule, Path(folder) if folder is not None else None, resume)
-    return _conducted(study, workers, executor, progress)
+    place = Path(folder) if folder is not None else None
+    return conducted(points.single(case), rule, place, repetitions, workers, executor, resume, progress)
 
 
 def sweep(
@@ -329,9 +328,8 @@ def sweep(
         found = points.grid(case, parameters)
     else:
         found = points.from_rows(case, parameters, Path.cwd(), case.registry)
-    seeds = Seeds(case.simulation.seed, repetitions)
-    study = Study(found, seeds, rule, Path(folder) if folder is not None else None, resume)
-    return _conducted(study, workers, executor, progress)
+    place = Path(folder) if folder is not None else None
+    return conducted(found, rule, place, repetitions, workers, executor, resume, progress)
 
 
 def rule_of(
@@ -357,16 +355,22 @@ def rule_of(
     return until_known(until, statistic, least, most, repetitions)
 
 
-def _conducted(
-    study: Study,
-    workers: int | None,
-    executor: Executor | None,
-    progress: Callable[[Progress], None] | None,
+def conducted(
+    found: Sequence[Point],
+    rule: Rule,
+    folder: Path | None,
+    repetitions: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    resume: bool = False,
+    progress: Callable[[Progress], None] | None = None,
 ) -> Study:
+    """Make the study of some points, and write its outputs where it has a folder."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
+    study = Study(found, Seeds(found[0].case.simulation.seed, repetitions), rule, folder, resume)
     study.conduct(workers, executor, progress)
-    if study._temporary is None:
+    if folder is not None:
         from evac.study.outputs import write_outputs
 
         write_outputs(study)
