@@ -71,7 +71,7 @@ class Evidence:
     Parameters
     ----------
     kind : str
-        accuracy, stability, lean, table3, scaling or validation; part of every generator's name.
+        accuracy, stability, lean, table3, scaling, validation or certainty; part of every generator's name.
     folder : Path
         Made if it is not there. Files of the same names are overwritten.
     quick : bool
