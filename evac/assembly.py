@@ -63,7 +63,7 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
 
 
 def ground_key(case: "Case") -> str:
-    """Return a digest that is the same for two cases exactly where their building and directions are.
+    """Return a digest that two cases have in common only where their building and directions are the same.
 
     It covers the file of the building and how it is read, and everything that the directions depend on. What groups
     of people, contact models and behaviours do not share with these may differ, as may the seed.

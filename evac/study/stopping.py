@@ -82,8 +82,8 @@ class Rule:
         width = self.estimate(times, populations).relative_half_width
         if width <= self.until:
             return runs
-        needed = runs * (width / self.until) ** 2 if math.isfinite(width) else math.inf
-        return self._rounded(min(self.most, max(GROWTH * runs, min(needed, self.most))))
+        needed = runs * (width / self.until) ** 2 if math.isfinite(width) else 0.0
+        return self._rounded(min(self.most, max(GROWTH * runs, needed)))
 
     def _rounded(self, runs: float) -> int:
         return math.ceil(runs / self.repetitions - 1e-9) * self.repetitions

@@ -1,13 +1,15 @@
 """A study: its points, its rows, and what they say."""
 
 import math
+import shutil
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 from os import cpu_count
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,8 +60,9 @@ class Study:
     def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path | None, resume: bool) -> None:
         self.points = tuple(points)
         self.seeds, self.rule = seeds, rule
-        self._temporary = TemporaryDirectory(prefix="evac-study-") if folder is None else None
-        self.folder = Path(self._temporary.name) if self._temporary is not None else Path(str(folder))
+        self.folder = Path(mkdtemp(prefix="evac-study-")) if folder is None else folder
+        if folder is None:
+            weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
         keys = [key_of(point.case) for point in self.points]
         digests = [digest_of(point.case, key) for point, key in zip(self.points, keys, strict=True)]
         self._orders = [order_of(*of) for of in zip(self.points, [seeds] * len(keys), digests, keys, strict=True)]

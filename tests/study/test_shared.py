@@ -26,12 +26,12 @@ def bits(results):
         ({"simulation.seed": 9}, True),
         ({"people.people.number": 7}, True),
         ({"contact.model": "dem"}, True),
-        ({"people.people.speed": 1.0}, True),
+        ({"people.people.mass": 80.0}, True),
         ({"people.people.radius": 0.2}, False),
         ({"directions.spacing": 0.11}, False),
         ({"building.scale": 1.001}, False),
         ({"people.people.strategy": "shortest"}, False),
-        ({"behaviours.route_choice": {}}, False),
+        ({"people.people.exits": ["door"]}, False),
     ],
 )
 def test_the_key_differs_exactly_where_building_or_directions_do(case, changes, is_same):

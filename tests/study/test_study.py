@@ -46,7 +46,7 @@ def test_runs_are_those_of_their_seeds(case):
 
 
 def test_tables_do_not_depend_on_who_makes_the_runs(case, tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 0.0)  # processes join for the least work
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)  # processes join for the least work
     with concurrent.futures.ThreadPoolExecutor(2) as executor:
         studies = [
             evac.repeat(case, 6, folder=tmp_path / "1", workers=1),
@@ -109,7 +109,7 @@ def test_a_complete_study_takes_more_runs(case, tmp_path):
     [
         ({"people.people.number": 6}, "case.people.0.number"),
         ({"simulation.seed": 6}, "first_seed"),
-        ({"contact.nsm2.gap_tolerance": 1e-5}, "case.contact.nsm2.gap_tolerance"),
+        ({"contact.nsm2.velocity_tolerance": 1e-5}, "case.contact.nsm2.velocity_tolerance"),
     ],
 )
 def test_a_changed_case_does_not_go_on(case, tmp_path, changes, key):
@@ -157,7 +157,7 @@ def test_arguments_that_contradict_are_refused(case, arguments):
 
 
 def test_blocked_runs_are_told(case, tmp_path):
-    study = evac.repeat(case.change({"simulation.duration": 4.0}), 6, folder=tmp_path / "r", workers=1)
+    study = evac.repeat(case.change({"simulation.duration": 3.0}), 6, folder=tmp_path / "r", workers=1)
     blocked = [row["blocked"] for row in study.rows(columns=["blocked"])]
     assert 0 < sum(blocked) == study.statistics[0].blocked
     summary = json.loads((tmp_path / "r" / "summary.json").read_text())
@@ -220,13 +220,11 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
 
 
 def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.study.conduct.JOINING", 0.0)
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
     mark = tmp_path / "killed"
-    act = (
-        "import os, multiprocessing, pathlib; mark = pathlib.Path(%r)\n"
-        "            if multiprocessing.parent_process() and not mark.exists():\n"
-        "                mark.touch(); os.kill(os.getpid(), 9)"
-    ) % str(mark)
+    kill = "(mark.touch(), os.kill(os.getpid(), 9))"
+    act = f"import os, multiprocessing, pathlib; mark = pathlib.Path({str(mark)!r}); "
+    act += f"multiprocessing.parent_process() and not mark.exists() and {kill}"
     case = with_plugin(tmp_path, act)
     study = evac.repeat(case, 8, workers=2)
     assert mark.exists()

@@ -86,8 +86,8 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
         return *_interval(task, times, generator), task.runs
     rule = until_known(task.until, task.statistic)
     times = generator.choice(task.times, rule.most)
-    if task.method == "a look after every run":
-        return _plain(task, times, rule.first)
+    if task.method != "ours":
+        return _plain(task, times, LOOKING_FROM[task.method])
     runs, wanted = 0, rule.first
     while runs < wanted:
         runs = wanted
@@ -140,6 +140,9 @@ def _bca_bootstrap(times: FloatArray, statistic: str, generator: np.random.Gener
     ).confidence_interval
     return float(found.low), float(found.high)
 
+
+#: Studies that look after every run, and from how many runs on.
+LOOKING_FROM = {"a look after every run from 3 on": 3, "a look after every run from 20 on": 20}
 
 #: Intervals that are compared with ours.
 OTHERS: Mapping[str, Callable[[FloatArray, str, np.random.Generator], Interval]] = {

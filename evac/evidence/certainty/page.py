@@ -51,8 +51,9 @@ COMPARED: Sequence[tuple[str, int, float | None, str]] = (
     ("percentile 95", 10, None, "percentile bootstrap"),
     ("percentile 95", 50, None, "percentile bootstrap"),
     ("percentile 95", 100, None, "percentile bootstrap"),
-    ("percentile 50", 0, 0.02, "a look after every run"),
-    ("percentile 95", 0, 0.05, "a look after every run"),
+    ("mean", 0, 0.10, "a look after every run from 3 on"),
+    ("mean", 0, 0.05, "a look after every run from 3 on"),
+    ("percentile 50", 0, 0.02, "a look after every run from 20 on"),
 )
 
 #: Changes whose effect is asked for, and the runs of each.
