@@ -17,7 +17,7 @@ from evac.physics.world import make_world, set_open
 
 @dataclass(frozen=True)
 class Ground:
-    """What scenes begin with and runs can have in common: it depends on neither the seed nor who walks, and never changes.
+    """What scenes begin with, and what runs can have in common: it does not depend on the seed, and never changes.
 
     Attributes
     ----------

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from evac.study.statistics import Estimate
     from evac.study.study import Progress, Study
 
+TITLE = "Evacuation time: when the last person left"
+
 #: Points of a sweep whose statistics are shown; statistics.csv has all.
 MOST_SHOWN = 40
 
@@ -124,7 +126,9 @@ def show_study(study: "Study") -> int:
     facts["everybody out"] = f"in {runs - blocked} of {runs} runs"
     if len(study.points) == 1:
         show_facts(facts | _settled_facts(study))
-        show_table("Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study))
+        show_table(
+            "Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study)
+        )
         _show_blocked(study)
     else:
         show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
@@ -170,16 +174,19 @@ def _show_points(study: "Study") -> None:
         found = one.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
         blocked = f"{one.blocked} of {one.runs}"
-        rows.append([*values, seconds(one.mean.value), interval(one.mean), seconds(found.value), interval(found), blocked])
+        rows.append(
+            [*values, seconds(one.mean.value), interval(one.mean), seconds(found.value), interval(found), blocked]
+        )
     columns = (*keys, "mean", "95 % interval", percentile, "95 % interval", "blocked")
-    show_table("Evacuation time: when the last person left", columns, rows)
+    show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
     notes = dict.fromkeys(one.percentiles[-1].note for one in study.statistics if one.percentiles[-1].note)
     for note in list(notes)[:3]:
         print(f"evac: {percentile}: {note}", file=sys.stderr)
     if any(one.blocked for one in study.statistics):
-        print("evac: people are left in blocked runs: they count as endless, and the means are those of the other runs", file=sys.stderr)
+        told = "people are left in blocked runs: they count as endless, and the means are those of the other runs"
+        print(f"evac: {told}", file=sys.stderr)
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
@@ -200,8 +207,8 @@ def _show_blocked(study: "Study") -> None:
     listed = ", ".join(seeds[:20]) + (" and others" if len(seeds) > 20 else "")
     print(
         f"evac: people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
-        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; these runs count as endless"
-        " in the percentiles and are not in the mean; evac run --seed N shows where people are left",
+        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; these runs count as"
+        " endless in the percentiles and are not in the mean; evac run --seed N shows where people are left",
         file=sys.stderr,
     )
 
@@ -220,7 +227,8 @@ def _show_rule(study: "Study") -> None:
             line = f"{found.name} known {reached}{where} after {runs} runs"
         else:
             reason = found.note or "raise --most"
-            line = f"{found.name} not known to {100 * rule.until:g} %{where}, but {reached}, after the most runs, {runs}: {reason}"
+            line = f"{found.name} not known to {100 * rule.until:g} %{where}, but {reached},"
+            line += f" after the most runs, {runs}: {reason}"
         print(f"evac: {line}", file=sys.stderr)
 
 

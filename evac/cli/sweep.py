@@ -41,7 +41,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--table",
         type=Path,
         metavar="FILE",
-        help="a point for each row: CSV with dotted keys as its head, or TOML with [[points]]; a column `case` names cases",
+        help="a point for each row: CSV with dotted keys as its head, or TOML with [[points]]; `case` names cases",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     declare_plugin(parser)

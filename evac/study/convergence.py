@@ -56,7 +56,7 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
             deviation = float(np.std(times, ddof=1))
             measures = compared(new, average)
             mean, mean_before = float(np.mean(times)), float(np.mean(times[:-1]))
-            row = {"runs": j, "TET": abs(mean - mean_before) / mean}
+            row: dict[str, Any] = {"runs": j, "TET": abs(mean - mean_before) / mean}
             row["SD"] = abs(deviation - deviation_before) / deviation if j > 2 and deviation else None
             for k, name in enumerate(("ERD", "EPC", "SC")):
                 row[name] = abs(measures[k] - before[k]) if before is not None else None
@@ -69,8 +69,8 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
 def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]:
     """Return Euclidean relative difference, Euclidean projection coefficient and secant cosine of two curves.
 
-    With x and y the curves: ``|x - y| / |y|``, ``x . y / |y|^2``, and the cosine of the angle between the vectors of the
-    secants ``x[i + s] - x[i]`` and ``y[i + s] - y[i]``. They are 0, 1 and 1 of curves that are the same.
+    With x and y the curves: ``|x - y| / |y|``, ``x . y / |y|^2``, and the cosine of the angle between the vectors of
+    the secants ``x[i + s] - x[i]`` and ``y[i + s] - y[i]``. They are 0, 1 and 1 of curves that are the same.
     """
     size = float(np.linalg.norm(other))
     s = max(1, round(SECANT * len(curve)))

@@ -77,7 +77,7 @@ def workers_of(executor: Executor) -> int | None:
     """Return how many workers an executor says that it has now, or None."""
     client = getattr(executor, "_client", None)
     if client is not None and hasattr(client, "nthreads"):
-        return sum(client.nthreads().values())
+        return sum(map(int, client.nthreads().values()))
     workers = getattr(executor, "_max_workers", None)
     return workers if isinstance(workers, int) else None
 

@@ -195,6 +195,10 @@ def _draw_statistics(study: "Study", path: Path) -> None:
     numeric = [key for key in keys if all(_is_number(value) for value in values[key]) and len(set(values[key])) > 1]
     along = numeric[-1] if numeric else None
     others = [key for key in keys if key != along]
+
+    def along_of(index: int) -> float:
+        return float(values[along][index]) if along else float(index)  # type: ignore[arg-type]
+
     title = f"{textwrap.fill(study.points[0].case.title, 90)}\n"
     figure, axes = new_plain_axes(title, along or "point", "evacuation time [s]", 0.6)
     lines: dict[str, list[int]] = {}
@@ -203,8 +207,8 @@ def _draw_statistics(study: "Study", path: Path) -> None:
         lines.setdefault(name, []).append(point.index)
     for number, (name, members) in enumerate(lines.items()):
         if along:
-            members = sorted(members, key=lambda k: values[along][k])
-        place = [float(values[along][k]) for k in members] if along else [float(k) for k in members]
+            members = sorted(members, key=along_of)
+        place = [along_of(k) for k in members]
         found = [study.statistics[k] for k in members]
         colour = f"C{number % 10}"
         mean = np.array([one.mean.value for one in found])
@@ -216,7 +220,9 @@ def _draw_statistics(study: "Study", path: Path) -> None:
     if not along:
         labels = [textwrap.fill(point.label, 24) for point in study.points]
         axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
-    note = "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, where reached"
+    note = (
+        "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, where reached"
+    )
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= 12:
         axes.legend(frameon=False, fontsize=8)

@@ -126,9 +126,7 @@ def statistics(
         greatest=float(times.max()),
         standard_deviation=float(complete.std(ddof=1)) if len(complete) > 1 else math.nan,
         mean=estimate("mean", times, populations, confidence),
-        percentiles=tuple(
-            estimate(percentile_name(of), times, populations, confidence) for of in PERCENTILES
-        ),
+        percentiles=tuple(estimate(percentile_name(of), times, populations, confidence) for of in PERCENTILES),
     )
 
 
@@ -294,7 +292,9 @@ def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float = CO
     complete, blocked = times[is_complete], int((~is_complete).sum())
     notes = []
     if blocked:
-        notes.append(f"of the {len(complete)} complete runs: with {blocked} of {len(times)} blocked it is endless over all")
+        notes.append(
+            f"of the {len(complete)} complete runs: with {blocked} of {len(times)} blocked it is endless over all"
+        )
     if not len(complete):
         return Estimate("mean", math.nan, math.nan, math.nan, 0, "; ".join(notes))
     sample = complete
@@ -346,6 +346,8 @@ def _between(lower: float, upper: float, share: float) -> float:
     """Return what lies between two values of which the upper or both may be infinite."""
     if share == 0.0 or lower == upper:
         return float(lower)
-    return float(lower + share * (upper - lower)) if math.isfinite(lower) and math.isfinite(upper) else float(
-        upper if math.isinf(upper) else lower
+    return (
+        float(lower + share * (upper - lower))
+        if math.isfinite(lower) and math.isfinite(upper)
+        else float(upper if math.isinf(upper) else lower)
     )

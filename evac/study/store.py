@@ -1,9 +1,9 @@
 """The rows of a study on disk: each there as soon as its run is done, in columns that every data frame library reads.
 
 While runs go on, rows are appended to ``runs.arrows``, a stream of Arrow's: each row is one record batch, written with
-one call, so that a kill leaves at most the last one incomplete, which is cut off when the file is opened again. When the
-study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is removed. Neither SQLite
-(rows, not columns) nor Parquet (which is unreadable without its end) serves for both.
+one call, so that a kill leaves at most the last one incomplete, which is cut off when the file is opened again. When
+the study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is removed. Neither
+SQLite (rows, not columns) nor Parquet (which is unreadable without its end) serves for both.
 """
 
 import math

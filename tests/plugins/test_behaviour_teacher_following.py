@@ -54,7 +54,11 @@ class Corridor:
         self.out = np.full(n, np.nan)
         self.behaviour = TeacherFollowing(**parameters)
         self.scene = BehaviourScene(
-            self.crowd, Scene(Ground(SimpleNamespace(), corridor_fields(), None)), self.groups, np.random.default_rng(1), TICK
+            self.crowd,
+            Scene(Ground(SimpleNamespace(), corridor_fields(), None)),
+            self.groups,
+            np.random.default_rng(1),
+            TICK,
         )
         self.step = 0
         self.behaviour.prepare(self.scene)

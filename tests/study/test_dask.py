@@ -29,9 +29,7 @@ def cluster(tmp_path):
     try:
         for k in range(2):
             place = tmp_path / f"worker-{k}"
-            processes.append(
-                subprocess.Popen([*worker, "--scheduler-file", file, "--local-directory", place], **quiet)
-            )
+            processes.append(subprocess.Popen([*worker, "--scheduler-file", file, "--local-directory", place], **quiet))
         with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
             client.wait_for_workers(2, timeout=120)
         yield file, processes[1:]

@@ -20,7 +20,7 @@ def test_a_grid_has_all_combinations(case):
 
 
 def test_a_point_that_is_not_valid_is_named(case):
-    with pytest.raises(ScenarioError, match="contact.model") as caught:
+    with pytest.raises(ScenarioError, match=r"contact\.model") as caught:
         grid(case, {"contact.model": ["dem", "dom"]})
     assert caught.value.__notes__ == ["at the point contact.model = dom"]
 
@@ -58,7 +58,9 @@ def test_a_table_of_cases(case, tmp_path):
 
 def test_a_table_in_toml(case, tmp_path):
     path = tmp_path / "points.toml"
-    path.write_text('[[points]]\ncontact.model = "dem"\npeople.people.number = 3\n[[points]]\n"contact.model" = "nsm1"\n')
+    path.write_text(
+        '[[points]]\ncontact.model = "dem"\npeople.people.number = 3\n[[points]]\n"contact.model" = "nsm1"\n'
+    )
     points = from_rows(case, read_table(path), tmp_path)
     assert [point.case.contact.model for point in points] == ["dem", "nsm1"]
 

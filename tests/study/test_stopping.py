@@ -50,7 +50,9 @@ def test_numbers_of_runs_are_whole_populations():
     assert rule.wanted(np.random.default_rng(3).lognormal(size=10), np.arange(10) // 5) % 5 == 0
 
 
-@pytest.mark.parametrize(("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)])
+@pytest.mark.parametrize(
+    ("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)]
+)
 def test_intervals_of_stopped_studies_cover(statistic, until, true):
     rng, rule, covered = np.random.default_rng(4), until_known(until, statistic), 0
     for _ in range(200):

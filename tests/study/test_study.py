@@ -22,14 +22,14 @@ def case():
     )
 
 
-class Stop(Exception):
+class StopError(Exception):
     pass
 
 
 def stopping_after(count):
     def progress(state):
         if state.row is not None and state.done >= count:
-            raise Stop
+            raise StopError
 
     return progress
 
@@ -81,7 +81,7 @@ def test_buildings_are_made_once(case, monkeypatch):
 
 def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
     whole = evac.repeat(case, 5, folder=tmp_path / "whole", workers=1)
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         evac.repeat(case, 5, folder=tmp_path / "r", workers=1, progress=stopping_after(2))
     assert (tmp_path / "r" / RUNS_STREAM_NAME).is_file()
     made = []
@@ -129,7 +129,7 @@ def test_a_changed_building_or_plugin_does_not_go_on(case, tmp_path):
 
 
 def test_rows_of_a_stopped_study_are_not_overwritten(case, tmp_path):
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         evac.repeat(case, 3, folder=tmp_path / "r", workers=1, progress=stopping_after(1))
     with pytest.raises(ResultError, match="--resume"):
         evac.repeat(case, 3, folder=tmp_path / "r", workers=1)

@@ -1,7 +1,7 @@
 """How sure the results of studies are: true coverage of intervals, runs that questions need, what common seeds save."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -16,7 +16,7 @@ from evac.simulation import Simulation
 from evac.study.shared import simulation_of
 from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval
 from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
-from evac.study.study import repeat, sweep
+from evac.study.study import Study, repeat, sweep
 
 Row = dict[str, Any]
 
@@ -67,7 +67,10 @@ CHANGES: Sequence[Mapping[str, Any]] = (
 PAIRS = {False: 400, True: 12}
 
 #: A sweep of small runs, and a study of long ones.
-SWEPT = {"people.people.speed": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5], "contact.model": ["nsm1", "nsm2"]}
+SWEPT: Mapping[str, Sequence[Any]] = {
+    "people.people.speed": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5],
+    "contact.model": ["nsm1", "nsm2"],
+}
 SWEPT_RUNS = {False: 20, True: 2}
 SCHOOL_RUNS = {False: 50, True: 2}
 
@@ -238,7 +241,7 @@ def _spread_out(count: int) -> FloatArray:
 
 def _pairs(evidence: Evidence) -> list[Row]:
     """Return what each change makes of the evacuation time."""
-    points = [{"simulation.duration": 300.0}, *CHANGES]
+    points: list[Mapping[str, Any]] = [{"simulation.duration": 300.0}, *CHANGES]
     runs = PAIRS[evidence.quick]
     study = sweep(load_case(CASE), points, runs, workers=1 if evidence.quick else WORKERS)
     before = study.times(0)
@@ -268,10 +271,11 @@ def _work(evidence: Evidence) -> list[Row]:
     repeat(school, 1, workers=1)
     sweep(small, {"contact.model": SWEPT["contact.model"]}, 1, workers=1)
     rows = []
-    for name, study_of in (
-        ("sweep", lambda: sweep(small, SWEPT, SWEPT_RUNS[evidence.quick], workers=1)),
-        ("school", lambda: repeat(school, SCHOOL_RUNS[evidence.quick], workers=1)),
-    ):
+    studies: Mapping[str, Callable[[], Study]] = {
+        "sweep": lambda: sweep(small, SWEPT, SWEPT_RUNS[evidence.quick], workers=1),
+        "school": lambda: repeat(school, SCHOOL_RUNS[evidence.quick], workers=1),
+    }
+    for name, study_of in studies.items():
         start = time.process_time()
         study = study_of()
         whole = time.process_time() - start
