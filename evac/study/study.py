@@ -73,6 +73,7 @@ class Study:
             self._begin(identity)
         self._store = Store(self.folder, self.points)
         self._wanted = [rule.first] * len(self.points)
+        self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
 
     def __repr__(self) -> str:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
@@ -101,6 +102,7 @@ class Study:
 
         def on_row(row: Row) -> None:
             self._store.append(row)
+            self._there[row.point] += 1
             order = self._orders[row.point]
             conductor.ask(order, self._advanced(order))
             if progress is not None:
@@ -121,8 +123,7 @@ class Study:
     @property
     def done(self) -> int:
         """Number of runs that are made, of those that are wanted so far."""
-        entries = self._store.entries
-        return sum((order.point, k) in entries for order in self._orders for k in range(self._wanted[order.point]))
+        return sum(self._there)
 
     def runs_of(self, point: int) -> int:
         """Return the number of runs of a point that its statistics are over."""
@@ -206,16 +207,16 @@ class Study:
     def _advanced(self, order: Order) -> list[int]:
         """Look at a point whose wanted runs are all there, again and again; return what it wants then."""
         point = order.point
-        while True:
+        while self._there[point] == self._wanted[point]:
             before = self._wanted[point]
-            if self._missing(order, range(before)):
-                return []
             self._wanted[point] = self.rule.wanted(self.times(point), self.populations(point))
             if self._wanted[point] == before:
-                return []
+                break
             missing = self._missing(order, range(before, self._wanted[point]))
+            self._there[point] = self._wanted[point] - len(missing)
             if missing:
                 return missing
+        return []
 
 
 def repeat(
