@@ -1,4 +1,4 @@
-"""Defaults that the schema of case.toml and the functions called from Python share; importing them costs nothing."""
+"""Defaults and bounds that the schema of case.toml and the functions called from Python share; cheap to import."""
 
 #: Vertices of a mesh that are closer than this become one [m].
 WELD = 0.001
@@ -14,3 +14,8 @@ SPACING = 0.1
 COMFORT = 3.0
 #: Order of the fast marching scheme.
 ORDER = 2
+
+#: Radius of a body [m]: a centimetre is less than any, and finer ones would need more memory than there is.
+LEAST_RADIUS = 0.01
+#: Radius [m], mass [kg], relaxation time [s] and speed [m/s]: beyond any person, far from overflow.
+MOST_RADIUS, MOST_MASS, MOST_TAU, MOST_SPEED = 10.0, 1e5, 1e4, 100.0

@@ -2,11 +2,15 @@
 
 import difflib
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from evac.errors import PluginError, ScenarioError
+
+#: Of the numbers that plugins take: far beyond any quantity in SI units, and exact as a whole number.
+GREATEST = 1e15
 
 
 def did_you_mean(word: str, known: list[str] | tuple[str, ...]) -> str:
@@ -30,7 +34,8 @@ class Parameter:
     unit : str
         SI unit, empty for a pure number or a word.
     minimum, maximum : float
-        Closed bounds of a number; ``above`` is an open lower bound.
+        Closed bounds of a number; ``above`` is an open lower bound. Without them numbers lie within `GREATEST` of
+        zero: state those beyond which memory or time run out, or the model overflows.
     choices : tuple of str
         The words allowed.
     infinite : bool
@@ -75,13 +80,13 @@ class Parameter:
             return self._check_distribution(key, value)
         if isinstance(self.default, bool) or self.default is None:
             if isinstance(self.default, bool) and not isinstance(value, bool):
-                raise PluginError(f"{key}: expected true or false, got {value!r}")
+                raise PluginError(f"{key}: expected true or false, got {reprlib.repr(value)}")
             return value
         if isinstance(self.default, str):
             if not isinstance(value, str):
-                raise PluginError(f"{key}: expected a word, got {value!r}")
+                raise PluginError(f"{key}: expected a word, got {reprlib.repr(value)}")
             if self.choices and value not in self.choices:
-                raise PluginError(f"{key}: unknown value {value!r}; {did_you_mean(value, self.choices)}")
+                raise PluginError(f"{key}: unknown value {reprlib.repr(value)}; {did_you_mean(value, self.choices)}")
             return value
         if isinstance(self.default, (int, float)):
             return self._check_number(key, value)
@@ -90,25 +95,27 @@ class Parameter:
     def _check_number(self, key: str, value: Any) -> float | int:
         whole = isinstance(self.default, int)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise PluginError(f"{key}: expected {'a whole number' if whole else 'a number'}, got {value!r}")
-        if math.isnan(value) or (math.isinf(value) and (whole or not self.infinite)):
-            raise PluginError(f"{key}: must be finite, got {value!r}")
+            raise PluginError(f"{key}: expected {'a whole number' if whole else 'a number'}, got {reprlib.repr(value)}")
+        if value != value or (abs(value) == math.inf and (whole or not self.infinite)):
+            raise PluginError(f"{key}: must be finite, got {reprlib.repr(value)}")
+        if GREATEST < abs(value) < math.inf:
+            raise PluginError(f"{key}: must lie within {GREATEST:g} of zero, got {reprlib.repr(value)}")
         if whole and value != int(value):
-            raise PluginError(f"{key}: expected a whole number, got {value!r}")
+            raise PluginError(f"{key}: expected a whole number, got {reprlib.repr(value)}")
         unit = f" {self.unit}" if self.unit else ""
         if self.minimum is not None and value < self.minimum:
-            raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be at least {self.minimum}{unit}, got {reprlib.repr(value)}")
         if self.above is not None and value <= self.above:
-            raise PluginError(f"{key}: must be greater than {self.above}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be greater than {self.above}{unit}, got {reprlib.repr(value)}")
         if self.maximum is not None and value > self.maximum:
-            raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {value!r}")
+            raise PluginError(f"{key}: must be at most {self.maximum}{unit}, got {reprlib.repr(value)}")
         return int(value) if whole else float(value)
 
     def _check_distribution(self, key: str, value: Any) -> Any:
         from evac.people.distributions import parse
 
         try:
-            return parse(value, key, minimum=self.minimum, above=self.above)
+            return parse(value, key, minimum=self.minimum, above=self.above, maximum=self.maximum)
         except ScenarioError as error:
             raise PluginError(str(error)) from error
 

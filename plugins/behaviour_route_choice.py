@@ -1,6 +1,7 @@
 """Route choice: each person takes the way of least cost by its own speeds, and may change its mind."""
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -134,13 +135,14 @@ class RouteChoice(Behaviour):
         return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return who has changed strategy, and when all choose next."""
-        return {"changed": self._changed.copy(), "next": self._next.copy()}
+        """Return who has changed strategy, when all choose next, and the version of the scene they have chosen in."""
+        return {"changed": self._changed, "next": self._next, "version": np.array([self._version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
         self._changed = state["changed"].copy()
         self._next = state["next"].copy()
+        self._version = int(state["version"][0])
 
     def _single_exits(self) -> tuple[tuple[str, ...], ...]:
         return tuple((name,) for name in self.exits) or ((),)
@@ -231,7 +233,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
 def _words(key: str, value: Any) -> tuple[str, ...]:
     """Return a list of words as a tuple."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
-        raise PluginError(f"{key}: expected a list of words, got {value!r}")
+        raise PluginError(f"{key}: expected a list of words, got {reprlib.repr(value)}")
     return tuple(dict.fromkeys(value))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IntArray
+from evac.building.findings import Finding, warnings_of
 
 #: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2
@@ -145,8 +146,8 @@ class Building:
         Level that each wall stands on.
     stairs : dict of str to tuple of int
         Levels of each stair, from top to bottom.
-    warnings : tuple of str
-        What a user should know and that stops nothing.
+    findings : tuple of Finding
+        What a user should know and that stops nothing, each with its place.
     closed : frozenset of int
         Links that are walls during the whole run.
     """
@@ -160,8 +161,13 @@ class Building:
     walls: FloatArray
     wall_level: IntArray
     stairs: dict[str, tuple[int, ...]]
-    warnings: tuple[str, ...] = field(default=())
+    findings: tuple[Finding, ...] = field(default=())
     closed: frozenset[int] = frozenset()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Texts of the warnings among the findings."""
+        return warnings_of(self.findings)
 
     def level_named(self, name: str) -> Level | None:
         """Return the level of that name, or None."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from evac.jit import Entry
+    from evac.jit.store import Store
 
 ACTIONS = {
     "show": "show the folder and what is in it (the default)",
@@ -57,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _compile(plugins: list[str]) -> None:
-    from evac.cli.progress import Display
+    from evac.display import Display
     from evac.jit.loading import addresses_of
     from evac.registry import Registry
 
@@ -84,16 +85,26 @@ def _show() -> None:
 
     store = user_store()
     files = store.entries() if store else []
+    sizes = [path.stat().st_size for path in files if path.exists()]
     show_facts(
         {
             "folder": store.folder if store else "none: there is no home folder, and EVAC_CACHE_DIR is not set",
+            **_exposed(store),
             "compiled kernels": len(files),
-            "size": f"{sum(path.stat().st_size for path in files) / 1e6:.2f} MB",
+            "size": f"{sum(sizes) / 1e6:.2f} MB",
             "compiled by": versions().rpartition(",")[0],
             "compiled for": host().name,
             "kernels in the wheel": _shipped(),
         }
     )
+
+
+def _exposed(store: "Store | None") -> dict[str, str]:
+    """Tell why the folder is not used, if it is not."""
+    from evac.jit.store import exposure
+
+    problem = exposure(store.folder) if store and store.folder.is_dir() else ""
+    return {"not used": f"the folder {problem}"} if problem else {}
 
 
 def _shipped() -> str:

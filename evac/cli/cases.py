@@ -1,6 +1,7 @@
 """Arguments that name a case, and how it is loaded."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,19 +38,53 @@ def declare_plugin(parser: argparse.ArgumentParser) -> None:
 
 
 def case_of(arguments: argparse.Namespace) -> "Case":
-    """Load the case that the arguments name.
+    """Load the case that the arguments name; plugin files that the case itself names are not run.
 
     Raises
     ------
     ScenarioError, PluginError
         As `evac.load`.
     """
+    from evac.errors import ScenarioError
     from evac.scenario.loading import load_case
 
     overrides = list(arguments.overrides)
+    for override in overrides:
+        shown = override.encode("utf-8", "backslashreplace").decode()
+        if shown != override:
+            raise ScenarioError(f"--set {shown}: holds bytes that are no text in the encoding of this system")
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
-    return load_case(arguments.case, overrides, arguments.plugins)
+    case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)
+    return case
+
+
+def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
+    """Return the case that `case_of` has loaded, if it has."""
+    return getattr(arguments, "loaded", None)
+
+
+def case_to_run(arguments: argparse.Namespace) -> "Case":
+    """Load the case that the arguments name and run its plugin files, see `with_plugin_files`."""
+    return with_plugin_files(case_of(arguments))
+
+
+def with_plugin_files(case: "Case") -> "Case":
+    """Run the plugin files that a case names, which must lie in its folder, and say so.
+
+    Raises
+    ------
+    ScenarioError, PluginError
+        As `evac.scenario.trust.run_plugin_files`.
+    """
+    from evac.scenario.trust import run_plugin_files
+
+    return run_plugin_files(case, tell_plugin_file)
+
+
+def tell_plugin_file(path: Path) -> None:
+    """Say that a plugin file of the case is run."""
+    print(f"running plugin file of the case: {path}", file=sys.stderr)
 
 
 def default_folder(case: "Case") -> Path:

@@ -1,13 +1,14 @@
 """evac explain: what a case needs, part by part, and why.
 
-What is left out changes no bit of the trajectories; `evac run --full` forces everything in.
+What is left out changes no bit of the trajectories; `evac run --full` forces everything in. Forces and behaviours say
+themselves what they need: plugin files of the case are run, as by `evac run`.
 """
 
 import argparse
 
-from evac.cli.cases import case_of, declare_case
-from evac.cli.progress import Display
+from evac.cli.cases import case_to_run, declare_case
 from evac.cli.screen import show_table
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +18,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Print every part that can be left out, in or out, and why."""
-    case = case_of(arguments)
+    case = case_to_run(arguments)
     from evac.simulation import Simulation
 
     with Display(has_lines=False) as display:

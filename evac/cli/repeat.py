@@ -2,37 +2,50 @@
 
 To ./CASE-runs, or to --out, goes each run's row as soon as it is done: killed, the study goes on with --resume. In the
 end runs.parquet and runs.csv have the rows, statistics.csv and summary.json what they say, egress.csv and egress.png
-the mean and the percentiles over runs of the egress curves. `evac run CASE --seed N` shows one of the runs.
+the mean and the percentiles over runs of the egress curves; with --replay also replay-median.html and
+replay-worst.html. `evac run CASE --seed N` shows one of the runs.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.cases import case_of, declare_case, default_folder
-from evac.cli.progress import Display
+from evac.cli.cases import case_to_run, declare_case, default_folder
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_case(parser)
     declare_study(parser)
+    parser.add_argument(
+        "--replay", action="store_true", help="make the median and the worst run again, with a replay of each"
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
-    from evac.running import check_folder
-    from evac.study.study import repeat, rule_of
+    from evac.study.points import single
+    from evac.study.study import conducted, rule_of
 
-    case = case_of(arguments)
+    case = case_to_run(arguments)
     options = options_of(arguments)
     rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
-    check_folder(folder)
     prepare(case)
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
     print(f"runs: {number}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
-        study = repeat(case, folder=folder, executor=executor, progress=Rows(display), **options)
+        study = conducted(
+            single(case),
+            rule,
+            folder,
+            options["repetitions"],
+            options["workers"],
+            executor,
+            arguments.resume,
+            Rows(display),
+            arguments.replay,
+        )
     return show_study(study)

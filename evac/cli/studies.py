@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.cli.progress import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.display import Display
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.cli.cases import declare_plugin, default_folder
-from evac.cli.progress import Display
+from evac.cli.cases import declare_plugin, default_folder, with_plugin_files
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
+from evac.display import Display
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -50,7 +50,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
-    from evac.running import check_folder
     from evac.study.points import from_rows, grid
     from evac.study.study import conducted, rule_of
 
@@ -67,7 +66,6 @@ def execute(arguments: argparse.Namespace) -> int:
         points = grid(case, parameters)
     first = points[0].case
     folder = arguments.out or Path(f"{default_folder(case or first).name.removesuffix('-result')}-sweep")
-    check_folder(folder)
     prepare(first)
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
     told = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
@@ -87,8 +85,6 @@ def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
     ScenarioError
         A value is no TOML where it must be, or there is none.
     """
-    import tomllib
-
     from evac.errors import ScenarioError
     from evac.scenario.overrides import split_values, value_of
 
@@ -102,7 +98,7 @@ def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
             continue
         try:
             several[key] = [value_of(word) for word in values]
-        except (tomllib.TOMLDecodeError, IndexError) as error:
+        except (ValueError, IndexError) as error:
             raise ScenarioError(f"--set {text}: not a list of values: {error or 'one is empty'}; correct it") from error
     return several, fixed
 
@@ -122,7 +118,9 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
         raise ScenarioError("name a case, or a table of cases (--table)")
     if arguments.table is None and not any("," in text for text in arguments.overrides):
         raise ScenarioError("nothing to sweep: give several values to a key (--set KEY=V1,V2), or use evac repeat")
-    return load_case(arguments.case, fixed, arguments.plugins) if arguments.case is not None else None
+    return (
+        with_plugin_files(load_case(arguments.case, fixed, arguments.plugins)) if arguments.case is not None else None
+    )
 
 
 def _rows(arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]) -> list[dict[str, Any]]:

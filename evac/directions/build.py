@@ -16,7 +16,7 @@ from evac.directions.cellwalls import find_cell_walls
 from evac.directions.descent import Ways, add_lengths, descend, find_lowest
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, use_towards
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, use_towards
 from evac.directions.marching import Metric, march
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
@@ -31,8 +31,11 @@ BEND = 8.0
 #: is shorter.
 AVOID = 100.0
 
-#: Nodes of all levels: some gigabytes.
-MOST_NODES = 2e7
+#: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
+NODE_BYTES, ROUTE_BYTES = 190.0, 50.0
+
+#: Memory of all fields [bytes]: a minute or two of computing.
+MOST_BYTES = 2.5e9
 
 
 def build_fields(
@@ -85,6 +88,7 @@ def build_fields(
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
+    _check_memory(building, len(routes), spacing, clearance)
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
     bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
@@ -143,20 +147,32 @@ def _check_routes(building: Building, routes: Sequence[Route]) -> None:
 
 
 def _check_spacing(building: Building, spacing: float) -> None:
-    """Refuse a grid with too many nodes, or too coarse for an exit."""
-    nodes = sum(shapely.box(*level.polygon.bounds).area for level in building.levels) / spacing**2
-    if nodes > MOST_NODES:
-        least = spacing * math.sqrt(nodes / MOST_NODES)
-        raise ScenarioError(
-            f"directions.spacing: {spacing} m needs {nodes:.2g} nodes, more than {MOST_NODES:.0e}; "
-            f"make it at least {least:.2g} m; {measures(building)}"
-        )
+    """Refuse a grid too coarse for an exit."""
     for exit_ in building.exits:
         if exit_.width < 2.0 * spacing:
             raise ScenarioError(
                 f"directions.spacing: exit {exit_.name!r} is {exit_.width:.3g} m wide, less than two cells of "
                 f"{spacing} m; make the exit wider or the spacing smaller"
             )
+
+
+def _check_memory(building: Building, n_routes: int, spacing: float, clearance: float) -> None:
+    """Refuse grids that need too much memory, naming the key that makes them large, before any is allocated."""
+    most = MOST_BYTES / (NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1))
+    nodes = count_nodes(building, spacing, clearance)
+    if nodes <= most:
+        return
+    alone = count_nodes(building, spacing, 0.0)
+    many = f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}"
+    if alone <= 0.5 * most:
+        raise ScenarioError(
+            f"directions.clearance: {clearance:g} m makes grids of {many}; make it smaller (where it is not given, it "
+            "is about the greatest body radius)"
+        )
+    least = spacing * math.sqrt(nodes / most)
+    raise ScenarioError(
+        f"directions.spacing: {spacing:g} m makes grids of {many}; make it at least {least:.2g} m; {measures(building)}"
+    )
 
 
 def _avoided(grids: BuildingGrids, width: float) -> FloatArray:

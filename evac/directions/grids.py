@@ -138,7 +138,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     walls = [_walls_of(building, level.index) for level in building.levels]
     # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
-    margin = max(MARGIN, math.ceil(clearance / spacing) + 3)
+    margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
     own_nodes, stand_ins = zip(
         *(
@@ -161,6 +161,33 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
         found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
     return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
+
+
+def count_nodes(building: Building, spacing: float, clearance: float) -> float:
+    """Return about how many nodes `build_grids` would lay, without laying any; parameters as there."""
+    around = 2.0 * _margin(spacing, clearance) + 1.0
+    count = 0.0
+    for level in building.levels:
+        left, bottom, right, top = _bounds(building, level, spacing)
+        count += ((right - left) / spacing + around) * ((top - bottom) / spacing + around)
+    return count
+
+
+def _margin(spacing: float, clearance: float) -> int:
+    """Return the number of nodes around each level."""
+    return max(MARGIN, math.ceil(clearance / spacing) + 3)
+
+
+def _bounds(building: Building, level: Level, spacing: float) -> tuple[float, ...]:
+    """Return the box (x_min, y_min, x_max, y_max) of a level and the halos behind its portals [m]."""
+    halos = [shapely.buffer(chain(p.segments), _depth(p, spacing)) for p in _open_portals(building, level.index)]
+    bounds = np.array([geometry.bounds for geometry in (level.polygon, *halos)])
+    return (*bounds[:, :2].min(axis=0).tolist(), *bounds[:, 2:].max(axis=0).tolist())
+
+
+def _depth(portal: Portal, spacing: float) -> float:
+    """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
+    return max(portal.width, MARGIN * spacing)
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:
@@ -202,10 +229,7 @@ class _Layers:
         """Return the window of a level's grid and the sheet of each node."""
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
-        bounds = np.array(
-            [level.polygon.bounds] + [shapely.buffer(chain(p.segments), self._depth(p)).bounds for p in portals]
-        )
-        window = lattice.window((*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)), self.margin)
+        window = lattice.window(_bounds(self.building, level, lattice.spacing), self.margin)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
         here, there = window.overlap(self.windows[level.index])
         sheet[here][self.nodes[level.index][there]] = OWN
@@ -227,8 +251,7 @@ class _Layers:
         return neighbour.intersection(shapely.buffer(chain(portal.segments), self._depth(portal)))
 
     def _depth(self, portal: Portal) -> float:
-        """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
-        return max(portal.width, MARGIN * self.windows[0].lattice.spacing)
+        return _depth(portal, self.windows[0].lattice.spacing)
 
     def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
         """Lay the neighbour's nodes that are reached directly behind a portal into the grid."""

@@ -226,8 +226,7 @@ class _March:
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
     ) -> FloatArray | None:
         """Return the cost from the zero contour of `phi`, inf where the wave does not come; None without a contour."""
-        inside = phi[walkable]
-        if not ((inside < 0.0).any() and (inside > 0.0).any()):
+        if not _has_contour(phi, walkable):
             return None
         by_sheet = self._slowness_by_sheet(grid, use, through)
         slowness = by_sheet[grid.sheet]
@@ -276,6 +275,18 @@ class _March:
             weights += weight
         with np.errstate(invalid="ignore"):
             return np.where(weights > 0.0, total / weights, math.inf)
+
+
+def _has_contour(phi: FloatArray, walkable: NDArray[np.bool_]) -> bool:
+    """Return whether phi changes its sign between two walkable nodes next to each other."""
+    below, above = walkable & (phi <= 0.0), walkable & (phi > 0.0)
+    return bool(
+        (below & (phi < 0.0)).any()
+        and (
+            (below[1:] & above[:-1] | above[1:] & below[:-1]).any()
+            or (below[:, 1:] & above[:, :-1] | above[:, 1:] & below[:, :-1]).any()
+        )
+    )
 
 
 def _middles(segments: FloatArray, off_ends: float) -> list[BaseGeometry]:

@@ -1,8 +1,14 @@
-"""Object code on disk: one file for each kernel and what it was compiled from, with a checksum."""
+"""Object code on disk: one file for each kernel and what it was compiled from, with a checksum.
 
+The checksum finds damage, not intent: whoever can write a file here can execute code in the process that loads it. So
+the folder is made for its owner alone, and nothing is loaded from one that others may write to.
+"""
+
+import errno
 import hashlib
 import os
 import re
+import stat
 import tempfile
 import time
 import warnings
@@ -32,9 +38,14 @@ def cache_root() -> Path | None:
     chosen = os.environ.get("EVAC_CACHE_DIR")
     if chosen:
         return Path(chosen).absolute()
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        base = Path(os.environ.get(name, ""))
+        if base.is_absolute():
+            return base / "evac"
     with suppress(RuntimeError):
-        return (Path(base) if base else Path.home() / ".cache") / "evac"
+        home = Path.home()
+        # An empty HOME would mean the current folder, which may be anybody's.
+        return home / ".cache" / "evac" if home.is_absolute() else None
     return None
 
 
@@ -70,24 +81,27 @@ class Store:
         """Return object code, or None where there is none; a damaged file is removed, with one warning."""
         path = self.path(name, digest)
         try:
-            content = path.read_bytes()
-            if not self.is_shipped and time.time() - path.stat().st_mtime > 86400.0:
-                os.utime(path)  # it is used
+            if not self.is_shipped and exposure(self.folder):
+                return None  # what is compiled then cannot be kept, which is warned of
+            problem = "" if self.is_shipped else exposure(path)
+            content = b"" if problem else path.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
-            self.warn("read", f"{path}: cannot be read ({error.strerror}); what cannot be read is compiled again")
+            self.warn("access", f"{path}: cannot be read ({error.strerror}); what cannot be read is compiled again")
             return None
         start = len(_MAGIC) + 32
         code = content[start:]
         if content[:start] == _MAGIC + _checksum(digest, code):
+            self._note_use(path)
             return code
         if content.startswith(_ANY_MAGIC) and not content.startswith(_MAGIC):
             return None  # of another format
         if not self.is_shipped:
             with suppress(OSError):
                 path.unlink()
-        self.warn("damaged", f"{path}: damaged; it is compiled again, as is everything else that is damaged")
+        problem = problem or "is damaged"
+        self.warn("damaged", f"{path}: {problem}; it is compiled again, as is everything else that is damaged")
         return None
 
     def write(self, name: str, digest: str, code: bytes) -> None:
@@ -96,9 +110,12 @@ class Store:
         Raises
         ------
         OSError
-            If that is not possible; a file is there as a whole or not at all.
+            If that is not possible, or others may write to the folder; a file is there as a whole or not at all.
         """
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        problem = exposure(self.folder)
+        if problem:
+            raise PermissionError(errno.EPERM, problem)
         handle, temporary = tempfile.mkstemp(dir=self.folder, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
@@ -108,12 +125,18 @@ class Store:
             with suppress(OSError):
                 os.unlink(temporary)
             raise
-        same = [path for path in self.folder.glob(f"{name}-*.kernel") if len(path.stem) == len(name) + 21]
+        same = [path for path in self._files(f"{name}-*.kernel") if len(path.stem) == len(name) + 21]
         _remove(sorted(same, key=_age)[KEPT:])
 
     def entries(self) -> list[Path]:
-        """Return the files of all kernels."""
-        return sorted(self.folder.glob("*.kernel"))
+        """Return the files of all kernels; none of a folder that cannot be read."""
+        return sorted(self._files("*.kernel"))
+
+    def _files(self, pattern: str) -> list[Path]:
+        try:
+            return list(self.folder.glob(pattern))
+        except OSError:
+            return []
 
     def warn(self, what: str, message: str) -> None:
         """Warn of something that concerns the folder, once."""
@@ -121,20 +144,49 @@ class Store:
             _warned.add((self.folder, what))
             warnings.warn(message, CacheWarning, stacklevel=3)
 
+    def _note_use(self, path: Path) -> None:
+        """Keep a file that is used from being removed as old."""
+        if not self.is_shipped:
+            with suppress(OSError):  # a folder that can only be read
+                if _age(path) > 86400.0:
+                    os.utime(path)
+
     def prune(self) -> None:
         """Remove what nothing has used for long, what interrupted processes left, and former caches."""
         _remove(path for path in self.entries() if _age(path) > UNUSED)
-        _remove(path for path in self.folder.glob("*.part") if _age(path) > _ABANDONED)
+        _remove(path for path in self._files("*.part") if _age(path) > _ABANDONED)
         with suppress(OSError):
             for folder in self.folder.parent.iterdir():
                 _remove_former(folder)
 
     def clear(self) -> None:
         """Remove all kernels and former caches; other files are left alone."""
-        _remove([*self.entries(), *self.folder.glob("*.part")])
+        _remove([*self.entries(), *self._files("*.part")])
         with suppress(OSError):
             self.folder.rmdir()
         self.prune()
+
+
+def exposure(path: Path) -> str:
+    """Return why others than this user and root could have written a folder or file; empty if they could not.
+
+    Systems without owners and modes, as Windows, protect the folder by where it is: in the user's profile.
+
+    Raises
+    ------
+    OSError
+        It is not there, or cannot be looked at.
+    """
+    if not hasattr(os, "geteuid"):
+        return ""
+    found = path.stat()
+    if found.st_uid not in (os.geteuid(), 0):
+        return f"belongs to another user (number {found.st_uid})"
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return f"may be written by others (mode {stat.S_IMODE(found.st_mode):o}); chmod go-w {path}"
+    if not (stat.S_ISDIR(found.st_mode) or stat.S_ISREG(found.st_mode)):
+        return "is no regular file"
+    return ""
 
 
 def _checksum(digest: str, code: bytes) -> bytes:

@@ -156,16 +156,13 @@ def _compile_here(task: Task, processor: Processor, store: Store | None) -> tupl
         try:
             store.write(task.file_name, task.digest, code)
         except OSError as error:
-            return (
-                code,
-                f"{store.folder}: compiled kernels cannot be kept ({error.strerror}); the next run compiles again",
-            )
+            return code, error.strerror or str(error)
     return code, ""
 
 
 def _warn(store: Store | None, problem: str) -> None:
     if store is not None:
-        store.warn("kept", f"{store.folder}: kernels cannot be kept ({problem}); the next run compiles them again")
+        store.warn("access", f"{store.folder}: kernels cannot be kept ({problem}); the next run compiles them again")
 
 
 # The side that asks

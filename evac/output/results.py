@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.directions.routes import Route
-from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, writing
+from evac.output.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NAME, writing
 from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
@@ -103,6 +103,10 @@ class Results:
         What the ``evac_metrics`` hooks return, by plugin.
     folder : Path or None
         Result folder of the run.
+    plugin_files : sequence of str
+        Files that plugins have written to it.
+    resumed : sequence of mapping
+        From which checkpoints the run has gone on, in order.
     """
 
     case: "Case"
@@ -127,6 +131,8 @@ class Results:
     plugins: Sequence[str] = ()
     metrics: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
+    plugin_files: Sequence[str] = ()
+    resumed: Sequence[Mapping[str, Any]] = ()
 
     @property
     def people(self) -> int:
@@ -250,6 +256,8 @@ class Results:
             "wall_time": self.phases,
             "plan": [{"part": part, "state": state, "why": why} for part, state, why in self.plan],
             "metrics": self.metrics,
+            "resumed": self.resumed,
+            PLUGIN_FILES: self.plugin_files,
             "seed": self.seed,
             "case": self.case.to_dict(),
             "plugins": self.plugins,

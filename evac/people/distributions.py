@@ -2,6 +2,8 @@
 
 import hashlib
 import math
+import reprlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -197,7 +199,14 @@ _LAWS: dict[str, Callable[[float, float], _Law]] = {
 }
 
 
-def parse(value: object, key: str, *, minimum: float | None = None, above: float | None = None) -> Distribution:
+def parse(
+    value: object,
+    key: str,
+    *,
+    minimum: float | None = None,
+    above: float | None = None,
+    maximum: float | None = None,
+) -> Distribution:
     """Read a distribution as case.toml writes it.
 
     Parameters
@@ -208,6 +217,8 @@ def parse(value: object, key: str, *, minimum: float | None = None, above: float
         Dotted key, for the message.
     minimum, above : float
         Closed or open lower bound that every value drawn must respect.
+    maximum : float
+        Upper bound that every value must respect, and of a distribution without an upper end its mean.
 
     Raises
     ------
@@ -215,15 +226,19 @@ def parse(value: object, key: str, *, minimum: float | None = None, above: float
         It is no distribution, is empty, holds a number that is not finite, or reaches below the bound.
     """
     try:
-        return distribution_from(value, minimum=minimum, above=above)
+        return distribution_from(value, minimum=minimum, above=above, maximum=maximum)
     except ValueError as error:
         raise ScenarioError(f"{key}: {error}") from error
 
 
-def distribution_from(value: object, *, minimum: float | None = None, above: float | None = None) -> Distribution:
+def distribution_from(
+    value: object, *, minimum: float | None = None, above: float | None = None, maximum: float | None = None
+) -> Distribution:
     """Read a distribution as `parse` does, raising ValueError with what is wrong and no key."""
     found = _read(value)
     _check_bound(found, minimum, above)
+    if maximum is not None:
+        _check_greatest(found, maximum)
     return found
 
 
@@ -275,8 +290,8 @@ def _read(value: object) -> Distribution:
 
 
 def _number(name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+        raise ValueError(f"{name} must be a finite number, got {reprlib.repr(value)}")
     return float(value)
 
 
@@ -285,7 +300,7 @@ def _numbers(kind: str, given: object) -> tuple[float, ...]:
     if kind == "constant":
         return (_number(kind, given),)
     if not isinstance(given, (list, tuple)):
-        raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {given!r}")
+        raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {reprlib.repr(given)}")
     if kind == "list":
         if not given:
             raise ValueError("list must hold at least one value")
@@ -312,7 +327,14 @@ def _check_shape(found: Distribution) -> None:
             raise ValueError(f"{outside[0]:g} lies outside [{found.minimum:g}, {found.maximum:g}]; correct it")
         return
     low, high = found.support()
-    if low >= high or found._shares()[1] - found._shares()[0] < LEAST_SHARE:
+    try:
+        is_empty = low >= high or found._shares()[1] - found._shares()[0] < LEAST_SHARE
+        mean = 0.0 if is_empty else found.mean()
+    except (OverflowError, ZeroDivisionError):
+        mean = math.inf
+    if not math.isfinite(mean):
+        raise ValueError(f"{found.kind} = {list(found.numbers)} has no mean that can be computed; correct its numbers")
+    if is_empty:
         raise ValueError(
             f"hardly anything of {found.kind} lies in [{found.minimum:g}, {found.maximum:g}]; widen the bounds"
         )
@@ -329,3 +351,11 @@ def _check_bound(found: Distribution, minimum: float | None, above: float | None
     if math.isinf(low):
         raise ValueError(f"must be {bound}, but {found.kind} reaches below; add a minimum")
     raise ValueError(f"must be {bound}, got {low:g}")
+
+
+def _check_greatest(found: Distribution, maximum: float) -> None:
+    high = found.support()[1]
+    if math.isfinite(high) and high > maximum:
+        raise ValueError(f"must be at most {maximum:g}, got {high:g}")
+    if found.mean() > maximum:
+        raise ValueError(f"must be at most {maximum:g}, and the mean of {found.kind} is {found.mean():g}")

@@ -10,9 +10,19 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import BoolArray, FloatArray
 from evac.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
+from evac.physics.neighbours import segment_distance
 
 #: Rounds of random candidates, two per person each, before the lattice is tried.
 ROUNDS = 40
+
+#: Candidates of a round: a polygon that covers little of its bounds would need too many.
+MOST_CANDIDATES = 4_000_000
+
+#: Share of the ground that discs of one size can cover; those of different sizes, as people are, hardly more.
+DENSEST = 0.95
+
+#: Nodes of a lattice over the bounds of a polygon, and cells that discs are sorted into.
+MOST_NODES = 10_000_000
 
 #: Room left between a disc and a wall it is put beside, so that rounding cannot make them overlap [m].
 MARGIN = 1e-9
@@ -65,6 +75,9 @@ def place(
         They do not fit; says how many about would.
     """
     reach = float(radii.max())
+    fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))
+    if len(radii) > 2 * fitting:  # no need to try
+        raise _too_many(place_name, radii, polygon, fitting)
     left, bottom, right, top = polygon.bounds
     box = (left - 2 * reach, bottom - 2 * reach, right + 2 * reach, top + 2 * reach)
     near = np.ascontiguousarray(segments[_touches(segments, box)])
@@ -75,11 +88,15 @@ def place(
         return positions
     lattice, n_fitting = _on_lattice(polygon, len(radii), reach, near, there, generator)
     if lattice is None:
-        raise ScenarioError(
-            f"{place_name}: {len(radii)} people of radii up to {reach:.2f} m do not fit on {polygon.area:.1f} m2,"
-            f" about {max(n_placed, n_fitting)} do; lower the number or enlarge the area"
-        )
+        raise _too_many(place_name, radii, polygon, max(n_placed, n_fitting))
     return lattice
+
+
+def _too_many(place_name: str, radii: FloatArray, polygon: BaseGeometry, fitting: int) -> ScenarioError:
+    return ScenarioError(
+        f"{place_name}: {len(radii)} people of radii up to {radii.max():.2f} m do not fit on {polygon.area:.1f} m2, "
+        f"about {fitting} do; lower the number or enlarge the area"
+    )
 
 
 def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
@@ -97,12 +114,12 @@ def _at_random(
     order = np.argsort(-radii, kind="stable")
     cells = _cells(polygon, radii, occupied, n)
     left, bottom, right, top = polygon.bounds
-    batch = math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100
+    batch = min(MOST_CANDIDATES, math.ceil(2 * n * (right - left) * (top - bottom) / polygon.area) + 100)
     n_placed = 0
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
         points = np.ascontiguousarray(points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])])
-        n_placed = _add(points, radii[order], n_placed, len(occupied), segments, cells)
+        n_placed = add_discs(points, radii[order], n_placed, len(occupied), segments, cells)
         if n_placed == n:
             break
     positions = np.empty((n, 2))
@@ -128,6 +145,9 @@ def _on_lattice(
         return points[fits]
 
     closest = 2 * (radius + MARGIN)
+    left, bottom, right, top = polygon.bounds
+    if (right - left) * (top - bottom) > MOST_NODES * closest**2:
+        return None, 0
     corner = radius + 2 * MARGIN
     phases = (corner, 0.0, 0.5 * radius)
     frames = list(itertools.product((False, True), phases, phases))
@@ -169,6 +189,7 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     """Return cells over a polygon that hold the people already there and have room for `n` more."""
     size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
     left, bottom, right, top = polygon.bounds
+    size = max(size, math.sqrt((right - left) * (top - bottom) / MOST_NODES))
     shape = (int((right - left) / size) + 3, int((top - bottom) / size) + 3)
     cells = _Cells(
         left=left - size,
@@ -179,8 +200,14 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
         disc=np.zeros((len(occupied) + n, 3)),
     )
     cells.disc[: len(occupied)] = occupied
-    if len(occupied):
-        _enter_first(len(occupied), cells)
+    column = np.floor((occupied[:, :2] - (cells.left, cells.bottom)) / size).astype(np.int64)
+    rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # those beyond the cells are of no interest
+    cell = column[rows, 0] * shape[1] + column[rows, 1]
+    order = np.argsort(cell, kind="stable")
+    rows, cell = rows[order], cell[order]
+    is_last = np.diff(cell, append=-1) != 0
+    cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
+    cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
     return cells
 
 
@@ -205,41 +232,13 @@ def _within(discs: FloatArray, left: float, bottom: float, right: float, top: fl
     return inside
 
 
-@inner
-def _distance(x: float, y: float, segments: Quads, w: int) -> float:
-    """Return the distance of a point to segment `w`."""
-    x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
-    dx, dy = x2 - x1, y2 - y1
-    square = dx * dx + dy * dy
-    share = 0.0
-    if square > 0.0:
-        share = min(1.0, max(0.0, ((x - x1) * dx + (y - y1) * dy) / square))
-    return math.sqrt((x - x1 - share * dx) ** 2 + (y - y1 - share * dy) ** 2)
-
-
 @kernel
 def _nearest(points: Pairs, segments: Quads, distances: Floats) -> None:
     """Write the distance of each point to the nearest segment."""
     for p in range(len(points)):
         for w in range(len(segments)):
-            distances[p] = min(distances[p], _distance(points[p, 0], points[p, 1], segments, w))
-
-
-@kernel
-def _enter_first(number: int, cells: _Cells) -> None:
-    """Enter the first discs in their cells."""
-    for row in range(number):
-        _enter(row, cells)
-
-
-@inner
-def _enter(row: int, cells: _Cells) -> None:
-    """Enter a disc in its cell; those beyond the cells are of no interest."""
-    ix = math.floor((cells.disc[row, 0] - cells.left) / cells.size)
-    iy = math.floor((cells.disc[row, 1] - cells.bottom) / cells.size)
-    if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
-        cells.following[row] = cells.head[ix, iy]
-        cells.head[ix, iy] = row
+            x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
+            distances[p] = min(distances[p], segment_distance(x1, y1, x2, y2, points[p, 0], points[p, 1])[0])
 
 
 @inner
@@ -257,7 +256,8 @@ def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells)
                 other = cells.following[other]
     nearest = math.inf
     for w in range(len(segments)):
-        nearest = min(nearest, _distance(x, y, segments, w))
+        x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
+        nearest = min(nearest, segment_distance(x1, y1, x2, y2, x, y)[0])
     return nearest >= radius + MARGIN
 
 
@@ -269,7 +269,7 @@ def _are_clear(points: Pairs, radius: float, segments: Quads, cells: _Cells, fit
 
 
 @kernel
-def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
+def add_discs(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
     """Offer points in turn to the next disc to be placed; return how many are placed now."""
     for p in range(len(points)):
         if n_placed == len(radii):
@@ -278,10 +278,10 @@ def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Q
         if _is_clear(x, y, radius, segments, cells):
             row = n_before + n_placed
             cells.disc[row, 0], cells.disc[row, 1], cells.disc[row, 2] = x, y, radius
-            _enter(row, cells)
+            ix = math.floor((x - cells.left) / cells.size)
+            iy = math.floor((y - cells.bottom) / cells.size)
+            if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
+                cells.following[row] = cells.head[ix, iy]
+                cells.head[ix, iy] = row
             n_placed += 1
     return n_placed
-
-
-#: Kernels that every placement at random runs.
-PLACING = (_enter_first, _add)

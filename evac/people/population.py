@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import elevation
-from evac.building.model import DOWN, FLAT, UP, Building
+from evac.building.model import DOWN, FLAT, UP, Area, Building
 from evac.building.places import HEIGHT_REACH
-from evac.errors import ScenarioError
+from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.errors import ScenarioError, naming
 from evac.people.distributions import Distribution, generator_for
 from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
@@ -27,6 +28,17 @@ if TYPE_CHECKING:
 
 #: How far outside a level, or into a wall, rounding may put a position that was written down [m].
 ROUNDING = 1e-6
+
+
+#: Of what is drawn for each person; masses and relaxation times that are less make the models overflow.
+BOUNDS = {
+    "radius": (LEAST_RADIUS, MOST_RADIUS),
+    "mass": (0.001, MOST_MASS),
+    "tau": (1e-6, MOST_TAU),
+    "speed": (0.0, MOST_SPEED),
+    "speed_up": (0.0, MOST_SPEED),
+    "speed_down": (0.0, MOST_SPEED),
+}
 
 
 @dataclass(frozen=True)
@@ -144,7 +156,8 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     for index, (people, group) in enumerate(zip(case.people, groups, strict=True)):
         crowd.group[group.rows] = index
         crowd.route[group.rows] = _route_index(case, people, fields)
-        _draw_quantities(crowd, people, group.rows, seed if own is None else own)
+        with naming(case.source):
+            _draw_quantities(crowd, people, group.rows, seed if own is None else own)
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)
@@ -167,7 +180,15 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
     """Draw what the people of one group differ in."""
 
     def drawn(quantity: str, distribution: Distribution) -> FloatArray:
-        return distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
+        values = distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
+        least, greatest = BOUNDS[quantity]
+        for value in (values.min(), values.max()):
+            if not least <= value <= greatest:
+                raise ScenarioError(
+                    f"people.{people.name}.{quantity}: {value:.3g} for one person lies outside "
+                    f"[{least:g}, {greatest:g}]; bound the distribution by minimum and maximum"
+                )
+        return values
 
     crowd.radius[rows] = drawn("radius", people.radius)
     crowd.mass[rows] = drawn("mass", people.mass)
@@ -242,11 +263,20 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
     return found
 
 
+def _start(building: Building, people: "GroupSettings") -> tuple[Area, str]:
+    """Return the area that a group starts in, which may be a whole level, and its description for a message."""
+    named = building.level_named(people.level) if people.level is not None else None
+    if named is not None:
+        return Area(named.name, named.index, named.polygon), f"level {named.name!r}"
+    area = next(area for area in building.areas if area.name == people.area)
+    return area, f"area {area.name!r} on level {building.levels[area.level].name!r}"
+
+
 def _take_area(
     case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
 ) -> None:
-    """Put a group at random places of its area, clear of walls, portals, exits and whoever stands there."""
-    area = next(area for area in building.areas if area.name == people.area)
+    """Put a group at random places of its area or level, clear of walls, portals, exits and whoever stands there."""
+    area, what = _start(building, people)
     links = [
         *(portal.segments for portal in building.portals_of(area.level)),
         *(exit_.segments for exit_ in building.exits_of(area.level)),
@@ -258,6 +288,6 @@ def _take_area(
         np.concatenate([building.walls[building.wall_level == area.level], *links]),
         np.column_stack((crowd.position[there], crowd.radius[there])),
         generator_for(seed, "people", people.name, "position"),
-        f"{case.source}: people.{people.name}.number: area {area.name!r} on level {building.levels[area.level].name!r}",
+        f"{case.source}: people.{people.name}.number: {what}",
     )
     crowd.level[rows] = area.level

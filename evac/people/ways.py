@@ -148,6 +148,7 @@ def _unreachable(
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
     """Return whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
     parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
+    parts = [own[~shapely.is_empty(own)] for own in parts]  # of a level that is as narrow everywhere nothing is left
     # Nodes are the parts of all levels, then the exits.
     first = np.cumsum([0, *map(len, parts)])
     exit_node = first[-1] + np.arange(len(building.exits))
@@ -169,6 +170,8 @@ def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.b
     found = np.zeros(len(crowd.level), dtype=np.bool_)
     for level, own in enumerate(parts):
         here = np.flatnonzero(crowd.level == level)
+        if not len(own):
+            continue
         nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
         found[here] = [
             leads_out[route][first[level] + k]

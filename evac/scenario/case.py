@@ -4,12 +4,14 @@ import copy
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from pydantic import PrivateAttr, field_validator
+from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.scenario.keys import Parameters, Section, key
+from evac.scenario.keys import Parameters, Section, key, wrong
 from evac.scenario.schema import (
+    MOST_ITEMS,
+    MOST_PEOPLE,
     BuildingSettings,
     ContactSettings,
     DirectionSettings,
@@ -22,7 +24,7 @@ from evac.scenario.schema import (
 
 if TYPE_CHECKING:
     from evac.registry import Registry
-
+    from evac.scenario.problems import Key
 
 #: Stands for the file of a case that was made from a dictionary.
 DICTIONARY = "<dictionary>"
@@ -34,7 +36,9 @@ class Origin:
 
     source: Path
     table: Mapping[str, Any]
-    plugin_files: tuple[Path, ...]
+    loaded_files: tuple[Path, ...]
+    unloaded_files: tuple[Path, ...]
+    unchecked: "tuple[Key, ...]"
     registry: "Registry"
 
 
@@ -47,7 +51,7 @@ class Case(Section):
     title: str = key("one line that says what the case is", "", "")
     building: BuildingSettings = key("the building")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
-    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1)
+    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1, max_length=MOST_ITEMS)
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
@@ -83,6 +87,13 @@ class Case(Section):
         """Sort the groups by name, so that rows, routes and draws do not depend on the order of the tables."""
         return tuple(sorted(people, key=lambda group: group.name))
 
+    @model_validator(mode="after")
+    def _can_be_held(self) -> Self:
+        people = sum(group.count for group in self.people)
+        if people > MOST_PEOPLE:
+            raise wrong("people", f"{people:,} people in all groups; at most {MOST_PEOPLE:,} are allowed")
+        return self
+
     @property
     def source(self) -> Path:
         """The case.toml it was read from; of a dictionary `DICTIONARY` in the folder that its paths are relative to."""
@@ -94,19 +105,34 @@ class Case(Section):
         return self._origin.source.parent
 
     @property
-    def mesh(self) -> Path:
-        """The building's file."""
-        return self.folder / self.building.mesh
-
-    @property
     def table(self) -> Mapping[str, Any]:
-        """The content of the case.toml with what was changed, before defaults; to be read only."""
+        """The content of its case.toml, with overrides."""
         return self._origin.table
 
     @property
+    def mesh(self) -> Path | None:
+        """The building's file; None if the case holds its plan."""
+        return self.folder / self.building.mesh if self.building.mesh is not None else None
+
+    @property
     def plugin_files(self) -> tuple[Path, ...]:
-        """The plugin files, resolved."""
-        return self._origin.plugin_files
+        """The plugin files, resolved: those given beside the case, and those that it names."""
+        return (*self.loaded_files, *self.unloaded_files)
+
+    @property
+    def loaded_files(self) -> tuple[Path, ...]:
+        """The plugin files that have been run and whose names have been checked."""
+        return self._origin.loaded_files
+
+    @property
+    def unloaded_files(self) -> tuple[Path, ...]:
+        """The plugin files that the case names and that have not been run: loading a case runs nothing."""
+        return self._origin.unloaded_files
+
+    @property
+    def unchecked(self) -> "tuple[Key, ...]":
+        """Keys of contact models, solvers, forces and the like that only the files not run yet may know."""
+        return self._origin.unchecked
 
     @property
     def registry(self) -> "Registry":
@@ -124,20 +150,20 @@ class Case(Section):
         from evac.scenario.loading import case_from
 
         return case_from(
-            self._origin.table, self.source, overrides, plugin_files=self.plugin_files, registry=self.registry
+            self._origin.table, self.source, overrides, plugin_files=self.loaded_files, registry=self.registry
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every key with its value, defaults of the plugins in use included, as plain data."""
+        """Return every key with its value, defaults of the plugins in use included that are known, as plain data."""
         table = self.model_dump(mode="json", exclude_none=True)
-        classes = self.registry
-        model = self.contact.model
-        table["contact"][model] = _filled(classes.get("contact_model", model), table["contact"].get(model, {}))
+        registry, model = self.registry, self.contact.model
+        if model in registry.contact_models:
+            table["contact"][model] = _filled(registry.contact_models[model], table["contact"].get(model, {}))
         for kind in ("force", "behaviour", "recorder", "importer"):
             section = table[f"{kind}s"]
             for name, values in section.items():
-                if values is not False:
-                    section[name] = _filled(classes.get(kind, name), values)
+                if values is not False and (f"{kind}s", name) not in self.unchecked:
+                    section[name] = _filled(registry.get(kind, name), values)
         return table
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -145,7 +171,7 @@ class Case(Section):
         from evac.scenario.loading import case_from
 
         origin = self._origin
-        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.plugin_files)
+        return case_from, (copy.deepcopy(dict(origin.table)), origin.source, (), origin.loaded_files)
 
 
 def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:

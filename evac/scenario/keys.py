@@ -6,12 +6,21 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, PlainSerializer
 from pydantic_core import PydanticCustomError
 
+from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.people.distributions import Distribution, distribution_from
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Switch = Annotated[bool, Field(strict=True)]
-Point = tuple[Real, Real]
+
+#: Of coordinates [m]: farther from the origin a millimetre is lost in rounding.
+FARTHEST = 1e8
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
+Point = tuple[Coordinate, Coordinate]
+
+#: Characters of the name of a group, an exit, an area or an obstacle.
+LONGEST_NAME = 200
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
 @dataclass(frozen=True)
@@ -27,8 +36,8 @@ def _stair_speed(value: object) -> Distribution | Factor:
     if isinstance(value, dict) and "factor" in value:
         if len(value) > 1:
             raise ValueError("factor stands alone; write { factor = { uniform = [0.4, 0.6] } }")
-        return Factor(distribution_from(value["factor"], minimum=0.0))
-    return distribution_from(value, minimum=0.0)
+        return Factor(distribution_from(value["factor"], minimum=0.0, maximum=MOST_SPEED))
+    return distribution_from(value, minimum=0.0, maximum=MOST_SPEED)
 
 
 def _as_written(value: Distribution | Factor) -> Any:
@@ -43,24 +52,17 @@ def _table_or_switch(value: object) -> object:
     raise ValueError(f"must be a table of parameters, or false to switch it off, got {value!r}")
 
 
-Positive = Annotated[
-    InstanceOf[Distribution],
-    BeforeValidator(lambda value: distribution_from(value, above=0.0)),
-    PlainSerializer(_as_written),
-]
-#: Of a body's radius: a centimetre is less than any, and finer ones would need more memory than there is.
-LEAST_RADIUS = 0.01
+def _within(**bounds: float) -> BeforeValidator:
+    """Return what reads a distribution within bounds, see `distribution_from`."""
+    return BeforeValidator(lambda value: distribution_from(value, **bounds))
+
 
 Radius = Annotated[
-    InstanceOf[Distribution],
-    BeforeValidator(lambda value: distribution_from(value, minimum=LEAST_RADIUS)),
-    PlainSerializer(_as_written),
+    InstanceOf[Distribution], _within(minimum=LEAST_RADIUS, maximum=MOST_RADIUS), PlainSerializer(_as_written)
 ]
-NotNegative = Annotated[
-    InstanceOf[Distribution],
-    BeforeValidator(lambda value: distribution_from(value, minimum=0.0)),
-    PlainSerializer(_as_written),
-]
+Mass = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_MASS), PlainSerializer(_as_written)]
+Tau = Annotated[InstanceOf[Distribution], _within(above=0.0, maximum=MOST_TAU), PlainSerializer(_as_written)]
+Speed = Annotated[InstanceOf[Distribution], _within(minimum=0.0, maximum=MOST_SPEED), PlainSerializer(_as_written)]
 StairSpeed = Annotated[
     InstanceOf[Distribution] | InstanceOf[Factor], BeforeValidator(_stair_speed), PlainSerializer(_as_written)
 ]

@@ -1,7 +1,6 @@
 """From case.toml and overrides to a checked `Case`; every fault is reported at once."""
 
 import copy
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,12 +10,18 @@ from pydantic import ValidationError
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, did_you_mean
 from evac.scenario.case import DICTIONARY, Case, Origin
+from evac.scenario.content import faults, read_table
 from evac.scenario.keys import is_multiple
 from evac.scenario.overrides import apply
 from evac.scenario.problems import Key, Problem, dotted, problems_of
+from evac.scenario.schema import MOST_STATES
+from evac.scenario.trust import named_files
 
 if TYPE_CHECKING:
     from evac.registry import Registry
+
+#: Problems of a case that are told at once, and characters of one.
+MOST_TOLD, LONGEST_TOLD = 50, 1_000
 
 
 def load_case(
@@ -25,18 +30,22 @@ def load_case(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
 ) -> Case:
-    """Read and check a case; the file is parsed, nothing in it is executed.
+    """Read and check a case; the file is parsed, and nothing that it holds or names is executed.
+
+    Plugin files that it names are run when the case is (`evac.scenario.trust.run_plugin_files`); names that only they
+    may know are checked then, and listed in `Case.unchecked` until.
 
     Parameters
     ----------
     source : str, Path or mapping
         A case.toml, a folder that holds one, the name of a shipped case, or the content of a case.toml as a
-        dictionary; paths in a dictionary are relative to the current folder.
+        dictionary; paths in a dictionary are relative to the current folder. In a dictionary, the building, or its
+        key ``plan``, may be an `evac.Plan`.
     overrides : mapping, or iterable of str
         Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
         go by index or by name.
     plugin_files : iterable of path
-        Plugin files beside those the case names.
+        Plugin files beside those the case names. They are run here.
     registry : Registry
         What to check against, made here if not given; the case's plugin files are added to it.
 
@@ -59,18 +68,12 @@ def load_case(
     if isinstance(source, Mapping):
         return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
     path = _found(source, registry)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
-            raise ScenarioError(
-                f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, and see what is in "
-                f"it with: evac check {source}"
-            ) from error
-        raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}; check the file") from error
-    return case_from(table, path, overrides, plugin_files=files, registry=registry)
+    if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
+        raise ScenarioError(
+            f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, or make a case of it "
+            f"with: evac import {source} --out FOLDER"
+        )
+    return case_from(read_table(path), path, overrides, plugin_files=files, registry=registry)
 
 
 def case_from(
@@ -88,11 +91,14 @@ def case_from(
         from evac.registry import Registry
 
         registry = Registry()
-    content: dict[str, Any] = copy.deepcopy(dict(table))
+    table = _with_plan(dict(table))
+    _refuse(faults(table), table, source, [])
+    content: dict[str, Any] = copy.deepcopy(table)
     overridden, problems = apply(content, overrides)
-    files, missing = _plugin_files(content, source.parent)
-    given = _added(plugin_files, registry)
-    files = (*given, *(path for path in _added(files, registry) if path not in given))
+    _refuse(faults(content), content, source, overridden)
+    loaded = _added(plugin_files, registry)
+    named, missing = named_files(content, source.parent)
+    unloaded = tuple(path for path in named if path not in loaded)
     problems += missing
     filled, unknown = _with_presets(content)
     problems += unknown
@@ -103,12 +109,37 @@ def case_from(
         problems += _told_once(problems_of(error), content)
     of_plugins = _plugin_problems(content, registry)
     said = {problem.key for problem in of_plugins}
-    problems = [problem for problem in problems if problem.key not in said] + of_plugins
+    unchecked = tuple(problem.key for problem in of_plugins if unloaded and problem.is_unknown_name)
+    problems = [problem for problem in problems if problem.key not in said]
+    problems += [problem for problem in of_plugins if problem.key not in unchecked]
     problems += _scene_problems(content, case, source.parent)
-    if case is None or problems:
-        raise ScenarioError("\n".join(_line(problem, content, source, overridden) for problem in problems))
-    case._origin = Origin(source, content, files, registry)
+    _refuse(problems, content, source, overridden)
+    assert case is not None
+    case._origin = Origin(source, content, loaded, unloaded, unchecked, registry)
     return case
+
+
+def _refuse(problems: list[Problem], content: Mapping[str, Any], source: Path, overridden: list[Key]) -> None:
+    """Raise the problems as one error, if there are any."""
+    if problems:
+        lines = [_line(problem, content, source, overridden) for problem in problems[:MOST_TOLD]]
+        if len(problems) > MOST_TOLD:
+            lines.append(f"{source}: and {len(problems) - MOST_TOLD:,} more")
+        raise ScenarioError("\n".join(lines))
+
+
+def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a plan that was given in memory, as the building or as its plan, as the table that a file would hold."""
+    building = content.get("building")
+    plan = building.get("plan") if isinstance(building, dict) else building
+    if plan is None or isinstance(plan, dict | str):
+        return content
+    from evac.building.plan import Plan
+    from evac.building.plantable import table_of
+
+    if isinstance(plan, Plan):
+        content["building"] = {**(building if isinstance(building, dict) else {}), "plan": table_of(plan)}
+    return content
 
 
 def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
@@ -165,20 +196,6 @@ def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...
     return paths
 
 
-def _plugin_files(content: dict[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Problem]]:
-    """Return the plugin files the case names, and those that are not there."""
-    section = content.get("plugins")
-    names = section.get("files") if isinstance(section, dict) else None
-    paths: list[Path] = []
-    problems: list[Problem] = []
-    for index, name in enumerate(names if isinstance(names, list) else []):
-        if isinstance(name, str) and (folder / name).is_file():
-            paths.append((folder / name).resolve())
-        elif isinstance(name, str):
-            problems.append(Problem(("plugins", "files", index), f"no such file {folder / name}; check the path"))
-    return tuple(paths), problems
-
-
 def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
     """Check the tables of plugins against what their classes declare."""
     problems: list[Problem] = []
@@ -187,7 +204,7 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
         model = contact.get("model")
         if isinstance(model, str) and model not in registry.contact_models:
             hint = did_you_mean(model, list(registry.contact_models))
-            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}"))
+            problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
         tables = {name: table for name, table in contact.items() if name != "model"}
         problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
         problems += _solver_problems(tables, registry)
@@ -227,7 +244,7 @@ def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Probl
             solver = table.get("solver")
             if isinstance(solver, str) and solver not in registry.solvers:
                 hint = did_you_mean(solver, list(registry.solvers))
-                problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}"))
+                problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
     return problems
 
 
@@ -239,7 +256,8 @@ def _table_problems(
     for name, table in tables.items():
         if name not in classes:
             what = word if isinstance(table, dict) or not beside else "key"
-            problems.append(Problem((*key, name), f"unknown {what}; {did_you_mean(name, [*classes, *beside])}"))
+            text = f"unknown {what}; {did_you_mean(name, [*classes, *beside])}"
+            problems.append(Problem((*key, name), text, is_unknown_name=what == word))
         elif isinstance(table, dict):
             declared = classes[name].declared()
             for parameter, value in table.items():
@@ -268,7 +286,7 @@ def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any],
     for name, table in settings.items():
         if name not in registry.behaviours:
             hint = did_you_mean(name, list(registry.behaviours))
-            problems.append(Problem((*key, name), f"unknown behaviour; {hint}"))
+            problems.append(Problem((*key, name), f"unknown behaviour; {hint}", True))
         elif isinstance(section, dict) and name not in section:
             problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
         elif isinstance(table, dict):
@@ -283,9 +301,11 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
     problems: list[Problem] = []
     groups = content.get("people")
     names = [group.get("name") for group in groups if isinstance(group, dict)] if isinstance(groups, list) else []
+    seen: set[str] = set()
     for index, name in enumerate(names):
-        if isinstance(name, str) and name in names[:index]:
+        if isinstance(name, str) and name in seen:
             problems.append(Problem(("people", index, "name"), f"{name!r} names two groups; rename one"))
+        seen |= {name} if isinstance(name, str) else set()
     building = content.get("building")
     mesh = building.get("mesh") if isinstance(building, dict) else None
     if isinstance(mesh, str) and mesh and not (folder / mesh).exists():
@@ -300,11 +320,22 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
                 f"nearest: {below * tick:.6g} or {(below + 1) * tick:.6g}",
             )
         )
+    if case is not None and case.simulation.duration > MOST_STATES * case.output.every:
+        problems.append(
+            Problem(
+                ("output", "every"),
+                f"{case.output.every:g} s makes {case.simulation.duration / case.output.every:.2g} states of a run of "
+                f"{case.simulation.duration:g} s, more than {MOST_STATES:,}; record less often, or shorten the run",
+            )
+        )
     return problems
 
 
-def _line(problem: Problem, content: dict[str, Any], source: Path, overridden: list[Key]) -> str:
+def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden: list[Key]) -> str:
     """Return one line of the error: file, dotted key, what is wrong, and whether an override did it."""
     by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
     note = " (set by an override)" if by_override else ""
-    return f"{source}: {dotted(problem.key, content)}: {problem.text}{note}"
+    text = problem.text
+    if len(text) > LONGEST_TOLD:  # it shows a long value
+        text = f"{text[: LONGEST_TOLD // 2]} ... {text[-LONGEST_TOLD // 2 :]}"
+    return f"{source}: {dotted(problem.key, content)}: {text}{note}"

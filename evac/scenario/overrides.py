@@ -1,11 +1,11 @@
 """Overrides: single keys of a case changed from outside, as `people.class_1.number=5`."""
 
 import copy
-import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from evac.parameters import did_you_mean
+from evac.scenario.content import faults, parse
 from evac.scenario.problems import Key, Problem, dotted
 
 
@@ -26,7 +26,7 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
             continue
         try:
             pairs.append((key, value_of(word)))
-        except tomllib.TOMLDecodeError as error:
+        except ValueError as error:
             problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
     return pairs, problems
 
@@ -36,12 +36,12 @@ def value_of(word: str) -> Any:
 
     Raises
     ------
-    tomllib.TOMLDecodeError
+    ValueError
         It begins as a quoted text, an array or a table would, and is none.
     """
     try:
-        return tomllib.loads(f"value = {word}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse(f"value = {word}")["value"]
+    except ValueError:
         if word[0] in "\"'[{":
             raise
         return word
@@ -69,7 +69,8 @@ def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -
     pairs, problems = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
-        found = _set(table, name.split("."), value)
+        wrong = faults({"value": value})  # before it is copied
+        found = Problem((name,), wrong[0].text) if wrong else _set(table, name.split("."), value)
         if isinstance(found, Problem):
             problems.append(found)
         else:

@@ -1,7 +1,6 @@
 """What is wrong with a case, one line each: dotted key, fault, how to fix it."""
 
 import reprlib
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
@@ -15,13 +14,17 @@ from evac.scenario.keys import Section
 #: Path to a value of case.toml: names of tables, indexes of lists.
 Key = tuple[str | int, ...]
 
+#: Problems of one case that are worked out.
+MOST_PROBLEMS = 1_000
+
 
 @dataclass(frozen=True)
 class Problem:
-    """One fault: where, what, and how to fix it."""
+    """One fault: where, what, and how to fix it; and whether it is only a name that a plugin could know."""
 
     key: Key
     text: str
+    is_unknown_name: bool = False
 
 
 def dotted(key: Key, table: Any) -> str:
@@ -31,9 +34,9 @@ def dotted(key: Key, table: Any) -> str:
     for step in key:
         word = str(step)
         if isinstance(step, int) and isinstance(here, list):
-            names = Counter(item.get("name") for item in here if isinstance(item, dict))
+            names = [item.get("name") for item in here if isinstance(item, dict)]
             name = here[step].get("name") if step < len(here) and isinstance(here[step], dict) else None
-            if isinstance(name, str) and name and "." not in name and names[name] == 1:
+            if isinstance(name, str) and name and "." not in name and names.count(name) == 1:
                 word = name
         words.append(word)
         try:
@@ -45,16 +48,14 @@ def dotted(key: Key, table: Any) -> str:
 
 def problems_of(error: ValidationError) -> list[Problem]:
     """Return what pydantic found as problems in the terms of case.toml."""
-    found = error.errors(include_url=False)
-    return [_problem(details) for details in found if not _is_echo(details, [other["loc"] for other in found])]
+    found = error.errors(include_url=False, include_context=True)
+    parents = {other["loc"][:length] for other in found for length in range(len(other["loc"]))}
+    return [_problem(details) for details in found[:MOST_PROBLEMS] if not _is_echo(details, parents)]
 
 
-def _is_echo(details: ErrorDetails, places: list[Key]) -> bool:
+def _is_echo(details: ErrorDetails, parents: set[Key]) -> bool:
     """Return whether a list is only called too short because items of it were refused."""
-    key = details["loc"]
-    return details["type"] == "too_short" and any(
-        len(place) > len(key) and place[: len(key)] == key for place in places
-    )
+    return details["type"] == "too_short" and details["loc"] in parents
 
 
 def _problem(details: ErrorDetails) -> Problem:

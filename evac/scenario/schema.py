@@ -4,19 +4,22 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.defaults import COMFORT, FLAT_ANGLE, ORDER, SCALE, SPACING, WALKABLE_ANGLE, WELD
+from evac.defaults import COMFORT, FLAT_ANGLE, MOST_SPEED, ORDER, SCALE, SPACING, WALKABLE_ANGLE, WELD
 from evac.directions.routes import Strategy
 from evac.people.distributions import Distribution
 from evac.scenario.keys import (
+    Coordinate,
     Factor,
-    NotNegative,
+    Mass,
+    Name,
     Point,
-    Positive,
     Radius,
     Real,
     Section,
+    Speed,
     StairSpeed,
     Switch,
+    Tau,
     Whole,
     is_multiple,
     key,
@@ -26,8 +29,20 @@ from evac.scenario.keys import (
 #: Steps to a tick: in between nothing is seen, not even an interrupt.
 MOST_STEPS = 100_000
 
-#: People in a group.
+#: People in a group, and in a case.
 MOST_PEOPLE = 1_000_000
+
+#: Groups, exits, areas and obstacles, of each as many.
+MOST_ITEMS = 10_000
+
+#: Simulated time of a run [s]: four months; and states that it records.
+LONGEST_RUN = 1e7
+MOST_STATES = 10_000_000
+
+
+Velocity = tuple[
+    Annotated[Real, Field(ge=-MOST_SPEED, le=MOST_SPEED)], Annotated[Real, Field(ge=-MOST_SPEED, le=MOST_SPEED)]
+]
 
 
 def _check_level(what: str, level: str | None, z: float | None) -> None:
@@ -40,7 +55,7 @@ def _check_level(what: str, level: str | None, z: float | None) -> None:
 class Placed(Section):
     """Something that stands on one level."""
 
-    z: Real | None = key("height of the level it is on; this or `level`", "m", None)
+    z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
     level: str | None = key("name of the level it is on; this or `z`", "", None)
 
     @model_validator(mode="after")
@@ -52,7 +67,7 @@ class Placed(Section):
 class ExitLine(Placed):
     """`[[building.exits]]`: an exit drawn as a line, for a mesh that names none or to add one."""
 
-    name: str = key("name of the exit", min_length=1)
+    name: Name = key("name of the exit")
     segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
 
     @model_validator(mode="after")
@@ -65,26 +80,33 @@ class ExitLine(Placed):
 class Outline(Placed):
     """`[[building.areas]]`, `[[building.obstacles]]`: a polygon on a level."""
 
-    name: str = key("name of the area or obstacle", min_length=1)
+    name: Name = key("name of the area or obstacle")
     polygon: tuple[Point, ...] = key("its corners [[x, y], ...], at least three", "m", min_length=3)
 
 
 class BuildingSettings(Section):
     """`[building]`: its file, and what the file does not hold."""
 
-    mesh: str = key("mesh file, relative to case.toml", min_length=1)
-    weld: Real = key("vertices closer than this become one", "m", WELD, ge=0)
+    mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
+    plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
+    weld: Real = key("vertices closer than this become one", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
-    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, gt=0)
-    exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", ())
-    areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", ())
-    obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", ())
+    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
+    exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", (), max_length=MOST_ITEMS)
+    areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", (), max_length=MOST_ITEMS)
+    obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", (), max_length=MOST_ITEMS)
     closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
         """Return the keyword arguments of `evac.building.build.build_building`."""
-        return self.model_dump(exclude={"mesh"}, exclude_none=True)
+        return self.model_dump(exclude={"mesh", "plan"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _given_one_way(self) -> Self:
+        if (self.mesh is None) == (self.plan is None):
+            raise wrong("mesh", "missing; name the file of the building, or give its plan, and not both")
+        return self
 
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:
@@ -98,20 +120,29 @@ class BuildingSettings(Section):
 class DirectionSettings(Section):
     """`[directions]`: how travel times and directions are computed."""
 
-    spacing: Real = key("distance of the grid's nodes", "m", SPACING, gt=0)
+    spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
     clearance: Real | None = key(
         "width kept clear of walls where there is room; if not given, the greatest body radius, at most twice the mean",
         "m",
         None,
         ge=0,
+        le=5,
     )
     stairs_up: Real | None = key(
-        "reference speed up stairs over that on the flat; if not given, the people's mean", "", None, gt=0
+        "reference speed up stairs over that on the flat; if not given, the people's mean",
+        "",
+        None,
+        ge=0.001,
+        le=1000,
     )
     stairs_down: Real | None = key(
-        "reference speed down stairs over that on the flat; if not given, the people's mean", "", None, gt=0
+        "reference speed down stairs over that on the flat; if not given, the people's mean",
+        "",
+        None,
+        ge=0.001,
+        le=1000,
     )
-    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1)
+    comfort: Real = key('weight of the time on stairs for the strategy "comfortable"', "", COMFORT, ge=1, le=1000)
     order: Literal[1, 2] = key("order of the fast marching scheme", "", ORDER)
 
 
@@ -119,13 +150,13 @@ class PeopleSettings(Section):
     """`[presets.NAME]`: what people are like; each quantity is a number or a distribution."""
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
-    mass: Positive = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
-    tau: Positive = key(
+    mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
+    tau: Tau = key(
         "relaxation time: how fast a person takes up the desired velocity",
         "s",
         Distribution("uniform", (0.1, 0.5)),
     )
-    speed: NotNegative = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
+    speed: Speed = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
         "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed",
         "m/s",
@@ -149,22 +180,26 @@ class PeopleSettings(Section):
 class GroupSettings(PeopleSettings):
     """`[[people]]`: one group: what people are like, how many they are and where they start."""
 
-    name: str = key(
-        "name of the group; groups are sorted by it, so the order of the tables changes nothing", min_length=1
-    )
+    name: Name = key("name of the group; groups are sorted by it, so the order of the tables changes nothing")
     preset: str | None = key(
         "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
     )
     number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
-    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
-    positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
+    area: str | None = key(
+        "area of the building they start in, at random places; this, `level` or `positions`", "", None
     )
-    velocity: tuple[Point, ...] | None = key(
+    positions: tuple[Point, ...] | None = key(
+        "where each one starts [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
+    )
+    velocity: tuple[Velocity, ...] | None = key(
         "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
     )
-    z: Real | None = key("height of the level that `positions` are on; this or `level`", "m", None)
-    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
+    z: Coordinate | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    level: str | None = key(
+        "name of the level that `positions` are on; without positions, of the level they start on, at random places",
+        "",
+        None,
+    )
 
     @property
     def count(self) -> int:
@@ -173,10 +208,12 @@ class GroupSettings(PeopleSettings):
 
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
-        if (self.area is None) == (self.positions is None):
-            raise wrong("area", "say where they start: an area and a number, or positions, and not both")
+        if self.area is not None and self.positions is not None:
+            raise wrong("area", "people start in an area or at positions, not both; remove one")
+        if self.area is None and self.positions is None and self.level is None:
+            raise wrong("area", "missing: say where they start, by an area or a level and a number, or by positions")
         if self.positions is None:
-            self._check_area()
+            self._check_place()
         else:
             self._check_positions(len(self.positions))
         for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
@@ -188,12 +225,13 @@ class GroupSettings(PeopleSettings):
                 )
         return self
 
-    def _check_area(self) -> None:
+    def _check_place(self) -> None:
+        place = "area" if self.area is not None else "level"
         if self.number is None:
-            raise wrong("number", "missing; how many people start in the area?")
-        for other in ("velocity", "z", "level"):
+            raise wrong("number", f"missing; how many people start in the {place}?")
+        for other in ("velocity", "z", *(("level",) if place == "area" else ())):
             if getattr(self, other) is not None:
-                raise wrong(other, "goes with positions, not with an area; remove it")
+                raise wrong(other, f"goes with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
@@ -220,16 +258,19 @@ class ContactSettings(Section):
 class SimulationSettings(Section):
     """`[simulation]`: time, seed and scheme."""
 
-    step: Real = key("time step h of the physics", "s", 0.01, gt=0)
-    tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, gt=0)
-    duration: Real = key("when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0)
-    seed: Whole = key("seed of everything random", "", 1, ge=0)
+    step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
+    tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, ge=1e-9, le=3600)
+    duration: Real = key(
+        "when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
+    )
+    seed: Whole = key("seed of everything random", "", 1, ge=0, le=2**63 - 1)
     population_seed: Whole | None = key(
         "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
         "elsewhere; if not given, `seed`",
         "",
         None,
         ge=0,
+        le=2**63 - 1,
     )
     driving: Literal["exponential", "explicit"] = key(
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
@@ -279,11 +320,26 @@ class SimulationSettings(Section):
 
 
 class OutputSettings(Section):
-    """`[output]`: what is written to the result folder."""
+    """`[output]`: what is written to the result folder, beside summary.json."""
 
-    every: Real = key("time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0)
-    animation: Switch = key("whether the run can be played in ParaView (VTK files)", "", True)
-    picture: Switch = key("whether pictures of the run are drawn", "", True)
+    every: Real = key(
+        "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
+    )
+    tables: Switch = key("whether egress.csv and people.csv are written", "", True)
+    picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
+    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
+    trajectory: Switch = key(
+        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "",
+        True,
+    )
+    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
+
+    @model_validator(mode="after")
+    def _animation_of_trajectory(self) -> Self:
+        if self.animation and not self.trajectory:
+            raise wrong("animation", "is made of the trajectory; set output.trajectory = true, or animation = false")
+        return self
 
 
 class PluginSettings(Section):

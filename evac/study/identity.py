@@ -63,7 +63,7 @@ def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ResultError(f"{path}: no study to go on with: {error}; leave out --resume to begin one") from error
+        raise ResultError(f"{path}: cannot be read: {error}; begin the study anew, without --resume") from error
     changes = list(_changes(found, json.loads(json.dumps(identity))))
     if not changes:
         return

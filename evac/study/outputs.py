@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,13 +17,17 @@ from evac.output.files import (
     CONVERGENCE_NAME,
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
+    MEDIAN_REPLAY_NAME,
+    REPLAY_NAME,
     RUNS_NAME,
     STATISTICS_NAME,
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
+    WORST_REPLAY_NAME,
     writing,
 )
 from evac.output.results import plain, versions, write_csv
+from evac.simulation import Simulation
 from evac.study.convergence import convergence, settled
 from evac.study.statistics import PERCENTILES
 
@@ -31,6 +36,9 @@ if TYPE_CHECKING:
 
 #: Times of an egress curve over runs; longer studies have them farther apart than ``output.every``.
 MOST_TIMES = 2000
+
+#: What runs are ranked by for replays.
+COUNTED = ("run", "last_out", "out")
 
 #: What runs.csv has of each row, between the parameters and the exits.
 RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
@@ -62,6 +70,28 @@ def write_outputs(study: "Study") -> None:
                 _draw_statistics(study, folder / SWEEP_PICTURE_NAME)
         text = json.dumps(plain(summary(study, measures)), indent=2, ensure_ascii=False)
         (folder / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+
+
+def write_replays(study: "Study") -> None:
+    """Make the median and the worst run of a study of one point again, and write their replays.
+
+    They are those of the (lower) median and of the greatest evacuation time; runs with people left are worse than any
+    other, the worse the fewer are out. Of a single run there is the median alone.
+
+    Raises
+    ------
+    EvacError
+        As `evac.run`.
+    """
+    found = [(row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED)]
+    ranked = [run for _, _, run in sorted(found)]
+    chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
+    for name, run in list(chosen.items())[: len(ranked)]:
+        changes = {"output.replay": True, "output.animation": False, "output.trajectory": False}
+        case = study.case_of(0, run).change(changes)
+        with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
+            Simulation(case, Path(place)).run()
+            (Path(place) / REPLAY_NAME).replace(study.folder / name)
 
 
 def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:

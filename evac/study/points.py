@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.errors import ScenarioError
+from evac.scenario.trust import run_plugin_files
 
 if TYPE_CHECKING:
     from evac.registry import Registry
@@ -123,7 +124,7 @@ def from_rows(
         name = given.get(CASE_COLUMN)
         if name is not None and name not in cases:
             path = folder / str(name)
-            cases[name] = load_case(path if path.exists() else str(name), registry=registry)
+            cases[name] = run_plugin_files(load_case(path if path.exists() else str(name), registry=registry))
         base = cases[name] if name is not None else case
         if base is None:
             raise ScenarioError(f"row {number} of the table names no case; name one, or fill its column 'case'")
@@ -150,7 +151,7 @@ def read_table(path: Path) -> list[dict[str, Any]]:
         else:
             lines = csv.DictReader(text.splitlines(), strict=True, restkey="")
             rows = [{key: value_of(word) if word else None for key, word in line.items()} for line in lines]
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, csv.Error, TypeError, AttributeError) as error:
+    except (OSError, ValueError, csv.Error, TypeError, AttributeError) as error:
         raise ScenarioError(f"{path}: cannot be read as a table of cases: {error}; correct the file") from error
     if not rows or any("" in row for row in rows):
         raise ScenarioError(

@@ -151,6 +151,10 @@ class Store:
         """Return all rows as one table, sorted by point and run."""
         return pa.Table.from_batches(self._batches(sorted(self.entries), self.schema.names), self.schema)
 
+    def move(self, folder: Path) -> None:
+        """Note that the folder has been renamed; the stream must be closed."""
+        self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
+
     def close(self) -> None:
         """Close the stream, all rows written down."""
         if self._file is not None:

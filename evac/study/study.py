@@ -16,7 +16,9 @@ import numpy as np
 
 from evac.arrays import FloatArray
 from evac.errors import EvacError, ResultError, ScenarioError
-from evac.output.files import RUNS_STREAM_NAME
+from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
+from evac.output.resultfolder import ResultFolder
+from evac.scenario.trust import run_plugin_files
 from evac.study import imo, points
 from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
@@ -57,12 +59,9 @@ class Study:
         Where the rows are.
     """
 
-    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path | None, resume: bool) -> None:
+    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> None:
         self.points = tuple(points)
-        self.seeds, self.rule = seeds, rule
-        self.folder = Path(mkdtemp(prefix="evac-study-")) if folder is None else folder
-        if folder is None:
-            weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+        self.seeds, self.rule, self.folder = seeds, rule, folder
         keys = [key_of(point.case) for point in self.points]
         digests = [digest_of(point.case, key) for point, key in zip(self.points, keys, strict=True)]
         self._orders = [order_of(*of) for of in zip(self.points, [seeds] * len(keys), digests, keys, strict=True)]
@@ -70,7 +69,7 @@ class Study:
         if resume:
             check_identity(self.folder, identity)
         else:
-            self._begin(identity)
+            write_identity(self.folder, identity)
         self._store = Store(self.folder, self.points)
         self._wanted = [rule.first] * len(self.points)
         self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
@@ -78,18 +77,10 @@ class Study:
     def __repr__(self) -> str:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
 
-    def _begin(self, identity: Mapping[str, Any]) -> None:
-        """Make the folder ready, unless it has rows of a study that was stopped."""
-        from evac.running import check_folder, clear_folder
-
-        check_folder(self.folder)
-        if (self.folder / RUNS_STREAM_NAME).is_file():
-            raise ResultError(
-                f"{self.folder}: holds the runs of a study that was stopped; go on with it (--resume), choose another "
-                f"folder (--out), or remove its {RUNS_STREAM_NAME}"
-            )
-        clear_folder(self.folder)
-        write_identity(self.folder, identity)
+    def move(self, folder: Path) -> None:
+        """Note that the folder has been renamed."""
+        self.folder = folder
+        self._store.move(folder)
 
     def conduct(
         self,
@@ -282,7 +273,9 @@ def repeat(
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     place = Path(folder) if folder is not None else None
-    return conducted(points.single(case), rule, place, repetitions, workers, executor, resume, progress)
+    return conducted(
+        points.single(run_plugin_files(case)), rule, place, repetitions, workers, executor, resume, progress
+    )
 
 
 def sweep(
@@ -328,6 +321,7 @@ def sweep(
     >>> study.to_pandas().groupby("contact.model").last_out.mean()  # doctest: +SKIP
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
+    case = run_plugin_files(case)
     if isinstance(parameters, Mapping):
         found = points.grid(case, parameters)
     else:
@@ -368,14 +362,48 @@ def conducted(
     executor: Executor | None = None,
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    replay: bool = False,
 ) -> Study:
-    """Make the study of some points, and write its outputs where it has a folder."""
+    """Make the study of some points, and write its outputs where it has a folder, as `repeat` does."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
-    study = Study(found, Seeds(found[0].case.simulation.seed, repetitions), rule, folder, resume)
-    study.conduct(workers, executor, progress)
-    if folder is not None:
-        from evac.study.outputs import write_outputs
+    seeds = Seeds(found[0].case.simulation.seed, repetitions)
+    if folder is None:
+        temporary = Path(mkdtemp(prefix="evac-study-"))
+        study = Study(found, seeds, rule, temporary)
+        weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
+        study.conduct(workers, executor, progress)
+        return study
+    from evac.study.outputs import write_outputs, write_replays
 
+    with ResultFolder(folder) as place:
+        open_folder(place, resume)
+        study = Study(found, seeds, rule, place.running, resume)
+        study.conduct(workers, executor, progress)
         write_outputs(study)
+        if replay:
+            write_replays(study)
+        study.move(place.publish())
     return study
+
+
+def open_folder(place: ResultFolder, resume: bool) -> None:
+    """Make the folder of a study ready to be written, with what is there of it if it goes on.
+
+    Raises
+    ------
+    ResultError
+        It holds the rows of a study that was stopped and is not to go on, or cannot be written.
+    """
+    if resume:
+        source = place.running if (place.running / STUDY_NAME).is_file() else place.path
+        if not (source / STUDY_NAME).is_file():
+            raise ResultError(f"{place.path}: no study to go on with; leave out --resume to begin one")
+        place.reopen(source, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME))
+    elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
+        raise ResultError(
+            f"{place.running}: holds the runs of a study that was stopped; go on with it (--resume), choose another "
+            "folder (--out), or remove that one"
+        )
+    else:
+        place.start()

@@ -46,5 +46,5 @@ def test_values_are_divided_at_commas_outside_brackets():
     several, fixed = swept(["a.b=1,2.5,x", "a.c=[1,2],[3]", 'a.d="x,y"', "a.e={ k = 1, l = 2 }"])
     assert several == {"a.b": [1, 2.5, "x"], "a.c": [[1, 2], [3]]}
     assert fixed == ['a.d="x,y"', "a.e={ k = 1, l = 2 }"]
-    with pytest.raises(ScenarioError, match="a.b"):
+    with pytest.raises(ScenarioError, match=r"a\.b"):
         swept(["a.b=1,,2"])

@@ -220,7 +220,9 @@ def test_a_route_to_closed_exits_alone_is_refused(drawing):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m .*3e\+09 nodes.* 0\.0012 m"),
+        ({"spacing": 1e-4}, r"directions\.spacing: 0\.0001 m .*e\+09 nodes.* 0\.00\d+ m"),
+        ({"clearance": 1e3}, r"directions\.clearance: 1000 m .*e\+08 nodes"),
+        ({"clearance": 1e12}, r"directions\.clearance: 1e\+12 m .*e\+26 nodes"),
         ({"spacing": 1.0}, "exit 'A' is 1 m wide, .* 1.0 m"),
     ],
 )

@@ -213,6 +213,17 @@ def test_where_kernels_cannot_be_kept_one_warning_is_given(plugin, monkeypatch, 
     _check(plugin)
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners and modes of files")
+def test_where_others_may_write_kernels_are_neither_loaded_nor_kept(plugin, processes, own_cache):
+    own_cache.mkdir(parents=True)
+    own_cache.chmod(0o777)
+    with pytest.warns(CacheWarning, match=f"{own_cache}.*chmod") as warned:
+        addresses_of(entries_of(plugin))
+    assert len(warned) == 1
+    assert list(own_cache.iterdir()) == []
+    _check(plugin)
+
+
 def test_processes_hand_back_what_they_cannot_keep(plugin, processes, own_cache):
     own_cache.parent.write_text("a file where the folder should be")
     with pytest.warns(CacheWarning, match=str(own_cache)) as warned:

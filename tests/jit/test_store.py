@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 import time
 from pathlib import Path
 
@@ -191,3 +192,96 @@ def test_part_files_of_a_process_that_is_interrupted_are_removed(store, monkeypa
     with pytest.raises(KeyboardInterrupt):
         store.write(NAME, DIGEST[::-1], CODE)
     assert store.entries() == [store.path(NAME, DIGEST)] == list(store.folder.iterdir())
+
+
+needs_modes = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs owners and modes of files")
+
+
+@needs_modes
+def test_the_folder_and_its_files_are_for_their_owner_alone(store):
+    before = os.umask(0)
+    try:
+        other = Store(store.folder.parent / "other")
+        other.write(NAME, DIGEST, CODE)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(other.folder.stat().st_mode) == 0o700
+    assert stat.S_IMODE(other.path(NAME, DIGEST).stat().st_mode) == 0o600
+
+
+@needs_modes
+@pytest.mark.parametrize("mode", [0o770, 0o702, 0o1777])
+def test_nothing_is_loaded_from_or_kept_in_a_folder_that_others_may_write_to(store, mode):
+    store.folder.chmod(mode)
+    assert store.read(NAME, DIGEST) is None
+    with pytest.raises(PermissionError, match="chmod"):
+        store.write(NAME, DIGEST[::-1], CODE)
+    store.folder.chmod(0o755)
+    assert store.read(NAME, DIGEST) == CODE
+
+
+@needs_modes
+def test_a_file_that_others_may_write_to_is_compiled_again(store):
+    store.path(NAME, DIGEST).chmod(0o620)
+    with pytest.warns(CacheWarning, match="620"):
+        assert store.read(NAME, DIGEST) is None
+    assert store.entries() == []
+
+
+@needs_modes
+@pytest.mark.parametrize("what", ["folder", "file"])
+def test_what_belongs_to_another_user_is_not_loaded(store, monkeypatch, what):
+    mine = os.geteuid()
+    path = store.folder if what == "folder" else store.path(NAME, DIGEST)
+    real = Path.stat
+
+    def stat_of(self, **options):
+        found = list(real(self, **options))
+        found[stat.ST_UID] = mine + 7 if self == path else mine
+        return os.stat_result(found)
+
+    monkeypatch.setattr(Path, "stat", stat_of)
+    if what == "folder":
+        assert store.read(NAME, DIGEST) is None
+        with pytest.raises(PermissionError, match="another user"):
+            store.write(NAME, DIGEST, CODE)
+    else:
+        with pytest.warns(CacheWarning, match="another user"):
+            assert store.read(NAME, DIGEST) is None
+
+
+def test_what_is_old_is_read_from_a_folder_that_can_only_be_read(store, monkeypatch):
+    def read_only(*args, **kwargs):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    os.utime(store.path(NAME, DIGEST), (time.time() - 7 * 86400.0,) * 2)
+    monkeypatch.setattr(os, "utime", read_only)
+    assert store.read(NAME, DIGEST) == CODE
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(store):
+    path = store.path(NAME, DIGEST)
+    path.unlink()
+    os.mkfifo(path, 0o600)
+    with pytest.warns(CacheWarning):
+        assert store.read(NAME, DIGEST) is None
+
+
+def test_a_home_relative_to_the_current_folder_is_none(monkeypatch):
+    for name in ("EVAC_CACHE_DIR", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", "somewhere")
+    monkeypatch.setenv("HOME", "elsewhere")
+    monkeypatch.setenv("USERPROFILE", "elsewhere")
+    assert cache_root() is None
+
+
+def test_a_folder_that_cannot_be_listed_is_as_good_as_empty(store, monkeypatch):
+    def denied(*args, **kwargs):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(Path, "glob", denied)
+    assert store.entries() == []
+    store.prune()
+    store.clear()

@@ -40,7 +40,13 @@ if __name__ == "__main__":
 
 
 def started(script, place, runs, scheduler):
-    resume = "resume" if (place / "study.json").is_file() else "begin"
+    resume = (
+        "resume"
+        if any(
+            path.is_file() for path in (place / "study.json", place.with_name(f"{place.name}.running") / "study.json")
+        )
+        else "begin"
+    )
     words = [sys.executable, "-P", str(script), str(place), resume, str(runs), scheduler]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 

@@ -83,7 +83,7 @@ def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
     whole = evac.repeat(case, 5, folder=tmp_path / "whole", workers=1)
     with pytest.raises(StopError):
         evac.repeat(case, 5, folder=tmp_path / "r", workers=1, progress=stopping_after(2))
-    assert (tmp_path / "r" / RUNS_STREAM_NAME).is_file()
+    assert (tmp_path / "r.running" / RUNS_STREAM_NAME).is_file()
     made = []
     again = evac.repeat(
         case, 5, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row)

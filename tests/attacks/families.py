@@ -1,0 +1,40 @@
+"""The families of attacks, by name."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.attacks import accidents, kernels, keys, scenes, texts
+
+
+@dataclass(frozen=True)
+class Family:
+    """Attacks of one kind.
+
+    Attributes
+    ----------
+    cases : callable
+        Yields what once went wrong, then the given number of cases that the given seed determines.
+    run : callable
+        Runs one case in an empty folder; returns what came of it, if there are several outcomes, and raises where that
+        is not what is promised.
+    number : int
+        Cases of a full attack.
+    share : int
+        Cases beside those kept that the test suite runs.
+    """
+
+    cases: Callable[[int, int], Iterator[Any]]
+    run: Callable[[Any, Path], str | None]
+    number: int
+    share: int
+
+
+FAMILIES = {
+    "keys": Family(keys.cases, keys.run, 4000, 40),
+    "texts": Family(texts.cases, texts.run, 200, 12),
+    "scenes": Family(scenes.cases, scenes.run, 350, 6),
+    "kernels": Family(kernels.cases, kernels.run, 60, 2),
+    "accidents": Family(accidents.cases, accidents.run, 80, 2),
+}
