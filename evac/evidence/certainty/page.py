@@ -173,8 +173,8 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
     evidence.text(
         f"""The coefficient of variation of the evacuation time is {100 * variation:.1f} % here. From the intervals of
         {len(times)} runs, by the square root of the number of runs; at least the runs of the first look. Where the
-        variation is another one, the numbers go with its square. Studies of the rule above take half as many again,
-        because they look seldom."""
+        variation is another one, the numbers go with its square. Studies of the rule above take more, because they look
+        seldom and have intervals of {100 * STOPPED_CONFIDENCE:.0f} %."""
     )
     evidence.table("questions", rows, "Runs that are needed until half the interval is a share of the statistic.")
     for row in rows:
