@@ -11,7 +11,6 @@ import pytest
 
 import evac
 from evac.ending import INTERRUPTED, Stopped
-from evac.ensemble import run_many
 from evac.errors import PluginError, ResultError, SimulationError
 from evac.output.resultfolder import ResultFolder
 from evac.running import run
@@ -41,8 +40,8 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
         "output.picture": False,
     }
     case = evac.load("square_room", changes)
-    run_many(case, 1, workers=1).write(tmp_path / "r")
-    assert (tmp_path / "r" / "runs.csv").is_file()
+    evac.repeat(case, 1, workers=1, folder=tmp_path / "r")
+    assert (tmp_path / "r" / "runs.parquet").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
     assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
