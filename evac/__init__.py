@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
     from evac.simulation import Simulation as Simulation
+    from evac.study.asking import repeat as repeat
+    from evac.study.asking import sweep as sweep
     from evac.study.study import Study as Study
-    from evac.study.study import repeat as repeat
-    from evac.study.study import sweep as sweep
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
 _HOMES = {
@@ -82,10 +82,10 @@ _HOMES = {
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",
-    "repeat": "evac.study.study",
+    "repeat": "evac.study.asking",
     "resume": "evac.running",
     "run": "evac.running",
-    "sweep": "evac.study.study",
+    "sweep": "evac.study.asking",
 }
 
 __all__ = list(_HOMES)

@@ -117,7 +117,7 @@ def test_a_run_that_fails_leaves_its_tables(tmp_path):
 
 
 def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
-    case = evac.load("square_room", {"people.people.speed": 5000.0, "contact.model": "dem", "simulation.step": 0.001})
+    case = evac.load("square_room", {"people.people.speed": 100.0, "people.people.tau": 0.01, "simulation.step": 0.01})
     with pytest.raises(SimulationError) as caught:
         run(case, tmp_path / "result")
     assert any("people.people.speed is" in line for line in caught.value.__notes__)

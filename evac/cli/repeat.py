@@ -26,8 +26,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    from evac.study.asking import conducted, rule_of
     from evac.study.points import single
-    from evac.study.study import conducted, rule_of
 
     case = case_to_run(arguments)
     options = options_of(arguments)

@@ -50,8 +50,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    from evac.study.asking import conducted, rule_of
     from evac.study.points import from_rows, grid
-    from evac.study.study import conducted, rule_of
 
     parameters, fixed = swept(arguments.overrides)
     if arguments.seed is not None:

@@ -13,10 +13,11 @@ from evac.evidence.report import WORKERS, Evidence, new_figure
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
+from evac.study.asking import repeat, sweep
 from evac.study.shared import simulation_of
 from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval
 from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
-from evac.study.study import Study, repeat, sweep
+from evac.study.study import Study
 
 Row = dict[str, Any]
 
