@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evac.errors import PluginError
+from evac.errors import PluginError, plugin_code
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
@@ -163,7 +163,9 @@ def check_writes(behaviour: Behaviour) -> None:
     PluginError
         Naming the behaviour and the array.
     """
-    for array in behaviour.writes:
+    with plugin_code(f"behaviour {behaviour.name!r}: writes"):
+        declared = list(behaviour.writes)
+    for array in declared:
         if array not in WRITABLE:
             raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
 

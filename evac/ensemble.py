@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from os import cpu_count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -18,9 +19,18 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
-from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
+from evac.output.files import (
+    EGRESS_NAME,
+    EGRESS_PICTURE_NAME,
+    MEDIAN_REPLAY_NAME,
+    REPLAY_NAME,
+    RUNS_NAME,
+    SUMMARY_NAME,
+    WORST_REPLAY_NAME,
+    writing,
+)
+from evac.output.resultfolder import ResultFolder
 from evac.output.results import plain, versions, write_csv
-from evac.running import clear_folder
 from evac.scenario.trust import run_plugin_files
 from evac.simulation import Simulation
 
@@ -121,20 +131,57 @@ class Ensemble:
             columns[f"percentile_{of}_over_runs"] = np.percentile(out, of, axis=0)
         return columns
 
-    def write(self, folder: Path) -> None:
+    def replay(self, folder: Path) -> list[Path]:
+        """Make the median and the worst run again, and write their replays.
+
+        They are those of the (lower) median and of the greatest time at which the last person leaves; runs with people
+        left are worse than any other.
+
+        Parameters
+        ----------
+        folder : Path
+            There already.
+
+        Returns
+        -------
+        list of Path
+            ``replay-median.html`` and ``replay-worst.html``; of a single run the first alone.
+
+        Raises
+        ------
+        EvacError
+            As `evac.run`.
+        """
+        ranked = sorted(self.runs, key=lambda run: (_last_out(run), -np.isfinite(run.exit_time).sum()))
+        chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
+        written = []
+        for name, run in list(chosen.items())[: len(self.runs)]:
+            changes = {"simulation.seed": run.seed, "output.replay": True, "output.animation": False}
+            with writing("the replays", folder), TemporaryDirectory(dir=folder) as place:
+                Simulation(self.case.change(changes | {"output.trajectory": False}), Path(place)).run()
+                written.append((Path(place) / REPLAY_NAME).replace(folder / name))
+        return written
+
+    def write(self, folder: str | Path) -> None:
         """Write summary.json, runs.csv, egress.csv and egress.png.
 
         Parameters
         ----------
         folder : Path
-            New, empty, or a result folder of evac, which is overwritten.
+            New, empty, or a result folder of evac, which is replaced.
 
         Raises
         ------
         ResultError
-            The folder is somebody else's, or cannot be written.
+            The folder is somebody else's, is being written by another run, or cannot be written.
         """
-        clear_folder(folder)
+        with ResultFolder(folder) as place:
+            place.start()
+            self.write_to(place.running)
+            place.publish()
+
+    def write_to(self, folder: Path) -> None:
+        """As `write`, to a folder that is there already and empty."""
         summary = {
             "title": self.case.title,
             "people": self.people,

@@ -4,6 +4,9 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
+#: Characters of an error's text that are shown.
+LONGEST = 1000
+
 
 class EvacError(Exception):
     """Root of every exception that evac raises on purpose."""
@@ -29,22 +32,49 @@ class ResultError(EvacError):
     """A result folder or a trajectory file cannot be read or written."""
 
 
-class CacheWarning(UserWarning):
+class EvacWarning(UserWarning):
+    """Root of the warnings that evac issues while it works; what it warns of in a case is in the results."""
+
+
+class FolderWarning(EvacWarning):
+    """A result folder is less protected than it should be: it cannot be locked, or a checkpoint cannot be written."""
+
+
+class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
+
+
+def text_of(error: BaseException) -> str:
+    """Return the text of an error in one line that is not too long."""
+    try:
+        text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
+    except Exception:
+        text = "(its text cannot be shown)"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+
+
+def in_one_line(error: BaseException) -> str:
+    """Return class and text of an error in one line that is not too long."""
+    text = text_of(error)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 @contextmanager
 def plugin_code(what: str) -> Iterator[None]:
-    """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line."""
+    """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line.
+
+    So does a SystemExit: no plugin ends the process. A KeyboardInterrupt is passed on, since it is the user's.
+    """
     try:
         yield
-    except EvacError:
+    except (EvacError, KeyboardInterrupt, GeneratorExit):
         raise
-    except Exception as error:
-        place = traceback.extract_tb(error.__traceback__)[-1]
+    except BaseException as error:
+        trace = traceback.extract_tb(error.__traceback__)
+        place = next((frame for frame in reversed(trace) if not frame.filename.startswith("<")), trace[-1])
+        advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "repair the plugin"
         raise PluginError(
-            f"{what}: {type(error).__name__}: {error} ({place.filename}, line {place.lineno}); "
-            "repair the plugin or leave it out"
+            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or leave it out"
         ) from error
 
 

@@ -1,7 +1,7 @@
 """How far a run is, and the wall time that it takes, phase by phase."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -53,6 +53,11 @@ class Phases:
         """Return the wall time of each phase so far [s], in the order of `PHASES`."""
         self._charge()
         return dict(self._seconds)
+
+    def add(self, seconds: Mapping[str, float]) -> None:
+        """Add the wall time [s] that the phases of this run took in an earlier process."""
+        for name, more in seconds.items():
+            self._seconds[name] += more
 
     def _charge(self) -> None:
         now = time.perf_counter()

@@ -15,7 +15,7 @@ from evac.errors import plugin_code
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
-from evac.people.placement import PLACING
+from evac.people.placement import add_discs
 from evac.people.ways import walk_all
 from evac.physics.force import Force
 from evac.physics.parts import entries_of_loop
@@ -89,7 +89,7 @@ def needed_behaviours(
 
 def set_up_kernels() -> list[Entry]:
     """Return the kernels that the directions and people of a scene need."""
-    return [descend, add_lengths, sample_travel_times, *PLACING, walk_all]
+    return [descend, add_lengths, sample_travel_times, add_discs, walk_all]
 
 
 def run_kernels(
@@ -156,7 +156,7 @@ def explain(
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)
     parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
-    for name in ("animation", "picture"):
+    for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
         parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
     return parts

@@ -25,10 +25,22 @@ if TYPE_CHECKING:
 
 #: Modules of the built-in importers; enough to read a building alone.
 BUILTIN_IMPORTERS = (
+    "evac_plugins.import_geojson",
     "evac_plugins.import_meshio",
     "evac_plugins.import_obj",
     "evac_plugins.import_off",
+    "evac_plugins.import_plan",
     "evac_plugins.import_ply",
+    "evac_plugins.import_wkt",
+)
+
+#: Modules of the built-in exporters; enough to export a recorded run.
+BUILTIN_EXPORTERS = (
+    "evac_plugins.export_csv",
+    "evac_plugins.export_geojson",
+    "evac_plugins.export_jupedsim",
+    "evac_plugins.export_parquet",
+    "evac_plugins.export_vtk",
 )
 
 #: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
@@ -45,7 +57,9 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_route_choice",
     "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
+    "evac_plugins.recorder_replay",
     *BUILTIN_IMPORTERS,
+    *BUILTIN_EXPORTERS,
     "evac_plugins.cases",
 )
 
@@ -57,8 +71,12 @@ KINDS = {
     "behaviour": "evac_behaviours",
     "recorder": "evac_recorders",
     "importer": "evac_importers",
+    "exporter": "evac_exporters",
     "case": "evac_building_cases",
 }
+
+#: Modules of plugin files have names that start so.
+FILE_PREFIX = "evac_plugin_"
 
 
 @dataclass(frozen=True)
@@ -84,7 +102,7 @@ class Provenance:
 
 
 class Registry:
-    """Everything a case can name: contact models, forces, behaviours, recorders, importers and shipped cases.
+    """Everything that plugins provide: contact models, forces, behaviours, importers, exporters, shipped cases, ...
 
     Parameters
     ----------
@@ -97,7 +115,7 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
-    contact_models, solvers, forces, behaviours, recorders, importers : dict of str to class
+    contact_models, solvers, forces, behaviours, recorders, importers, exporters : dict of str to class
         By name; to be read only.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -122,6 +140,7 @@ class Registry:
         self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
         self.recorders: dict[str, type[Any]] = self._tables["recorder"]
         self.importers: dict[str, type[Any]] = self._tables["importer"]
+        self.exporters: dict[str, type[Any]] = self._tables["exporter"]
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
@@ -145,7 +164,8 @@ class Registry:
         Parameters
         ----------
         kind : str
-            ``"contact_model"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"`` or ``"case"``.
+            ``"contact_model"``, ``"solver"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"``,
+            ``"exporter"`` or ``"case"``.
 
         Raises
         ------
@@ -231,6 +251,23 @@ class Registry:
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
+    def call_all(self, hook: str, **given: Any) -> None:
+        """Call a hook of every plugin that has it, the last registered first; what one raises names it.
+
+        Parameters
+        ----------
+        hook, **given
+            As for `calls`.
+
+        Raises
+        ------
+        PluginError
+            A plugin fails.
+        """
+        for plugin, call in reversed(self.calls(hook, **given)):
+            with plugin_code(f"{plugin}: {hook}"):
+                call()
+
     def providers(self, used: Iterable[Configurable]) -> list[str]:
         """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
 
@@ -311,7 +348,7 @@ class Registry:
 def _module_of(path: Path, text: bytes) -> ModuleType:
     """Import a file under a name of its own, kept in `sys.modules` as numba's cache asks for."""
     digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
-    name = f"evac_plugin_{path.stem}_{digest}"
+    name = f"{FILE_PREFIX}{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
@@ -325,6 +362,12 @@ def _module_of(path: Path, text: bytes) -> ModuleType:
         del sys.modules[name]
         raise
     return module
+
+
+def is_plugin_file(path: str) -> bool:
+    """Return whether a plugin has been imported from that file."""
+    modules = list(sys.modules.items())
+    return any(getattr(module, "__file__", None) == path for name, module in modules if name.startswith(FILE_PREFIX))
 
 
 def _description(kind: str, name: str, item: Any) -> dict[str, Any]:

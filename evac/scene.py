@@ -67,12 +67,13 @@ class Scene:
         self._close(frozenset(closed))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the links that are closed."""
-        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64)}
+        """Return the links that are closed, and the version."""
+        return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), "version": np.array([self.version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
         self._close(frozenset(state["closed"].tolist()))
+        self.version = int(state["version"][0])
 
     def _close(self, closed: frozenset[int]) -> None:
         if closed == self.building.closed:

@@ -1,6 +1,6 @@
 """The simulation: everything put together, and the loop."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,8 +15,10 @@ from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
-from evac.errors import EvacError, PluginError, naming, noting, plugin_code
+from evac.errors import naming, noting, plugin_code
 from evac.jit.loading import addresses_of
+from evac.output.recorder import Recorder
+from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
@@ -61,7 +63,7 @@ class Simulation:
 
     Attributes
     ----------
-    registry, scene, building, fields, population, contact, forces, engine, recorders
+    registry, scene, building, fields, population, contact, forces, engine, recording
         The stations of the main path.
     behaviours : list of (Behaviour, BehaviourScene)
         Those in use, each with what it sees.
@@ -76,6 +78,8 @@ class Simulation:
         Wall time of each phase.
     ended : str
         Why the run has ended; empty while it goes on.
+    resumed : list of dict
+        From which checkpoints it has gone on, see docs/results.md.
     """
 
     def __init__(
@@ -93,17 +97,16 @@ class Simulation:
         self.full = full
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
+        self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
             self._make(will_run, compiling)
 
     def _make(self, will_run: bool, compiling: Callable[[int, int], None] | None) -> None:
         """Make everything that the case names, and let the plugins prepare."""
         case, full = self.case, self.full
-        with plugin_code("evac_configure"):
-            self.registry.hook.evac_configure(case=case, registry=self.registry)
+        self.registry.call_all("evac_configure", case=case, registry=self.registry)
         self.contact = assembly.make_contact_model(case)
-        self.recorders = assembly.make_recorders(case)
-        self._is_recording = False
+        self.recording = Recording(assembly.make_recorders(case), self.folder)
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = plan.needed_forces(forces, full)
         with self.phases.enter("building"):
@@ -115,8 +118,7 @@ class Simulation:
         self._build(building, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
-        with plugin_code("evac_prepare"):
-            self.registry.hook.evac_prepare(simulation=self)
+        self.registry.call_all("evac_prepare", simulation=self)
 
     def _build(self, building: Building, behaviours: list[Behaviour]) -> None:
         """Make the stations of the main path that follow the building, one from the other."""
@@ -132,7 +134,8 @@ class Simulation:
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source):
             border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-            self.contact.check_scene(border)
+            with plugin_code(f"contact model {self.contact.name!r}: check_scene"):
+                self.contact.check_scene(border)
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
@@ -147,9 +150,10 @@ class Simulation:
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
         self._version = self.scene.version
-        self._force_is_read = any("contact_force" in behaviour.reads for behaviour, _ in self.behaviours)
+        self._force_is_read = False
         for behaviour, scene in self.behaviours:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
+                self._force_is_read |= "contact_force" in behaviour.reads
                 behaviour.prepare(scene)
             check_written(behaviour, crowd, len(self.fields.routes), 0.0)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
@@ -175,6 +179,11 @@ class Simulation:
         return self.scene.fields
 
     @property
+    def recorders(self) -> list[Recorder]:
+        """The recorders in use."""
+        return self.recording.recorders
+
+    @property
     def time(self) -> float:
         """Simulated time [s]: step times h."""
         return self.step * self.case.simulation.step
@@ -190,9 +199,11 @@ class Simulation:
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
-        return (*self.building.warnings, *narrow, *unusual(start, self.population.groups))
+        return (*self.building.warnings, *map(str, narrow), *unusual(start, self.population.groups))
 
-    def run(self, progress: Callable[[Progress], None] | None = None) -> Results:
+    def run(
+        self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None
+    ) -> Results:
         """Run to the end and return the results.
 
         ::
@@ -203,6 +214,13 @@ class Simulation:
                 population.settle(events)                                 # exits and portals crossed
                 watch.look_at_velocities(...)                             # for quality warnings
                 for recorder in due(step): recorder.record(simulation)
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with a `Progress` at every tick.
+        begun : callable, optional
+            Called before the first tick, once the recorders have started.
 
         Raises
         ------
@@ -215,6 +233,10 @@ class Simulation:
         error: BaseException | None = None
         with self.phases.enter("output"):
             try:
+                if not self.recording.is_started:
+                    self._start_recording()
+                if begun is not None:
+                    begun()
                 while not self.ended:
                     self.advance_tick()
                     if progress is not None:
@@ -228,7 +250,7 @@ class Simulation:
                 error = caught
                 raise
             finally:
-                self._finish(results, error)
+                self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds())
 
     def advance_tick(self) -> None:
@@ -240,7 +262,7 @@ class Simulation:
             As `run`.
         """
         settings = self.case.simulation
-        if not self._is_recording:
+        if not self.recording.is_started:
             self._start_recording()
         steps = min(settings.steps_per_tick, settings.last_step - self.step)
         per_record = round(self.case.output.every / settings.tick) * settings.steps_per_tick
@@ -266,7 +288,7 @@ class Simulation:
             self._watch.look_at_velocities(self.time, crowd, self.displacement_velocity)
             if is_output:
                 self._watch.look_at_forces(self.time, crowd)
-                self._record()
+                self.recording.record(self)
             self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
@@ -293,19 +315,26 @@ class Simulation:
             plan=[part.as_row() for part in self.plan],
             plugins=self._plugins(),
             folder=self.folder,
+            resumed=self.resumed,
         )
-        return replace(results, metrics=dict(self._metrics(results)))
+        return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of everything that a run needs to go on from this tick to the same bits."""
+        """Return copies of everything that a run needs to go on from this tick to the same bits.
+
+        What recorders keep is not part of it, see `Recording.state`.
+        """
+        self.engine.load(self.contact)  # with which a contact model is ready
         state = {f"population.{key}": value for key, value in self.population.state().items()}
         state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
             for key, value in behaviour.state().items():
                 state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
+        state |= {f"contact.{self.contact.name}.{key}": value.copy() for key, value in self.contact.state().items()}
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
-        state["simulation.step"] = np.array([self.step])
+        state["simulation.clock"] = np.array([self.step, self._version])
+        state["simulation.start_position"], state["simulation.start_level"] = self._start
         state["simulation.ending"] = self._ending.state()
         state["simulation.displacement_velocity"] = self.displacement_velocity.copy()
         state |= {f"watch.{key}": value for key, value in self._watch.state().items()}
@@ -313,13 +342,17 @@ class Simulation:
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned, in a simulation of the same case."""
+        with self.phases.enter("kernels"):
+            self.engine.load(self.contact)
         self.scene.restore(_part(state, "scene."))
-        self._version = self.scene.version
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
-            behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
-            restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
-        self.step = int(state["simulation.step"][0])
+            if f"generator.{behaviour.name}" in state:  # else it is new in this case, and has prepared
+                behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
+                restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
+        self.contact.restore(_part(state, f"contact.{self.contact.name}."))
+        self.step, self._version = state["simulation.clock"].tolist()
+        self._start = (state["simulation.start_position"], state["simulation.start_level"])
         self.engine.restore(_part(state, "engine."))
         self._ending.restore(state["simulation.ending"])
         self.displacement_velocity[:] = state["simulation.displacement_velocity"]
@@ -330,49 +363,12 @@ class Simulation:
         """Load the kernels, start the recorders and record the start."""
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
-        self._is_recording = True
         with self.phases.enter("recording"):
-            for recorder in self.recorders:
-                with plugin_code(f"recorder {recorder.name!r}: start"):
-                    recorder.start(self)
-            self._record()
-
-    def _record(self) -> None:
-        for recorder in self.recorders:
-            with plugin_code(f"t = {self.time:.3f} s: recorder {recorder.name!r}"):
-                recorder.record(self)
-
-    def _finish(self, results: Results | None, error: BaseException | None) -> None:
-        """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
-        calls: list[tuple[str, Callable[[], Any]]] = []
-        for recorder in self.recorders if self._is_recording else ():
-            calls.append((f"recorder {recorder.name!r}: finish", partial(recorder.finish, self, results)))
-        for plugin, call in self.registry.calls("evac_finish", simulation=self, results=results, error=error):
-            calls.append((f"{plugin}: evac_finish", call))
-        failures = []
-        for what, call in calls:
-            try:
-                with plugin_code(what):
-                    call()
-            except EvacError as failure:
-                failures.append(failure)
-        for one in failures:
-            if error is None:
-                raise one
-            error.add_note(f"then: {one}")
-
-    def _metrics(self, results: Results) -> Iterator[tuple[str, Any]]:
-        """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
-        for plugin, call in self.registry.calls("evac_metrics", results=results):
-            try:
-                with plugin_code(f"{plugin}: evac_metrics"):
-                    yield plugin, call()
-            except PluginError as error:
-                yield plugin, {"error": str(error)}
+            self.recording.start(self)
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
+        used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.sampling import sample_travel_time
@@ -117,6 +119,10 @@ class Headway(Behaviour):
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False for a single person."""
         return len(scene.crowd.level) > 1
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return nothing: what it has seen is written anew at every tick."""
+        return {}
 
 
 @kernel

@@ -135,13 +135,14 @@ class RouteChoice(Behaviour):
         return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return who has changed strategy, and when all choose next."""
-        return {"changed": self._changed.copy(), "next": self._next.copy()}
+        """Return who has changed strategy, when all choose next, and the version of the scene they have chosen in."""
+        return {"changed": self._changed, "next": self._next, "version": np.array([self._version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
         self._changed = state["changed"].copy()
         self._next = state["next"].copy()
+        self._version = int(state["version"][0])
 
     def _single_exits(self) -> tuple[tuple[str, ...], ...]:
         return tuple((name,) for name in self.exits) or ((),)

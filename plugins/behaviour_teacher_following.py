@@ -155,7 +155,7 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
         behind = pace_members(crowd, fields, classes, rules, time, g, own)
         if time >= crowd.start_time[t] and math.isfinite(own):
             last = classes.behind[behind - 1] if behind > 0 else own
-            delay = min(widest_gap(own, classes, behind), time_to_walk(own, crowd.speed[t, FLAT]))
+            delay = min(widest_gap(own, classes, behind), own / max(crowd.speed[t, FLAT], SLOWEST))
             pace = lead_on(memory, g, last, delay / rules.lag, rules.patience, rules.tick)
             crowd.speed_factor[t] *= pace
             count_vain(memory, g, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
@@ -214,15 +214,9 @@ def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
     """Return the longest time [s] that somebody in a teacher's line takes to where its neighbour ahead is now."""
     widest, ahead = 0.0, own
     for k in range(count):
-        widest = max(widest, time_to_walk(classes.behind[k] - ahead, classes.speed[k]))
+        widest = max(widest, (classes.behind[k] - ahead) / max(classes.speed[k], SLOWEST))
         ahead = classes.behind[k]
     return widest
-
-
-@inner
-def time_to_walk(difference, speed):  # type: ignore[no-untyped-def]
-    """Return how long a person takes at its own speed for a difference of travel times, which are those at 1 m/s."""
-    return difference / max(speed, SLOWEST)
 
 
 @inner

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
@@ -210,6 +212,10 @@ class Dem(ContactModel):
             stiffnesses=np.zeros((people, 3)),
             coupling=np.zeros(people),
         )
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return nothing: the arrays of `own` are written anew in every sub-step."""
+        return {}
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change where a step cannot be made."""

@@ -11,7 +11,7 @@ from evac.physics.contact_model import BorderScene, ContactModel, SolvedContactM
 from evac.physics.overlaps import is_to_separate
 from evac.physics.percussions import find_percussions, solve_once
 from evac.physics.rows import INELASTIC
-from evac.physics.state import State, World
+from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEARCH_AGAIN, SEPARATE
 
 #: Contacts are looked for as far as this share of a body's free path, and of the fastest one's, reaches.
@@ -39,7 +39,7 @@ def project(state: State, own: Projection, h: float) -> int:
     tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for what adds up
     for c in range(contacts.number):
         contacts.bias[c] = max(contacts.gap[c], 0.0) / h
-    found = find_percussions(state, bodies.free, bodies.solved, INELASTIC, 0.0, tolerance, own.iterations, tolerance)
+    found = find_percussions(state, bodies.free, bodies.solved, 0.0, 0.0, tolerance, own.iterations, tolerance)
     if problem.missing:
         return NEEDS_STRONGER_SOLVER
     if contacts.number > 0:
@@ -123,14 +123,6 @@ class Nsm1(SolvedContactModel):
     def promised_overlap(self, scene: BorderScene) -> float:
         """Return the gap tolerance [m]; people who start in one another are beyond it until they are moved apart."""
         return float(self.gap_tolerance)
-
-    def own(self, people: int, world: World) -> Projection:
-        """Return the tolerances."""
-        return Projection(
-            gap_tolerance=self.gap_tolerance,
-            velocity_tolerance=self.velocity_tolerance,
-            iterations=self.iterations,
-        )
 
 
 evac_interface = 2

@@ -16,7 +16,6 @@ from evac.physics.contacts import (
 )
 from evac.physics.overlaps import is_to_separate
 from evac.physics.percussions import find_percussions
-from evac.physics.rows import INELASTIC
 from evac.physics.state import State, Traits, World
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 
@@ -38,9 +37,9 @@ MARGIN = 2e-3
 class Dissipation(Struct):
     """What the law reads."""
 
-    normal: float  # K_N [kg]
-    tangential: float  # K_T [kg]
-    correction: int  # 1: overlaps are separated
+    normal_dissipation: float  # K_N [kg]
+    tangential_dissipation: float  # K_T [kg]
+    position_correction: int  # 1: overlaps are separated
     margin: float  # gap up to which bodies touch [m]
     velocity_tolerance: float  # [m/s]
     iterations: int
@@ -50,32 +49,35 @@ class Dissipation(Struct):
 def strike(state: State, own: Dissipation, h: float) -> int:
     """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
     bodies, contacts, problem, tally = state.bodies, state.contacts, state.problem, state.tally
-    if own.correction and is_to_separate(state, OVERLAP, own.iterations):
+    free, solved = bodies.free, bodies.solved
+    if own.position_correction and is_to_separate(state, OVERLAP, own.iterations):
         return SEPARATE
     keep_only_meeting(state.world, bodies, contacts, h, own.margin)
-    for c in range(contacts.number if own.correction else 0):
+    for c in range(contacts.number if own.position_correction else 0):
         if 0.0 < contacts.gap[c] <= own.margin:  # touching too; the others have been counted
             tally[at.CONTACTS] += 1.0
-    if own.tangential > 0.0 or state.clock.full:
+    if own.tangential_dissipation > 0.0 or state.clock.full:
         _stick(bodies, contacts)
-    is_elastic = math.isinf(own.normal)
-    found = _percussions(state, own, bodies.solved, own.normal, math.inf if is_elastic else own.velocity_tolerance)
+    is_elastic = math.isinf(own.normal_dissipation)
+    tangential, tolerance, limit = own.tangential_dissipation, own.velocity_tolerance, own.iterations
+    enough = math.inf if is_elastic else tolerance
+    found = find_percussions(state, free, solved, own.normal_dissipation, tangential, tolerance, limit, enough)
     if contacts.number > 0:
         tally[at.SOLVES] += 1.0
         tally[at.ITERATIONS] += problem.iterations
         tally[at.RETRIED_SOLVES] += problem.retried
-        if is_elastic and found > own.velocity_tolerance:
+        if is_elastic and found > tolerance:
             for c in range(contacts.number):
                 contacts.percussion[c] = 0.0
                 contacts.friction[c] = 0.0
-            found = _percussions(state, own, bodies.solved, FALLBACK, own.velocity_tolerance)
+            found = find_percussions(state, free, solved, FALLBACK, tangential, tolerance, limit, tolerance)
             tally[at.ITERATIONS] += problem.iterations
             tally[at.RETRIED_SOLVES] += problem.retried
             tally[at.ELASTIC_FALLBACKS] += 1.0
         if problem.missing:
             return NEEDS_STRONGER_SOLVER
         tally[at.GREATEST_RESIDUAL] = max(tally[at.GREATEST_RESIDUAL], found)
-        if found > own.velocity_tolerance:
+        if found > tolerance:
             tally[at.UNCONVERGED_STEPS] += 1.0
     if state.clock.reports:
         return _report_reaction(state, own, h)
@@ -93,22 +95,6 @@ def _stick(bodies, contacts):
 
 
 @inner
-def _percussions(state, own, velocity, normal, enough):
-    """Solve with K_N = `normal`, again above a residual `enough`; return the residual."""
-    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
-    return find_percussions(
-        state,
-        state.bodies.free,
-        velocity,
-        compliance,
-        own.tangential,
-        own.velocity_tolerance,
-        own.iterations,
-        enough,
-    )
-
-
-@inner
 def _report_reaction(state, own, h):
     """Report contact forces from a solve with K_N = 0 on the same contacts; return a status.
 
@@ -118,7 +104,8 @@ def _report_reaction(state, own, h):
     for c in range(contacts.number):
         contacts.kept_percussion[c] = contacts.percussion[c]
         contacts.kept_friction[c] = contacts.friction[c]
-    _percussions(state, own, bodies.spare, 0.0, own.velocity_tolerance)
+    tolerance, limit = own.velocity_tolerance, own.iterations
+    find_percussions(state, bodies.free, bodies.spare, 0.0, own.tangential_dissipation, tolerance, limit, tolerance)
     if state.problem.missing:
         return NEEDS_STRONGER_SOLVER
     report_contact_force(bodies, contacts, 1.0 / h)
@@ -165,18 +152,7 @@ class Nsm2(SolvedContactModel):
 
     def traits(self, world: World) -> Traits:
         """Return what the step loop needs to know: contacts are looked for at least as far as bodies touch."""
-        return super().traits(world).replace(reach_floor=max(TOUCH + world.rounding, self._margin))
-
-    def own(self, people: int, world: World) -> Dissipation:
-        """Return the dissipations and the tolerances."""
-        return Dissipation(
-            normal=self.normal_dissipation,
-            tangential=self.tangential_dissipation,
-            correction=int(self.position_correction),
-            margin=self._margin,
-            velocity_tolerance=self.velocity_tolerance,
-            iterations=self.iterations,
-        )
+        return super().traits(world).replace(reach_floor=max(TOUCH + world.rounding, self.margin))
 
     @property
     def separates(self) -> bool:  # type: ignore[override]
@@ -184,7 +160,7 @@ class Nsm2(SolvedContactModel):
         return bool(self.position_correction)
 
     @property
-    def _margin(self) -> float:
+    def margin(self) -> float:
         """Gap up to which bodies touch [m]."""
         return MARGIN if self.position_correction else 0.0
 

@@ -1,16 +1,17 @@
 """Recorder "trajectory": where everybody is, frame by frame, in a file that survives a killed run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evac.hookspecs import hookimpl
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.results import versions
-from evac.output.trajectory import TrajectoryWriter
+from evac.output.trajectory_writer import TrajectoryWriter
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -18,14 +19,16 @@ if TYPE_CHECKING:
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); without a folder it keeps nothing."""
+    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); nothing without a folder, or where
+    ``output.trajectory`` is false.
+    """
 
     name = "trajectory"
     _writer: TrajectoryWriter | None = None
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and what the run was made with."""
-        if simulation.folder is not None:
+        if simulation.folder is not None and simulation.case.output.trajectory:
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0
@@ -43,6 +46,22 @@ class TrajectoryRecorder(Recorder):
             if simulation.time > self._recorded:
                 self.record(simulation)
             self._writer.close()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the time of the last frame [s] and the length of the file [bytes]."""
+        if self._writer is None:
+            return {}
+        return {"recorded": np.array(self._recorded), "length": np.array(self._writer.length)}
+
+    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+        """Open the file again, behind its last frame."""
+        if simulation.folder is not None and state:
+            self._writer = TrajectoryWriter.reopen(simulation.folder / TRAJECTORY_NAME, int(state["length"]))
+            self._recorded = float(state["recorded"])
+
+    def files(self) -> Mapping[str, int]:
+        """Return the length of the trajectory."""
+        return {TRAJECTORY_NAME: self._writer.length} if self._writer is not None else {}
 
 
 def _header(simulation: "Simulation") -> dict[str, Any]:

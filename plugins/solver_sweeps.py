@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from evac.hookspecs import hookimpl
 from evac.jit import fused, inner, kernel
 from evac.physics.rows import (
+    BIAS,
     CAUTION,
     LIKELY,
     evaluate,
     law,
     momentum_after,
     push_row,
-    relax,
     row_energy,
     row_residual,
     sweep_up,
@@ -64,7 +64,6 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     _go_back(rows)
     iteration = 0
     while rows.residual > tolerance and iteration < limit:
-        _extrapolate(rows, share)
         uphill, change = _sweep_on(rows, share)
         iteration += 1
         if back and iteration < limit:
@@ -93,21 +92,17 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
 
 
 @inner
-def _extrapolate(rows, share):
-    """Go on by `share` of the last step of the velocities; `image_a` has those before."""
+def _sweep_on(rows, share):
+    """Sweep up from velocities and percussions gone on by `share` of their last step.
+
+    `image_a` and `work_a` have those before. Returns the slope along the last step and the greatest change of a row
+    [m/s].
+    """
     for i in range(rows.bodies):
         for k in range(2):
             now = rows.velocity[i, k]
             rows.velocity[i, k] = now + share * (now - rows.image_a[i, k])
             rows.image_a[i, k] = now
-
-
-@inner
-def _sweep_on(rows, share):
-    """Sweep up from percussions gone on by `share` of their last step; `work_a` has those before.
-
-    Returns the slope along the last step and the greatest change of a row [m/s].
-    """
     rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
     for r in range(rows.size):
@@ -129,9 +124,12 @@ def _sweep_back(rows):
     uphill, greatest = 0.0, 0.0
     for r in range(rows.size - 1, -1, -1):
         x = rows.percussion[r]
-        greatest = max(greatest, relax(rows, r, rigid))
-        new = rows.percussion[r]
+        change = law(rows, r, x, rigid)
+        push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
+        new = x + change
+        rows.percussion[r] = new
         uphill = fused(x - new, new - rows.work_a[r], uphill)
+        greatest = max(greatest, abs(change) * rows.scale[r])
     return uphill, greatest
 
 
@@ -164,8 +162,9 @@ def energy(rows):
     for i in range(rows.bodies):
         found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
     found *= 0.5
+    rigid = rows.rigid == 1  # as for `law`
     for r in range(rows.size):
-        found += row_energy(rows, r, rows.percussion[r])
+        found += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
     return found
 
 

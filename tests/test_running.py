@@ -13,7 +13,8 @@ import evac
 from evac.ending import INTERRUPTED, Stopped
 from evac.ensemble import run_many
 from evac.errors import PluginError, ResultError, SimulationError
-from evac.running import clear_folder, run
+from evac.output.resultfolder import ResultFolder
+from evac.running import run
 from evac.simulation import Simulation
 
 
@@ -44,7 +45,7 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert (tmp_path / "r" / "runs.csv").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac"}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
 RECORDER = """
@@ -149,32 +150,13 @@ def test_a_display_can_stop_the_run():
 
 def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
     case = evac.load("square_room", {"output.animation": True, "simulation.duration": 0.5})
-    folder = tmp_path / "r"
-    folder.mkdir()
-    (folder / "frames").write_text("in the way of the folder of that name")
-    (folder / "trajectory.evac").write_bytes(b"EVACTRJ1")
+    running = tmp_path / "r.running"
+    running.mkdir()
+    (running / "frames").write_text("in the way of the folder of that name")
+    (running / "trajectory.evac").write_bytes(b"EVACTRJ1")
     with pytest.raises(ResultError, match="frames"):
-        run(case, folder)
-    assert json.loads((folder / "summary.json").read_text())["people"] == 20
-
-
-def test_a_folder_whose_clearing_failed_is_still_known(tmp_path):
-    case = evac.load("square_room", {"simulation.duration": 0.5})
-    run(case, tmp_path / "r")
-    (tmp_path / "r" / "egress.csv").unlink()
-    (tmp_path / "r" / "egress.csv").mkdir()  # cannot be removed as a file
-    with pytest.raises(ResultError, match=r"egress\.csv"):
         run(case, tmp_path / "r")
-    (tmp_path / "r" / "egress.csv").rmdir()
-    run(case, tmp_path / "r")
-
-
-def test_everything_that_a_run_writes_is_cleared_before_the_next(tmp_path):
-    folder = tmp_path / "r"
-    run(evac.load("square_room", {"simulation.duration": 0.5}), folder)
-    assert len(list(folder.iterdir())) > 5
-    clear_folder(folder)
-    assert [path for path in folder.rglob("*") if path.is_file()] == []
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["people"] == 20
 
 
 def test_a_stop_after_the_last_tick_leaves_how_it_ended():
@@ -228,13 +210,16 @@ def test_the_order_of_the_tables_of_groups_changes_nothing(tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "other" / name).read_bytes(), name
 
 
-def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path):
-    """All but its first steps, which look at the folder; with every output, so that much of it is not the loop."""
+def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path, monkeypatch):
+    """All but taking the folder and putting it in its place; with every output, so that much of it is not the loop."""
     case = evac.load("square_room")
     run(case, tmp_path / "first")  # loads kernels and packages
+    written_at = []
+    publish = ResultFolder.publish
+    monkeypatch.setattr(ResultFolder, "publish", lambda self: written_at.append(time.perf_counter()) or publish(self))
     start = time.perf_counter()
     results = run(case, tmp_path / "r")
-    wall = time.perf_counter() - start
+    wall = written_at[0] - start
     assert 0.95 * wall < sum(results.phases.values()) <= wall
     written = json.loads((tmp_path / "r" / "summary.json").read_text(encoding="utf-8"))["wall_time"]
     assert written == results.phases
@@ -254,10 +239,10 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
     monkeypatch.setattr("builtins.open", noting(open))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
-    assert results.people == 20
+    assert results.number_of_people == 20
     written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
-    assert {"summary.json", "people.csv", "egress.png", "building.vtp"} <= {Path(path).name for path in written}
-    assert sorted(opened) == sorted(written)
+    assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
+    assert sorted(name.replace("r.running", "r") for name in opened) == sorted(written)
 
 
 def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeypatch):

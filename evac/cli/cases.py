@@ -45,12 +45,23 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     ScenarioError, PluginError
         As `evac.load`.
     """
+    from evac.errors import ScenarioError
     from evac.scenario.loading import load_case
 
     overrides = list(arguments.overrides)
+    for override in overrides:
+        shown = override.encode("utf-8", "backslashreplace").decode()
+        if shown != override:
+            raise ScenarioError(f"--set {shown}: holds bytes that are no text in the encoding of this system")
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
-    return load_case(arguments.case, overrides, arguments.plugins)
+    case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)
+    return case
+
+
+def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
+    """Return the case that `case_of` has loaded, if it has."""
+    return getattr(arguments, "loaded", None)
 
 
 def case_to_run(arguments: argparse.Namespace) -> "Case":
@@ -68,7 +79,12 @@ def with_plugin_files(case: "Case") -> "Case":
     """
     from evac.scenario.trust import run_plugin_files
 
-    return run_plugin_files(case, lambda path: print(f"running plugin file of the case: {path}", file=sys.stderr))
+    return run_plugin_files(case, tell_plugin_file)
+
+
+def tell_plugin_file(path: Path) -> None:
+    """Say that a plugin file of the case is run."""
+    print(f"running plugin file of the case: {path}", file=sys.stderr)
 
 
 def default_folder(case: "Case") -> Path:

@@ -5,13 +5,15 @@ import atexit
 import gc
 import importlib
 import os
+import signal
 import sys
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TextIO
+from collections.abc import Sequence
 
-from evac.errors import CacheWarning, EvacError
+from evac.cli.cases import loaded_case
+from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, tell_crash
+from evac.cli.streams import guard_streams, tell_lost_output
+from evac.cli.warned import shown_warnings
+from evac.errors import EvacError, PluginError
 
 #: Exit status of bad input, and of what Ctrl-C stopped.
 BAD_INPUT = 2
@@ -20,58 +22,75 @@ INTERRUPTED_STATUS = 130
 #: Commands in the order of the help, and the module that declares and executes each.
 COMMANDS = {
     "run": "evac.cli.run",
+    "resume": "evac.cli.resume",
     "repeat": "evac.cli.repeat",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
+    "import": "evac.cli.importing",
+    "new": "evac.cli.new",
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
     "cache": "evac.cli.cache",
+    "replay": "evac.cli.replay",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
+    "map": "evac.cli.map",
     "evidence": "evac.cli.evidence",
 }
 
+EPILOG = """\
+Exit status:
+  0    everybody is out, or what was asked for is done
+  2    bad input: a case, a building, a plugin, a file or the words of the command; the message names it
+  3    people are left
+  70   an error in evac itself, or not enough memory; the message names a file to send with a report
+  130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP
+
+The status does not depend on whether what is printed can be read by anybody."""
 
 #: Containers that are made between two looks for garbage, see `start_fast`.
 GARBAGE_EVERY = 50_000
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Execute one command and return the exit status: 0, 2 for bad input, 3 for people left, 130 if interrupted."""
-    start_fast()
-    arguments = parser().parse_args(argv)
+def program() -> int:
+    """Be the process of a command: `main`, with streams that never fail and nothing that prints a traceback."""
+    guard_streams()
+    catch_the_rest()
     try:
-        with _cache_warnings():
-            status: int = arguments.execute(arguments)
-    except EvacError as error:
-        print("\n".join([f"evac: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("evac: interrupted", file=sys.stderr)
-        return INTERRUPTED_STATUS
-    return status
+        return main()
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left takes no time
+        tell_lost_output()
 
 
-@contextmanager
-def _cache_warnings() -> Iterator[None]:
-    """Show what the library warns of as commands show other warnings; those of other libraries stay as they are."""
+def main(argv: Sequence[str] | None = None) -> int:
+    """Execute one command and return its exit status, see `EPILOG`.
 
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
-        if issubclass(category, CacheWarning):
-            print(f"warning: {message}", file=sys.stderr)
-        else:
-            before(message, category, filename, lineno, file, line)
-
-    with warnings.catch_warnings():
-        before, warnings.showwarning = warnings.showwarning, show
-        yield
+    Raises
+    ------
+    SystemExit
+        After --help, and where the words of the command are wrong.
+    """
+    start_fast()
+    arguments: argparse.Namespace | None = None
+    with shown_warnings() as hidden:
+        try:
+            arguments = parser().parse_args(argv)
+            return int(arguments.execute(arguments))
+        except EvacError as error:
+            lines = [f"evac: {error}", *getattr(error, "__notes__", ())]
+            if isinstance(error, PluginError) and error.__cause__ is not None:
+                lines.append(crash_file(error, loaded_case(arguments), hidden))
+            print("\n".join(lines), file=sys.stderr)
+            return BAD_INPUT
+        except KeyboardInterrupt:
+            print("evac: interrupted", file=sys.stderr)
+            return INTERRUPTED_STATUS
+        except BaseException as error:
+            if isinstance(error, SystemExit) and arguments is None:
+                raise  # of argparse, which has shown the help or what is wrong with the words of the command
+            tell_crash(error, "internal error", loaded_case(arguments), hidden)
+            return INTERNAL_ERROR
 
 
 def start_fast() -> None:
@@ -91,7 +110,8 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(
         prog="evac",
         description="Evacuation of multi-floor buildings, person by person.",
-        epilog="Exit status: 0 everybody out or done, 2 bad input, 3 people left, 130 interrupted.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, home in COMMANDS.items():

@@ -1,8 +1,8 @@
 """evac repeat: run a case with many seeds, and say how certain the result is.
 
 Runs go to several processes. To ./CASE-runs, or to --out, go runs.csv (one row for each seed), the mean and the
-percentiles over runs of the egress curves (egress.csv, egress.png), and summary.json. `evac run CASE --seed N` shows
-one of them.
+percentiles over runs of the egress curves (egress.csv, egress.png), and summary.json; with --replay also
+replay-median.html and replay-worst.html. `evac run CASE --seed N` shows any of them.
 """
 
 import argparse
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from evac.cli.cases import case_to_run, declare_case, default_folder
-from evac.cli.progress import Display
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +20,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_case(parser)
     parser.add_argument("--runs", type=_positive, default=20, metavar="N", help="number of runs (20)")
     parser.add_argument("--jobs", type=_positive, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument(
+        "--replay", action="store_true", help="make the median and the worst run again, with a replay of each"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs)")
 
 
@@ -28,21 +31,23 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.cli.screen import show_facts, show_table, show_warnings
     from evac.ending import EVERYBODY_OUT
     from evac.ensemble import run_many
-    from evac.running import check_folder, make_folder
+    from evac.output.resultfolder import ResultFolder
     from evac.simulation import Simulation
 
     case = case_to_run(arguments)
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")
-    check_folder(folder)
-    with Display() as display:
-        display.phase("reading the building, computing directions")
-        warnings = Simulation(case, compiling=display.compiling).warnings()
-    show_warnings(warnings)
-    make_folder(folder)
-    print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
-    with Display() as display:
-        ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
-    ensemble.write(folder)
+    with ResultFolder(folder) as place:
+        with Display() as display:
+            display.phase("reading the building, computing directions")
+            warnings = Simulation(case, compiling=display.compiling).warnings()
+        show_warnings(warnings)
+        print(f"runs: {arguments.runs}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
+        with Display() as display:
+            ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
+        place.start()
+        ensemble.write_to(place.running)
+        replays = ensemble.replay(place.running) if arguments.replay else []
+        place.publish()
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
     show_table("When the last person left", ("statistic", "value", "over"), _rows(ensemble.last_out()))
@@ -55,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
         )
     for run in ensemble.runs:
         show_warnings(f"seed {run.seed}: {line}" for line in run.quality_warnings)
-    show_facts({"results in": folder})
+    show_facts({"results in": ", ".join([str(folder), *(path.name for path in replays)])})
     return 0 if complete == runs else 3
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.checkpoints import without_state
 from evac.errors import PluginError
 from evac.output.recorder import Recorder
 from evac.physics.state import Crowd
@@ -23,10 +24,12 @@ def check_same_bits(case: Case, ticks: int = 20) -> None:
         raise PluginError(f"{case.title}: two runs differ in {different}; draw from scene.generator only")
     resumed = Simulation(case)
     resumed.restore(middle)
-    while resumed.step < whole["simulation.step"][0]:
+    while resumed.step < whole["simulation.clock"][0]:
         resumed.advance_tick()
     if different := _difference(whole, resumed.state()):
         raise PluginError(f"{case.title}: a run resumed differs in {different}; state() must hold every private array")
+    if missing := without_state(resumed):
+        raise PluginError(missing[0])
     full, _ = _run(case, ticks, full=True)
     moving = {key: value for key, value in whole.items() if key.startswith("population.") and key != "population.route"}
     if different := _difference(moving, full):
@@ -66,7 +69,7 @@ def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
     with tempfile.TemporaryDirectory() as place:
         for folder in (None, Path(place)):
             simulation = Simulation(case, folder)
-            simulation.recorders = []
+            simulation.recording.recorders = []
             type(recorder)(**recorder.values()).finish(simulation, None)
             recorder.start(simulation)
             for _ in range(ticks):
@@ -76,6 +79,51 @@ def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
                     raise PluginError(f"{recorder.name}: changes {different}; a recorder looks only")
                 simulation.advance_tick()
             recorder.finish(simulation, simulation.results())
+
+
+def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
+    """The files of a recorder are the same, to the last byte, where a run is stopped in between and goes on."""
+    with tempfile.TemporaryDirectory() as place:
+        whole, halved = Path(place) / "whole", Path(place) / "halved"
+        for folder in (whole, halved):
+            folder.mkdir()
+        made = type(recorder)(**recorder.values())
+        simulation = _recorded(case, whole, made)
+        _advance(simulation, 2 * ticks)
+        made.finish(simulation, simulation.results())
+        made = type(recorder)(**recorder.values())
+        simulation = _recorded(case, halved, made)
+        _advance(simulation, ticks)
+        state, kept, files = simulation.state(), simulation.recording.state(), simulation.recording.files()
+        if missing := without_state(simulation):
+            raise PluginError(missing[0])
+        _advance(simulation, ticks)  # what is written after the checkpoint is to be cut off
+        made.finish(simulation, None)
+        made = type(recorder)(**recorder.values())
+        simulation = _recorded(case, halved, made)
+        simulation.restore(state)
+        simulation.recording.restore(simulation, kept, files)
+        _advance(simulation, ticks)
+        made.finish(simulation, simulation.results())
+        for path in sorted(path for path in whole.rglob("*") if path.is_file()):
+            other = halved / path.relative_to(whole)
+            if not other.is_file() or path.read_bytes() != other.read_bytes():
+                raise PluginError(
+                    f"{recorder.name}: {path.name} is not the same where a run goes on from a checkpoint; state() must "
+                    "hold all that it keeps, and files() the lengths of the files that it appends to"
+                )
+
+
+def _recorded(case: Case, folder: Path, recorder: Recorder) -> Simulation:
+    simulation = Simulation(case, folder)
+    simulation.recording.recorders = [recorder]
+    return simulation
+
+
+def _advance(simulation: Simulation, ticks: int) -> None:
+    for _ in range(ticks):
+        if not simulation.ended:
+            simulation.advance_tick()
 
 
 class _WatchedCrowd(Crowd):

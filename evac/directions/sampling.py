@@ -47,26 +47,6 @@ def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
 
 
 @inner
-def is_hidden(walls: CellWalls, first: int, last: int, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Say whether one of some walls stands between a and b; a wall that ends at or passes through one of them does not.
-
-    A point counts as on a wall when it is nearer than about 1e-9 m, which covers rounding.
-    """
-    for k in range(first, last):
-        x1, y1, x2, y2 = walls.wall[k, 0], walls.wall[k, 1], walls.wall[k, 2], walls.wall[k, 3]
-        across_x, across_y = x2 - x1, y2 - y1
-        side_a = across_x * (ay - y1) - across_y * (ax - x1)
-        side_b = across_x * (by - y1) - across_y * (bx - x1)
-        if side_a * side_b >= -TOUCHING * (across_x * across_x + across_y * across_y):
-            continue
-        side_1 = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
-        side_2 = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
-        if side_1 * side_2 <= 0.0:
-            return True
-    return False
-
-
-@inner
 def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, route: int) -> float:
     """Return the travel time [s] at a position, inf without a way.
 
@@ -177,15 +157,28 @@ def _is_corner_hidden(
     first: int,
     last: int,
 ) -> bool:
-    """Say whether a wall, first to last, stands between node (ix + a, iy + b) and the place (fx, fy) in its cell."""
-    if first == last:
-        return False
+    """Say whether a wall, first to last, stands between node (ix + a, iy + b) and the place (fx, fy) in its cell.
+
+    A wall that ends at or passes through one of them does not; a point counts as on a wall when it is nearer than about
+    1e-9 m, which covers rounding.
+    """
     x0 = fields.origin[level, 0] + fields.spacing * ix
     y0 = fields.origin[level, 1] + fields.spacing * iy
-    spacing = fields.spacing
-    return is_hidden(
-        fields.walls, first, last, x0 + fx * spacing, y0 + fy * spacing, x0 + a * spacing, y0 + b * spacing
-    )
+    ax, ay = x0 + fx * fields.spacing, y0 + fy * fields.spacing
+    bx, by = x0 + a * fields.spacing, y0 + b * fields.spacing
+    wall = fields.walls.wall
+    for k in range(first, last):
+        x1, y1, x2, y2 = wall[k, 0], wall[k, 1], wall[k, 2], wall[k, 3]
+        across_x, across_y = x2 - x1, y2 - y1
+        side_a = across_x * (ay - y1) - across_y * (ax - x1)
+        side_b = across_x * (by - y1) - across_y * (bx - x1)
+        if side_a * side_b >= -TOUCHING * (across_x * across_x + across_y * across_y):
+            continue
+        side_1 = (bx - ax) * (y1 - ay) - (by - ay) * (x1 - ax)
+        side_2 = (bx - ax) * (y2 - ay) - (by - ay) * (x2 - ax)
+        if side_1 * side_2 <= 0.0:
+            return True
+    return False
 
 
 @kernel

@@ -4,6 +4,9 @@ numba's own dispatcher optimises each function, and again in each that calls it.
 lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
 """
 
+import gc
+from collections.abc import Generator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -141,7 +144,7 @@ class _Target(TargetDescriptor):  # type: ignore[misc]
 
 
 class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
-    """numba's stages without those for closures, generators, array expressions and the like."""
+    """numba's stages without those for closures, generators, array expressions, reference counts and the like."""
 
     def define_pipelines(self) -> list[PassManager]:
         stages = PassManager("evac kernel")
@@ -149,12 +152,9 @@ class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
             untyped_passes.TranslateByteCode,
             untyped_passes.FixupArgs,
             untyped_passes.IRProcessing,
-            untyped_passes.RewriteSemanticConstants,
             untyped_passes.ReconstructSSA,
             typed_passes.NopythonTypeInference,
             typed_passes.PreLowerStripPhis,
-            typed_passes.IRLegalization,
-            typed_passes.AnnotateTypes,
             typed_passes.NativeLowering,
             typed_passes.NoPythonBackend,
         ):
@@ -163,10 +163,22 @@ class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
         return [stages]
 
 
+def _widened(kind: types.Type) -> types.Type:
+    """Return the type with which a function gets a value: int64 for all integers, constants among them."""
+    kind = types.unliteral(kind)
+    return types.int64 if isinstance(kind, types.Integer) else kind
+
+
 class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
     """A function for numba's front end."""
 
     targetdescr = _Target("cpu")
+    _compiler: Any
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Type a call, whose integers are int64: each function is compiled once for all kinds of them."""
+        _, given = self._compiler.fold_argument_types(args, kws)
+        return super().get_call_template([_widened(one) for one in given], {})
 
     def add_overload(self, result: Any) -> None:
         self.overloads[tuple(result.signature.args)] = result
@@ -195,7 +207,20 @@ def compiled_functions() -> list[str]:
     return [kernel.label for kernel, one in _dispatchers.items() for _ in one.overloads]
 
 
+@contextmanager
+def _without_collections() -> Generator[None, None, None]:
+    """Put off collections of garbage, which among the many objects of numba take a tenth of the time."""
+    is_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if is_enabled:
+            gc.enable()
+
+
 @global_compiler_lock  # type: ignore[untyped-decorator]
+@_without_collections()
 def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
     """Return the object code of a kernel for a processor, in which it has the name `symbol`.
 

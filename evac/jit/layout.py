@@ -143,11 +143,17 @@ class Struct:
     Raises
     ------
     TypeError
-        If an array does not fit, or an attribute is missing or unknown.
+        If an array does not fit, or an attribute is missing or unknown; for a class with an attribute of the name of
+        one of the base class.
+
+    Notes
+    -----
+    Kernels write where their code does: they do not see numpy's flag of arrays that are read-only.
     """
 
     kinds: ClassVar[dict[str, Kind]] = {}
     words: ClassVar[dict[str, int]] = {}
+    memory_address = 0
     _size: ClassVar[int] = 0
 
     def __init_subclass__(cls) -> None:
@@ -156,6 +162,8 @@ class Struct:
         for name, hint in get_type_hints(cls, include_extras=True).items():
             if name.startswith("_") or get_origin(hint) is ClassVar:
                 continue
+            if hasattr(Struct, name):
+                raise TypeError(f"{cls.__name__}.{name}: every struct has something of this name; choose another name")
             kind = kind_of(hint)
             cls.kinds[name], cls.words[name] = kind, word
             field: Any

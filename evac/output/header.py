@@ -1,13 +1,46 @@
-"""The header of a trajectory file: the building and the people as plain JSON, there and back."""
+"""The header of a trajectory file: the building and the people as plain JSON, there and back, checked when read."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from shapely.errors import ShapelyError
 from shapely.geometry import mapping, shape
+from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import FloatArray, IntArray
+from evac.building.findings import as_findings
 from evac.building.model import Area, Building, Exit, Level, Portal
+
+#: Coordinates lie between this and its negative [m]; far more than coordinates of any survey on Earth.
+COORDINATE_MAX = 1e9
+
+KINDS = ("floor", "flight", "landing")
+
+
+class HeaderError(ValueError):
+    """A header lacks something or holds something impossible; names the key."""
+
+
+@dataclass(frozen=True)
+class People:
+    """Who is in a trajectory.
+
+    Attributes
+    ----------
+    radius : (n,) float64 [m]
+    group : (n,) int32
+        Row of ``groups`` of each person, -1 for none.
+    groups : tuple of str
+    """
+
+    radius: FloatArray
+    group: IntArray
+    groups: tuple[str, ...]
 
 
 def building_to_json(building: Building) -> dict[str, Any]:
@@ -33,31 +66,77 @@ def building_to_json(building: Building) -> dict[str, Any]:
     }
 
 
-def building_from_json(data: Mapping[str, Any]) -> Building:
-    """Return the building that `building_to_json` wrote; in files of earlier versions every link is open."""
+def building_from_json(data: Any) -> Building:
+    """Return the building that `building_to_json` wrote; in files of earlier versions every link is open.
+
+    Raises
+    ------
+    HeaderError
+        A key is missing, of the wrong kind, or out of range; names it.
+    """
+    vertices = _numbers(data, "building", "vertices", (3,), COORDINATE_MAX)
+    if not len(vertices):
+        raise HeaderError("building.vertices is empty")
+    levels = tuple(
+        _level_from_json(index, level, f"building.levels.{index}", vertices)
+        for index, level in enumerate(_list(data, "building", "levels"))
+    )
+    n = len(levels)
+    if not n:
+        raise HeaderError("building.levels is empty")
+    portals = tuple(_portal(index, p, n) for index, p in enumerate(_list(data, "building", "portals")))
+    exits = tuple(_exit(index, e, n) for index, e in enumerate(_list(data, "building", "exits")))
+    walls = _numbers(data, "building", "walls", (4,), COORDINATE_MAX)
+    wall_level = _rows(data, "building", "wall_level", n)
+    if len(wall_level) != len(walls):
+        raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
+    stairs = _get(data, "building", "stairs", dict)
+    closed = _rows(data, "building", "closed", len(portals) + len(exits)) if "closed" in data else ()
     return Building(
-        source=Path(data["source"]),
-        vertices=np.array(data["vertices"], np.float64).reshape(-1, 3),
-        levels=tuple(_level_from_json(index, level) for index, level in enumerate(data["levels"])),
-        portals=tuple(
-            Portal(index, p["name"], (p["levels"][0], p["levels"][1]), _segments(p["segments"]), p["width"])
-            for index, p in enumerate(data["portals"])
-        ),
-        exits=tuple(
-            Exit(index, e["name"], e["level"], _segments(e["segments"]), e["width"])
-            for index, e in enumerate(data["exits"])
-        ),
-        areas=tuple(Area(a["name"], a["level"], shape(a["polygon"])) for a in data["areas"]),
-        walls=_segments(data["walls"]),
-        wall_level=np.array(data["wall_level"], np.int32),
-        stairs={name: tuple(levels) for name, levels in data["stairs"].items()},
-        warnings=tuple(data["warnings"]),
-        closed=frozenset(data.get("closed", ())),
+        source=Path(_get(data, "building", "source", str)),
+        vertices=vertices,
+        levels=levels,
+        portals=portals,
+        exits=exits,
+        areas=tuple(_area(index, area, n) for index, area in enumerate(_list(data, "building", "areas"))),
+        walls=walls,
+        wall_level=wall_level,
+        stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
+        findings=as_findings(_words(data, "building", "warnings")),
+        closed=frozenset(int(link) for link in closed),
     )
 
 
-def _segments(rows: list[list[float]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array(rows, np.float64).reshape(-1, 4)
+def people_from_json(data: Any) -> People:
+    """Return the people of a header.
+
+    Raises
+    ------
+    HeaderError
+        A key is missing, of the wrong kind, or out of range; names it.
+    """
+    radius = _numbers(data, "", "radius", (), COORDINATE_MAX)
+    if not (radius > 0.0).all():
+        raise HeaderError("radius must be positive")
+    groups = _words(data, "", "groups")
+    group = _rows(data, "", "group", len(groups), least=-1)
+    if len(group) != len(radius):
+        raise HeaderError(f"group has {len(group)} numbers for {len(radius)} people")
+    return People(radius, group, groups)
+
+
+def origin_from_json(data: Any) -> FloatArray:
+    """Return the plan point that positions count from, (2,) [m].
+
+    Raises
+    ------
+    HeaderError
+        It is missing or no point.
+    """
+    origin = _numbers(data, "", "origin", (), COORDINATE_MAX)
+    if origin.shape != (2,):
+        raise HeaderError(f"origin has {len(origin)} numbers instead of 2")
+    return origin
 
 
 def _level_to_json(level: Level) -> dict[str, Any]:
@@ -74,16 +153,134 @@ def _level_to_json(level: Level) -> dict[str, Any]:
     }
 
 
-def _level_from_json(index: int, data: Mapping[str, Any]) -> Level:
+def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:
+    kind, stair = _get(data, key, "kind", str), _get(data, key, "stair", (str, type(None)))
+    if kind not in KINDS:
+        raise HeaderError(f"{key}.kind is {kind!r:.40}, which is none of {', '.join(KINDS)}")
+    triangles = _rows(data, key, "triangles", len(vertices), (3,))
+    if not len(triangles):
+        raise HeaderError(f"{key}.triangles is empty")
+    a, b, c = vertices[triangles, :2].transpose(1, 0, 2)
+    if ((b - a)[:, 0] * (c - a)[:, 1] == (b - a)[:, 1] * (c - a)[:, 0]).any():
+        raise HeaderError(f"{key}.triangles has one without an area in plan")
+    uphill = _numbers(data, key, "uphill", (), 2.0)
+    if uphill.shape != (2,):
+        raise HeaderError(f"{key}.uphill has {len(uphill)} numbers instead of 2")
     return Level(
         index=index,
-        name=data["name"],
-        kind=data["kind"],
-        stair=data["stair"],
-        triangles=np.array(data["triangles"], np.int32).reshape(-1, 3),
-        polygon=shape(data["polygon"]),
-        uphill=np.array(data["uphill"], np.float64),
-        slope=data["slope"],
-        z_min=data["z_min"],
-        z_max=data["z_max"],
+        name=_get(data, key, "name", str),
+        kind=kind,
+        stair=stair,
+        triangles=triangles,
+        polygon=_polygon(data, key),
+        uphill=uphill,
+        slope=_number(data, key, "slope", 0.0, 0.5 * pi),
+        z_min=_number(data, key, "z_min", -COORDINATE_MAX, COORDINATE_MAX),
+        z_max=_number(data, key, "z_max", -COORDINATE_MAX, COORDINATE_MAX),
     )
+
+
+def _portal(index: int, data: Any, levels: int) -> Portal:
+    key = f"building.portals.{index}"
+    ends = _rows(data, key, "levels", levels).tolist()
+    if len(ends) != 2:
+        raise HeaderError(f"{key}.levels has {len(ends)} numbers instead of 2")
+    return Portal(index, _get(data, key, "name", str), (ends[0], ends[1]), *_segments(data, key))
+
+
+def _exit(index: int, data: Any, levels: int) -> Exit:
+    key = f"building.exits.{index}"
+    return Exit(index, _get(data, key, "name", str), _row(data, key, "level", levels), *_segments(data, key))
+
+
+def _area(index: int, data: Any, levels: int) -> Area:
+    key = f"building.areas.{index}"
+    return Area(_get(data, key, "name", str), _row(data, key, "level", levels), _polygon(data, key))
+
+
+def _segments(data: Any, key: str) -> tuple[FloatArray, float]:
+    """Return segments and width of a portal or an exit."""
+    segments = _numbers(data, key, "segments", (4,), COORDINATE_MAX)
+    if not len(segments):
+        raise HeaderError(f"{key}.segments is empty")
+    return segments, _number(data, key, "width", 0.0, COORDINATE_MAX)
+
+
+def _polygon(data: Any, key: str) -> BaseGeometry:
+    geometry = _get(data, key, "polygon", dict)
+    try:
+        polygon = shape(geometry)
+        is_finite = bool(np.isfinite(polygon.bounds).all())
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError, ShapelyError) as error:
+        raise HeaderError(f"{key}.polygon is no geometry: {error}") from error
+    if polygon.geom_type not in ("Polygon", "MultiPolygon") or not is_finite:
+        raise HeaderError(f"{key}.polygon is no polygon with finite corners")
+    return polygon
+
+
+def _get(data: Any, place: str, key: str, kind: type | tuple[type, ...]) -> Any:
+    """Return the value of a key, which must be there and of a kind."""
+    name = f"{place}.{key}" if place else key
+    if not isinstance(data, Mapping):
+        raise HeaderError(f"{place or 'the header'} is no table")
+    if key not in data:
+        raise HeaderError(f"{name} is missing")
+    if not isinstance(data[key], kind):
+        raise HeaderError(f"{name} is {type(data[key]).__name__}, not what is written there")
+    return data[key]
+
+
+def _list(data: Any, place: str, key: str) -> Sequence[Any]:
+    found: list[Any] = _get(data, place, key, list)
+    return found
+
+
+def _words(data: Any, place: str, key: str) -> tuple[str, ...]:
+    found = _list(data, place, key)
+    if not all(isinstance(word, str) for word in found):
+        raise HeaderError(f"{place + '.' if place else ''}{key} holds something that is no text")
+    return tuple(found)
+
+
+def _number(data: Any, place: str, key: str, least: float, greatest: float) -> float:
+    value = _get(data, place, key, (int, float))
+    if isinstance(value, bool) or not least <= value <= greatest:
+        raise HeaderError(f"{place}.{key} is {value!r:.40}, it must be in {least:g} to {greatest:g}")
+    return float(value)
+
+
+def _row(data: Any, place: str, key: str, count: int) -> int:
+    value = _get(data, place, key, int)
+    if isinstance(value, bool) or not 0 <= value < count:
+        raise HeaderError(f"{place}.{key} is {value!r:.40}, it must be in 0 to {count - 1}")
+    return int(value)
+
+
+def _array(data: Any, place: str, key: str, kinds: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return a list, or a list of rows of that shape, as an array of numbers of those numpy kinds."""
+    name = f"{place}.{key}" if place else key
+    values = _list(data, place, key)
+    try:
+        array = np.array(values) if values else np.empty((0, *shape), np.int64)
+    except (ValueError, OverflowError, RecursionError) as error:
+        raise HeaderError(f"{name} is no array of numbers") from error
+    if array.dtype.kind not in kinds or array.shape[1:] != shape:
+        what = f"rows of {shape[0]} numbers" if shape else "a list of numbers"
+        raise HeaderError(f"{name} must be {what}{'' if 'f' in kinds else ', all of them whole'}")
+    return array
+
+
+def _numbers(data: Any, place: str, key: str, shape: tuple[int, ...], greatest: float) -> FloatArray:
+    """Return finite numbers between -greatest and greatest."""
+    array = _array(data, place, key, "iuf", shape).astype(np.float64)
+    if not (np.abs(array) <= greatest).all():
+        raise HeaderError(f"{place + '.' if place else ''}{key} holds numbers beyond {greatest:g}")
+    return array
+
+
+def _rows(data: Any, place: str, key: str, count: int, shape: tuple[int, ...] = (), least: int = 0) -> IntArray:
+    """Return whole numbers from `least` to below `count`."""
+    array = _array(data, place, key, "iu", shape)
+    if array.size and not (array.min() >= least and array.max() < count):
+        raise HeaderError(f"{place + '.' if place else ''}{key} holds numbers that are not in {least} to {count - 1}")
+    return array.astype(np.int32)

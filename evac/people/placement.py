@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import BoolArray, FloatArray
 from evac.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
+from evac.physics.neighbours import segment_distance
 
 #: Rounds of random candidates, two per person each, before the lattice is tried.
 ROUNDS = 40
@@ -118,7 +119,7 @@ def _at_random(
     for _ in range(ROUNDS):
         points = generator.uniform((left, bottom), (right, top), (batch, 2))
         points = np.ascontiguousarray(points[shapely.intersects_xy(polygon, points[:, 0], points[:, 1])])
-        n_placed = _add(points, radii[order], n_placed, len(occupied), segments, cells)
+        n_placed = add_discs(points, radii[order], n_placed, len(occupied), segments, cells)
         if n_placed == n:
             break
     positions = np.empty((n, 2))
@@ -199,8 +200,14 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
         disc=np.zeros((len(occupied) + n, 3)),
     )
     cells.disc[: len(occupied)] = occupied
-    if len(occupied):
-        _enter_first(len(occupied), cells)
+    column = np.floor((occupied[:, :2] - (cells.left, cells.bottom)) / size).astype(np.int64)
+    rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # those beyond the cells are of no interest
+    cell = column[rows, 0] * shape[1] + column[rows, 1]
+    order = np.argsort(cell, kind="stable")
+    rows, cell = rows[order], cell[order]
+    is_last = np.diff(cell, append=-1) != 0
+    cells.head.reshape(-1)[cell[is_last]] = rows[is_last]
+    cells.following[rows[1:]] = np.where(is_last[:-1], -1, rows[:-1])
     return cells
 
 
@@ -225,41 +232,13 @@ def _within(discs: FloatArray, left: float, bottom: float, right: float, top: fl
     return inside
 
 
-@inner
-def _distance(x: float, y: float, segments: Quads, w: int) -> float:
-    """Return the distance of a point to segment `w`."""
-    x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
-    dx, dy = x2 - x1, y2 - y1
-    square = dx * dx + dy * dy
-    share = 0.0
-    if square > 0.0:
-        share = min(1.0, max(0.0, ((x - x1) * dx + (y - y1) * dy) / square))
-    return math.sqrt((x - x1 - share * dx) ** 2 + (y - y1 - share * dy) ** 2)
-
-
 @kernel
 def _nearest(points: Pairs, segments: Quads, distances: Floats) -> None:
     """Write the distance of each point to the nearest segment."""
     for p in range(len(points)):
         for w in range(len(segments)):
-            distances[p] = min(distances[p], _distance(points[p, 0], points[p, 1], segments, w))
-
-
-@kernel
-def _enter_first(number: int, cells: _Cells) -> None:
-    """Enter the first discs in their cells."""
-    for row in range(number):
-        _enter(row, cells)
-
-
-@inner
-def _enter(row: int, cells: _Cells) -> None:
-    """Enter a disc in its cell; those beyond the cells are of no interest."""
-    ix = math.floor((cells.disc[row, 0] - cells.left) / cells.size)
-    iy = math.floor((cells.disc[row, 1] - cells.bottom) / cells.size)
-    if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
-        cells.following[row] = cells.head[ix, iy]
-        cells.head[ix, iy] = row
+            x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
+            distances[p] = min(distances[p], segment_distance(x1, y1, x2, y2, points[p, 0], points[p, 1])[0])
 
 
 @inner
@@ -277,7 +256,8 @@ def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells)
                 other = cells.following[other]
     nearest = math.inf
     for w in range(len(segments)):
-        nearest = min(nearest, _distance(x, y, segments, w))
+        x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
+        nearest = min(nearest, segment_distance(x1, y1, x2, y2, x, y)[0])
     return nearest >= radius + MARGIN
 
 
@@ -289,7 +269,7 @@ def _are_clear(points: Pairs, radius: float, segments: Quads, cells: _Cells, fit
 
 
 @kernel
-def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
+def add_discs(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
     """Offer points in turn to the next disc to be placed; return how many are placed now."""
     for p in range(len(points)):
         if n_placed == len(radii):
@@ -298,10 +278,10 @@ def _add(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Q
         if _is_clear(x, y, radius, segments, cells):
             row = n_before + n_placed
             cells.disc[row, 0], cells.disc[row, 1], cells.disc[row, 2] = x, y, radius
-            _enter(row, cells)
+            ix = math.floor((x - cells.left) / cells.size)
+            iy = math.floor((y - cells.bottom) / cells.size)
+            if 0 <= ix < cells.head.shape[0] and 0 <= iy < cells.head.shape[1]:
+                cells.following[row] = cells.head[ix, iy]
+                cells.head[ix, iy] = row
             n_placed += 1
     return n_placed
-
-
-#: Kernels that every placement at random runs.
-PLACING = (_enter_first, _add)

@@ -3,7 +3,7 @@
 import math
 from abc import ABC
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,8 +154,37 @@ class ContactModel(Configurable, ABC):
         )
 
     def own(self, people: int, world: World) -> Struct:
-        """Return the parameters of the law, with scratch arrays for so many people; here none."""
-        return NoParameters()
+        """Return the parameters of the law: here its struct, filled with the model's attributes of the same names.
+
+        To be overridden where the struct has scratch arrays for so many people.
+
+        Raises
+        ------
+        PluginError
+            If the model lacks one of these attributes.
+        """
+        kinds = [kind for _, kind in self.law.signature[0]] if isinstance(self.law, Entry) else []
+        struct = kinds[1] if len(kinds) > 1 else None
+        if not (isinstance(struct, type) and issubclass(struct, Struct)):
+            return NoParameters()  # a law that takes none is refused where it is loaded
+        missing = [name for name in struct.kinds if not hasattr(self, name)]
+        if missing:
+            raise PluginError(
+                f"contact model {self.name!r}: its law reads {struct.__name__}.{missing[0]}; give the model an"
+                " attribute of that name, or define own(people, world), which returns the struct"
+            )
+        return struct(**{name: getattr(self, name) for name in struct.kinds})
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that the model keeps from tick to tick, by names of its own; they are copied.
+
+        Here none. A model that keeps attributes or arrays of `own` and has no method of its own is refused by name
+        where a checkpoint is asked for; one that writes all of them anew in each sub-step returns an empty dict.
+        """
+        return {}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that `state` returned; `own` has been called before."""
 
     def advice(self) -> Mapping[int, str]:
         """Return what to change in the case where a step ends in a status, for the message."""

@@ -49,30 +49,19 @@ FASTEST = 100.0
 call_law = AddressCall([State, Struct, float], (int,))
 
 
-@kernel
+#: What bodies copy from the crowd at the start of a tick, and what is copied back at its end.
+TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
+WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
+
+
 def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and forget what holds for the tick before."""
     bodies = state.bodies
-    bodies.smallest = math.inf
-    for i in range(inside):
-        p = bodies.row[i]
-        for k in range(2):
-            bodies.position[i, k] = crowd.position[p, k]
-            bodies.velocity[i, k] = crowd.velocity[p, k]
-            bodies.extra_direction[i, k] = crowd.extra_direction[p, k]
-        for k in range(3):
-            bodies.speed[i, k] = crowd.speed[p, k]
-        bodies.level[i] = crowd.level[p]
-        bodies.radius[i] = crowd.radius[p]
-        bodies.mass[i] = crowd.mass[p]
-        bodies.inverse_mass[i] = 1.0 if state.traits.overdamped else 1.0 / crowd.mass[p]
-        bodies.tau[i] = crowd.tau[p]
-        bodies.start_time[i] = crowd.start_time[p]
-        bodies.route[i] = crowd.route[p]
-        bodies.speed_factor[i] = crowd.speed_factor[p]
-        bodies.distance[i] = crowd.distance[p]
-        bodies.contact_force[i] = crowd.contact_force[p]
-        bodies.smallest = min(bodies.smallest, crowd.radius[p])
+    rows = bodies.row[:inside]
+    for name in TAKEN:
+        getattr(bodies, name)[:inside] = getattr(crowd, name)[rows]
+    bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
+    bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside
     bodies.taken_up_in = 0.0
     state.warm_start.number = 0
@@ -81,17 +70,11 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     state.events.number = 0
 
 
-@kernel
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy back what the steps wrote."""
-    for i in range(bodies.inside):
-        p = bodies.row[i]
-        for k in range(2):
-            crowd.position[p, k] = bodies.position[i, k]
-            crowd.velocity[p, k] = bodies.velocity[i, k]
-        crowd.level[p] = bodies.level[i]
-        crowd.distance[p] = bodies.distance[i]
-        crowd.contact_force[p] = bodies.contact_force[i]
+    rows = bodies.row[: bodies.inside]
+    for name in WRITTEN:
+        getattr(crowd, name)[rows] = getattr(bodies, name)[: bodies.inside]
 
 
 @kernel
@@ -251,9 +234,11 @@ def _is_too_fast(bodies, h, limit):
 def _tally_contacts(state):
     """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began."""
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
+    contacts.deepest = 0.0
     for c in range(contacts.number):
         overlap = -contacts.gap[c]
         if overlap >= 0.0:
+            contacts.deepest = max(contacts.deepest, overlap)
             tally[at.CONTACTS] += 1.0
             tally[at.OVERLAP_SUM] += overlap
             tally[at.OVERLAPS] += 1.0

@@ -224,6 +224,10 @@ class Engine:
                 " none that ends this law; models that solve contact problems are made of SolvedContactModel"
             )
 
+    def own_arrays(self) -> list[str]:
+        """Return the names of the arrays in the struct of the contact model that is loaded."""
+        return [name for name, value in self._own.values().items() if isinstance(value, np.ndarray)]
+
     def snapshot(self) -> dict[str, np.ndarray]:
         """Return copies of what the next tick depends on beyond the crowd."""
         state = self.state

@@ -6,7 +6,8 @@ from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contacts import normal_velocity, tangential_velocity
 from evac.physics.neighbours import segment_distance
-from evac.physics.seams import crossing, side_of, touches
+from evac.physics.seams import crossing, touches
+from evac.physics.sight import passes_through
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
@@ -21,11 +22,9 @@ def _crosses_wall(state, i, ax, ay, bx, by):
         w = lists.wall_item[slot]
         if world.wall_open[w]:
             continue
+        if not passes_through(world.wall, w, ax, ay, bx, by):
+            continue
         x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
-        if side_of(x1, y1, x2, y2, ax, ay) * side_of(x1, y1, x2, y2, bx, by) >= 0.0:
-            continue
-        if side_of(ax, ay, bx, by, x1, y1) * side_of(ax, ay, bx, by, x2, y2) > 0.0:
-            continue
         _, px, py = segment_distance(x1, y1, x2, y2, ax, ay)
         if touches(state, bodies.level[i], ax, ay, world.wall_level[w], px, py):
             return True

@@ -6,7 +6,6 @@ from evac.jit import AddressCall, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.motion import move
 from evac.physics.percussions import find_percussions
-from evac.physics.rows import INELASTIC
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK
 
@@ -27,19 +26,10 @@ call_separate = AddressCall([State, int], (int,))
 
 
 @inner
-def deepest_overlap(contacts):
-    """Return the greatest overlap among the contacts [m]."""
-    deepest = 0.0
-    for c in range(contacts.number):
-        deepest = max(deepest, -contacts.gap[c])
-    return deepest
-
-
-@inner
 def is_to_separate(state, tolerance, iterations):
     """Say whether overlaps are to be separated before the law acts; note to what tolerance [m], and how long to try."""
     contacts = state.contacts
-    if contacts.separation_failed or state.clock.attempt > 0 or deepest_overlap(contacts) <= SHARE * tolerance:
+    if contacts.separation_failed or state.clock.attempt > 0 or contacts.deepest <= SHARE * tolerance:
         return False
     contacts.separation_tolerance = tolerance
     contacts.separation_iterations = min(iterations, ITERATIONS)
@@ -51,8 +41,7 @@ def _widen_reach(state):
     """Let bodies look as far as separating the overlaps may push somebody."""
     bodies = state.bodies
     bodies.farthest_reach = 0.0
-    deepest = deepest_overlap(state.contacts)
-    state.contacts.deepest = deepest
+    deepest = state.contacts.deepest
     chain = min(max(CHAIN, ACROSS * math.sqrt(bodies.inside)) * deepest, LONGEST_CHAIN)
     for i in range(bodies.inside):
         bodies.reach[i] = max(bodies.reach[i], 2.0 * deepest, chain)
@@ -80,7 +69,7 @@ def separate(state: State, is_solve: int) -> int:
     enough = 0.5 * contacts.deepest
     tolerance = 0.1 * contacts.separation_tolerance
     limit = contacts.separation_iterations
-    found = find_percussions(state, bodies.spare, bodies.solved, INELASTIC, 0.0, tolerance, limit, enough)
+    found = find_percussions(state, bodies.spare, bodies.solved, 0.0, 0.0, tolerance, limit, enough)
     if state.problem.missing:
         return NEEDS_STRONGER_SOLVER
     if found <= enough:

@@ -20,7 +20,7 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    found = [sample_travel_times, driver.gather, driver.scatter, drive_of(model)]
+    found = [sample_travel_times, drive_of(model)]
     if model.law is None:
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:

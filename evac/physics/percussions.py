@@ -13,14 +13,14 @@ The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap 
 import math
 
 from evac.jit import inner
-from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, SPRING, call_solver, renew_velocity
+from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, INELASTIC, SPRING, call_solver, renew_velocity
 
 #: Rows that follow one another stand so many rows apart.
 APART = 8
 
 
 @inner
-def find_percussions(state, free, velocity, compliance, tangential, tolerance, limit, enough):
+def find_percussions(state, free, velocity, normal, tangential, tolerance, limit, enough):
     """Solve the contact problem from the percussions in the contacts; return the residual [m/s].
 
     Where it is more than `enough` [m/s], it is solved again, cold, by a stronger solver; if that is not loaded,
@@ -30,10 +30,8 @@ def find_percussions(state, free, velocity, compliance, tangential, tolerance, l
     ----------
     free, velocity : (n, 2)
         V, and the velocity found [m/s].
-    compliance : float
-        2/K_N [1/kg]; INELASTIC for NSM1 and for K_N = 0.
-    tangential : float
-        K_T [kg].
+    normal, tangential : float
+        K_N and K_T [kg]; both are 0 for NSM1.
     tolerance : float
         Of the residual [m/s].
     limit : int
@@ -51,6 +49,7 @@ def find_percussions(state, free, velocity, compliance, tangential, tolerance, l
     if state.parts.solver == 0:  # and no room for the problem: the model is no SolvedContactModel
         problem.missing = 1
         return math.inf
+    compliance = 2.0 / normal if normal > 0.0 else INELASTIC
     solve_once(state, state.parts.solver, free, velocity, compliance, tangential, tolerance, limit)
     if problem.residual <= enough:
         return problem.residual
@@ -67,7 +66,7 @@ def find_percussions(state, free, velocity, compliance, tangential, tolerance, l
 
 @inner
 def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
-    """Solve once by the solver at an address."""
+    """Solve once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
     problem = state.problem
     pack(state, free, compliance, tangential)
     problem.iterations += call_solver(solver, problem, tolerance, limit)
@@ -88,7 +87,10 @@ def pack(state, free, compliance, tangential):
     problem.free[n, 0] = 0.0
     problem.free[n, 1] = 0.0
     problem.rigid = 1 if compliance < 0.0 and tangential <= 0.0 else 0
-    problem.size = _count_rows(contacts, tangential)
+    problem.size = contacts.number
+    if tangential > 0.0:
+        for c in range(contacts.number):
+            problem.size += contacts.sticky[c]
     used = 0
     for c in range(contacts.number):
         omega = contacts.omega[c]
@@ -104,16 +106,6 @@ def pack(state, free, compliance, tangential):
             _pack_row(problem, contacts, c, r, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
     renew_velocity(problem)
-
-
-@inner
-def _count_rows(contacts, tangential):
-    """Return how many rows the contacts take."""
-    rows = contacts.number
-    if tangential > 0.0:
-        for c in range(contacts.number):
-            rows += contacts.sticky[c]
-    return rows
 
 
 @inner

@@ -271,7 +271,7 @@ class Contacts(Struct):
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
     near: NearWalls  # scratch of the wall search: distance, normal, wall, nearest point
-    deepest: float  # greatest overlap where a law asks for separation [m]
+    deepest: float  # greatest overlap as the sub-step begins [m]
     separation_tolerance: float  # overlap that the law allows [m]
     separation_iterations: int
     separation_failed: int  # 1: overlaps could not be separated in this tick

@@ -22,9 +22,14 @@ FILES = {
     "egress.png",
     "trajectory.evac",
     "animation.pvd",
-    "building.vtp",
+    "building",
+    "building.vtm",
     "frames",
+    "replay.html",
 }
+
+#: Without picture and animation.
+BARE = {"summary.json", "egress.csv", "people.csv", "replay.html"}
 
 
 def test_writes_a_result_folder(result):
@@ -42,7 +47,7 @@ def test_writes_a_result_folder(result):
 def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
     assert evac("run", "square_room", "--set", "output.animation=false", "output.picture=false") == 0
     folder = tmp_path / "square_room-result"
-    assert {path.name for path in folder.iterdir()} == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME}
+    assert {path.name for path in folder.iterdir()} == {*BARE, TRAJECTORY_NAME}
     out = capsys.readouterr().out
     for word in ("last out", "greatest overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
         assert word in out
@@ -120,7 +125,7 @@ def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
     quiet = ["output.animation=false", "output.picture=false"]
     assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME, "frames", "notes.txt"}
+    assert names == {*BARE, TRAJECTORY_NAME, "frames", "notes.txt"}
     assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
 
 
@@ -140,7 +145,7 @@ evac_interface = 2
 
 @hookimpl
 def evac_metrics(results):
-    return {"twice": 2 * results.people}
+    return {"twice": 2 * results.number_of_people}
 """
     )
     assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0
@@ -206,7 +211,7 @@ def _start_long_run(folder):
     words = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(folder), "--set"]
     words += ["simulation.step=0.00005", "output.every=0.1"]
     process = subprocess.Popen(words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    path = folder / TRAJECTORY_NAME
+    path = folder.with_name(f"{folder.name}.running") / TRAJECTORY_NAME
     deadline = time.monotonic() + 240.0
     while time.monotonic() < deadline and process.poll() is None:
         if path.is_file() and path.stat().st_size > 100_000:
@@ -221,15 +226,18 @@ def test_a_killed_run_can_be_exported_and_drawn(evac, tmp_path, capsys):
     process.kill()
     assert process.wait() == -signal.SIGKILL
     process.communicate()
-    assert {path.name for path in (tmp_path / "r").iterdir()} == {TRAJECTORY_NAME}
-    frames = len(read_trajectory(tmp_path / "r"))
+    assert {path.name for path in (tmp_path / "r.running").iterdir()} == {TRAJECTORY_NAME}
+    frames = len(read_trajectory(tmp_path / "r.running"))
     assert frames >= 3
-    assert evac("export", "r", "--vtk") == 0
-    assert f"{frames} frames" in capsys.readouterr().out
-    assert len(list((tmp_path / "r" / "frames").iterdir())) == frames
+    assert evac("export", "r") == 0
+    shown = capsys.readouterr()
+    assert f"{frames} frames" in shown.err
+    assert "r.running" in shown.err
+    assert len(list((tmp_path / "r.running" / "frames").iterdir())) == frames
     assert evac("render", "r", "--out", "picture.png") == 0
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert evac("run", "square_room", "--out", "r") == 0
+    assert not (tmp_path / "r.running").exists()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
@@ -245,3 +253,8 @@ def test_ctrl_c_keeps_what_there_is(tmp_path):
     assert "interrupted" in out
     assert "stopping at the end of this tick" in err
     assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_bytes_that_are_no_text_are_refused(evac, capsys):
+    assert evac("check", "square_room", "--set", "title=\udcff") == 2
+    assert r"--set title=\udcff" in capsys.readouterr().err

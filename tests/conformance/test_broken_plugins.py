@@ -231,6 +231,64 @@ def test_a_recorder_that_changes_something_is_found():
         check_plugin(Meddles)
 
 
+class Keeps(Slower):
+    """Keeps something, and does not say whether it matters."""
+
+    def prepare(self, scene):
+        self.scratch = np.zeros(3)
+
+
+class Counts(Recorder):
+    """Writes at the end how often it was called."""
+
+    name = "counts"
+
+    def start(self, simulation):
+        self.calls = 0
+
+    def record(self, simulation):
+        self.calls += 1
+
+    def finish(self, simulation, results):
+        if simulation.folder is not None and hasattr(self, "calls"):
+            (simulation.folder / "calls.txt").write_text(str(self.calls))
+
+
+class CountsAnew(Counts):
+    """Says that it has nothing to keep."""
+
+    def state(self):
+        return {}
+
+    def restore(self, simulation, state):
+        self.calls = 0
+
+
+class Appends(Recorder):
+    """Appends to a file, and does not say how far it has got."""
+
+    name = "appends"
+
+    def record(self, simulation):
+        if simulation.folder is not None:
+            with (simulation.folder / "appends.txt").open("a") as file:
+                file.write(f"{simulation.time}\n")
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [
+        (Keeps, r"'slower' keeps scratch .* state\(\)"),
+        (Counts, r"recorder 'counts' keeps calls .* state\(\)"),
+        (CountsAnew, r"calls\.txt is not the same"),
+        (Appends, r"appends\.txt is not the same"),
+    ],
+)
+def test_what_keeps_something_without_state_is_found(cls, words):
+    with pytest.raises(PluginError, match=words):
+        check_plugin(cls)
+
+
 def test_what_is_no_plugin_is_refused():
     with pytest.raises(PluginError, match="Stray"):
         check_plugin(type("Stray", (Slower.__mro__[2],), {"name": "stray", "__doc__": "A stray."}))

@@ -13,8 +13,8 @@ import pytest
 import evac
 import evac_plugins
 from evac.errors import PluginError
-from evac.jit import AddressCall, Entry, FloatGrid, Floats, Struct, inner, kernel, row
-from evac.jit.compiler import compile_entry
+from evac.jit import AddressCall, Entry, FloatGrid, Floats, Ints, Struct, inner, kernel, row
+from evac.jit.compiler import compile_entry, compiled_functions
 from evac.jit.digest import digest_of
 from evac.jit.kernels import NOTE_RAISED
 from evac.jit.loading import addresses_of
@@ -106,6 +106,25 @@ class Counter(Struct):
 
 
 call_part = AddressCall([Counter, Floats], (int,))
+
+
+@inner
+def next_of(number):
+    return number + 1
+
+
+@kernel
+def count_on(small: Ints, line: Floats) -> int:
+    found = 0
+    for k in range(len(line)):
+        found = next_of(found) + next_of(small[k]) + next_of(2)
+    return found
+
+
+def test_a_function_is_compiled_once_for_all_kinds_of_integers():
+    assert count_on(np.array([3, 4], np.int32), np.zeros(2)) == 17
+    compile_entry(count_on, "counted", host())
+    assert sum(name.endswith(".next_of") for name in compiled_functions()) == 1
 
 
 @kernel

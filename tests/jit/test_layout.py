@@ -190,6 +190,12 @@ def test_types_that_kernels_do_not_know_are_refused(hint):
         type("Odd", (Struct,), {"__annotations__": {"value": hint}, "__module__": __name__})
 
 
+@pytest.mark.parametrize("name", ["values", "replace", "kinds", "words", "memory_address"])
+def test_names_that_all_structs_have_are_refused(name):
+    with pytest.raises(TypeError, match=rf"Shadowing\.{name}\b"):
+        type("Shadowing", (Struct,), {"__annotations__": {name: float}})
+
+
 def test_every_array_type_says_what_it_is():
     declared = {name: getattr(jit, name) for name in jit.__all__ if hasattr(getattr(jit, name), "__metadata__")}
     assert len(declared) == 12

@@ -1,19 +1,23 @@
 import json
+import os
 import signal
 import struct
 import subprocess
 import sys
 import time
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from evac.building.links import close_links
-from evac.errors import ResultError
+from evac.errors import ResultError, SimulationError
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_from_json, building_to_json
-from evac.output.trajectory import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES, TrajectoryWriter, read_trajectory
+from evac.output.layout import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 
 
 def frame_bytes(people):
@@ -47,9 +51,9 @@ def test_what_is_closed_is_kept_and_absent_in_earlier_files(building):
 
 def test_crowd_pressure_is_over_the_own_circumference(first_out):
     trajectory = read_trajectory(first_out)
-    assert trajectory.frame(0)["person"].tolist() == [1, 2]
+    assert trajectory[0]["person"].tolist() == [1, 2]
     expected = np.array([100.0, 200.0]) / (2.0 * np.pi * np.array([0.3, 0.4]))
-    np.testing.assert_allclose(trajectory.frame(0)["crowd_pressure"], expected, rtol=1e-12)
+    np.testing.assert_allclose(trajectory[0]["crowd_pressure"], expected, rtol=1e-12)
 
 
 def test_result_folder_stands_for_its_trajectory(descent):
@@ -115,17 +119,299 @@ def test_torn_last_frame_is_dropped_at_every_byte(descent, tmp_path):
         assert trajectory.dropped_bytes == left
 
 
-def test_damage_before_the_last_frame_is_an_error_that_names_the_frame(descent, tmp_path):
+@pytest.mark.parametrize("byte", [0, 8, 12, 16, 20, FRAME_HEAD_BYTES + 5])
+def test_damage_before_the_last_frame_is_an_error_that_names_the_frame(descent, tmp_path, byte):
     run = descent(people=3, frames=3)
     data = bytearray(run.path.read_bytes())
     second = len(data) - frame_bytes(2) - frame_bytes(3)
+    data[second + byte] ^= 0x40
     damaged = tmp_path / "damaged.evac"
-    for byte in (0, 8, 12, FRAME_HEAD_BYTES + 5):
-        wrong = bytearray(data)
-        wrong[second + byte] ^= 0x40
+    damaged.write_bytes(data)
+    with pytest.raises(ResultError, match=rf"frame 1 at byte {second} .*cut to {second} bytes"):
+        read_trajectory(damaged)
+    damaged.write_bytes(data[:second])
+    assert len(read_trajectory(damaged)) == 1
+
+
+@pytest.mark.parametrize("byte", [0, 8, 12, 16])
+def test_damage_in_the_head_of_the_last_frame_is_no_torn_frame(descent, tmp_path, byte):
+    """Where the frame ends is not known then, so that what is lost may be more than one frame."""
+    run = descent(people=3, frames=3)
+    data = bytearray(run.path.read_bytes())
+    data[len(data) - frame_bytes(2) + byte] ^= 0x01
+    damaged = tmp_path / "damaged.evac"
+    damaged.write_bytes(data)
+    with pytest.raises(ResultError, match=r"frame 2 at byte"):
+        read_trajectory(damaged)
+
+
+def test_frames_that_are_missing_or_twice_are_found(descent, tmp_path):
+    run = descent(people=3, frames=4)
+    data = run.path.read_bytes()
+    frame = frame_bytes(3)
+    first = len(data) - frame_bytes(2) - 3 * frame
+    damaged = tmp_path / "damaged.evac"
+    for wrong in (data[: first + frame] + data[first + 2 * frame :], data[: first + frame] + data[first:]):
         damaged.write_bytes(wrong)
-        with pytest.raises(ResultError, match=f"frame 1 at byte {second} "):
+        with pytest.raises(ResultError, match=r"frame 1 at byte"):
             read_trajectory(damaged)
+
+
+@pytest.mark.parametrize("whole", [0, 1, 2])
+def test_zeros_at_the_end_are_left_out(descent, tmp_path, whole):
+    """As a file system leaves them that had grown the file before the power failed."""
+    run = descent(people=3, frames=3)
+    data = run.path.read_bytes()
+    end = len(data) - frame_bytes(2) - (2 - whole) * frame_bytes(3)
+    for left in (0, 30):  # of the next frame
+        blank = tmp_path / "blank.evac"
+        blank.write_bytes(data[: end + left] + bytes(1000))
+        trajectory = read_trajectory(blank)
+        assert (len(trajectory), trajectory.end) == (whole, end)
+
+
+def test_every_changed_bit_of_the_header_is_found(descent, tmp_path):
+    run = descent(people=3, frames=1)
+    data = run.path.read_bytes()
+    damaged = tmp_path / "damaged.evac"
+    for byte in [*range(40), *range(40, len(data) - frame_bytes(2), 97)]:
+        wrong = bytearray(data)
+        wrong[byte] ^= 1 << byte % 8
+        damaged.write_bytes(wrong)
+        with pytest.raises(ResultError, match=r"damaged.evac: "):
+            read_trajectory(damaged)
+
+
+def test_format_1_still_reads(descent):
+    """The file was written by the version before format 2, by the fixture `descent` of five people and four frames."""
+    old = read_trajectory(Path(__file__).with_name("format_1.evac"))
+    new = read_trajectory(descent(people=5, frames=4).path)
+    assert (old.header["format"], new.header["format"]) == (1, 2)
+    assert old.dropped_bytes == 0
+    np.testing.assert_array_equal(old.time, new.time)
+    for one, other in zip(old.records, new.records, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert building_to_json(old.building) == building_to_json(new.building)
+    assert (old.groups, old.group.tolist()) == (new.groups, new.group.tolist())
+
+
+def test_format_1_torn_and_damaged(tmp_path):
+    data = Path(__file__).with_name("format_1.evac").read_bytes()
+    path = tmp_path / "old.evac"
+    for left in (1, 15, 40):
+        path.write_bytes(data[:-left])
+        assert len(read_trajectory(path)) == 3
+    wrong = bytearray(data)
+    wrong[-200] ^= 0x10  # the last frame has 128 bytes, 16 + 28 * 4
+    path.write_bytes(wrong)
+    with pytest.raises(ResultError, match=r"frame 2 at byte"):
+        read_trajectory(path)
+
+
+def sealed(header, frames=()):
+    """Return a file of format 2 with right checksums, whatever is in it."""
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    start = b"EVACTRJ2" + struct.pack("<I", len(text))
+    data = start + struct.pack("<I", zlib.crc32(start + text)) + text
+    for number, (seconds, rows) in enumerate(frames):
+        head = struct.pack("<dII", seconds, number, len(rows))
+        records = np.array(rows, "<f4").reshape(-1, 7).tobytes()
+        data += head + struct.pack("<II", zlib.crc32(head), zlib.crc32(records)) + records
+    return data
+
+
+PERSON = [0, 0, 1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [
+        ([(np.nan, [])], "frame 0 .* time"),
+        ([(-1.0, [])], "frame 0 .* time"),
+        ([(np.inf, [])], "frame 0 .* time"),
+        ([(1.0, []), (1.0, [])], "frame 1 .* time"),
+        ([(1.0, []), (0.5, [])], "frame 1 .* time"),
+        ([(0.0, [[0, 0, np.nan, 1, 0, 0, 0]])], "x of record 0"),
+        ([(0.0, [[0, 0, 1, 1, 0, np.inf, 0]])], "velocity_y of record 0"),
+        ([(0.0, [[0, 0, 1, 1, 0, 0, np.nan]])], "contact_force of record 0"),
+        ([(0.0, [[-1, *PERSON[1:]]])], "person"),
+        ([(0.0, [[2, *PERSON[1:]]])], "person"),
+        ([(0.0, [PERSON, PERSON])], "person"),
+        ([(0.0, [[1, *PERSON[1:]], PERSON])], "person"),
+        ([(0.0, [[0.5, *PERSON[1:]]])], "person"),
+        ([(0.0, [PERSON] * 3)], "frame 0"),
+        ([(0.0, [[0, -1, *PERSON[2:]]])], "level"),
+        ([(0.0, [[0, 5, *PERSON[2:]]])], "level"),
+        ([(0.0, [[0, 0.5, *PERSON[2:]]])], "level"),
+        ([(0.0, [[0, 0, 1e5, 1, 0, 0, 0]])], "person 0 .* outside"),
+    ],
+)
+def test_numbers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_path, frames, words):
+    header = read_trajectory(descent(people=2, frames=1).path).header
+    path = tmp_path / "sealed.evac"
+    path.write_bytes(sealed(header, frames))
+    with pytest.raises(ResultError, match=rf"sealed.evac: .*{words}"):
+        read_trajectory(path)
+
+
+ENORMOUS = 10**30
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("building", None),
+        ("building", []),
+        ("origin", [0.0]),
+        ("origin", ["0", "0"]),
+        ("origin", [1e300, 0.0]),
+        ("group", [0]),
+        ("radius", [0.2, 0.0]),
+        ("radius", [0.2, -1.0]),
+        ("radius", [True, True]),
+        ("radius", "ab"),
+        ("group", [0, 2]),
+        ("group", [0, -2]),
+        ("group", [0, 0.5]),
+        ("group", [0, ENORMOUS]),
+        ("group", [[0], [1]]),
+        ("groups", [1, 2]),
+        ("groups", {}),
+        ("fields", None),
+        ("fields", ["x"]),
+        ("building.vertices", []),
+        ("building.vertices", [[0, 0]]),
+        ("building.vertices", [[0, 0, 0], [1]]),
+        ("building.vertices", [[0, 0, 1e300]]),
+        ("building.vertices", {"0": 1}),
+        ("building.source", 5),
+        ("building.levels", []),
+        ("building.levels", [None]),
+        ("building.levels.0.triangles", [[0, 1, 20]]),
+        ("building.levels.0.triangles", [[0, 1, -1]]),
+        ("building.levels.0.triangles", [[0, 1, 1.5]]),
+        ("building.levels.0.triangles", []),
+        ("building.levels.0.triangles", [[0, 1, 1]]),
+        ("building.levels.0.kind", "lift"),
+        ("building.levels.0.kind", []),
+        ("building.levels.0.name", 3),
+        ("building.levels.0.stair", 3),
+        ("building.levels.0.uphill", [1.0]),
+        ("building.levels.0.slope", 2.0),
+        ("building.levels.0.slope", "0"),
+        ("building.levels.0.z_min", ENORMOUS * 10**300),
+        ("building.levels.0.polygon", {}),
+        ("building.levels.0.polygon", {"type": "Point", "coordinates": [0, 0]}),
+        ("building.levels.0.polygon", {"type": "Polygon", "coordinates": [[[0, 0]]]}),
+        ("building.levels.0.polygon", {"type": "Polygon", "coordinates": 5}),
+        ("building.levels.0.polygon", {"type": 7, "coordinates": []}),
+        ("building.portals.0.levels", [0]),
+        ("building.portals.0.levels", [0, 5]),
+        ("building.portals.0.segments", [[0, 0, 1]]),
+        ("building.portals.0.segments", []),
+        ("building.exits.0.level", 5),
+        ("building.exits.0.level", -1),
+        ("building.exits.0.level", True),
+        ("building.exits.0.width", -1),
+        ("building.areas.0.level", 1.0),
+        ("building.walls", [[0, 0, 1, 1]]),
+        ("building.wall_level", [0]),
+        ("building.stairs", []),
+        ("building.stairs", {"a": [9]}),
+        ("building.stairs", {"a": 1}),
+        ("building.closed", [9]),
+        ("building.closed", ["a"]),
+        ("building.warnings", [1]),
+    ],
+)
+def test_headers_that_cannot_be_are_refused_though_checksums_match(descent, tmp_path, key, value):
+    header = read_trajectory(descent(people=2, frames=1).path).header
+    *places, last = key.split(".")
+    table = header
+    for place in places:
+        table = table[int(place) if isinstance(table, list) else place]
+    path = tmp_path / "sealed.evac"
+    for wrong in ("changed", "missing"):
+        if wrong == "changed":
+            table[last] = value
+        elif last != "closed":  # which may be missing
+            del table[last]
+        path.write_bytes(sealed(header))
+        with pytest.raises(ResultError, match=rf"sealed.evac: .*{last}"):
+            read_trajectory(path)
+
+
+@pytest.mark.parametrize("text", [b"[" * 10**5, b'{"format": NaN}', b'{"format": ' + b"9" * 5000 + b"}", bytes([255])])
+def test_json_that_cannot_be_read_is_refused(tmp_path, text):
+    path = tmp_path / "sealed.evac"
+    path.write_bytes(sealed(text))
+    with pytest.raises(ResultError, match=r"sealed.evac: the header"):
+        read_trajectory(path)
+
+
+def test_a_stated_length_takes_no_memory(tmp_path):
+    path = tmp_path / "sparse.evac"
+    with path.open("wb") as file:
+        file.write(b"EVACTRJ2" + struct.pack("<II", 2**32 - 1, 0))
+        file.truncate(2**40)  # without blocks
+    with pytest.raises(ResultError, match=r"sparse.evac: the header .* byte 8"):
+        read_trajectory(path)
+
+
+def test_a_folder_or_a_pipe_is_no_trajectory(tmp_path):
+    (tmp_path / TRAJECTORY_NAME).mkdir()
+    with pytest.raises(ResultError, match=TRAJECTORY_NAME):
+        read_trajectory(tmp_path)
+    os.mkfifo(tmp_path / "pipe.evac")
+    with pytest.raises(ResultError, match=r"pipe\.evac"):
+        read_trajectory(tmp_path / "pipe.evac")
+
+
+def test_a_writer_continues_to_the_same_bytes(descent, tmp_path):
+    run = descent(people=3, frames=4)
+    whole = run.path.read_bytes()
+    second = len(whole) - frame_bytes(2) - frame_bytes(3)
+    path = tmp_path / "cut.evac"
+    path.write_bytes(whole + b"what is behind")
+    writer = TrajectoryWriter.reopen(path, second)
+    assert (writer.length, writer.frames) == (second, 2)
+    for k in (2, 3):
+        writer.append(0.5 * k, run.crowds[k], run.crowds[k].velocity)
+    writer.close()
+    assert path.read_bytes() == whole
+    assert writer.length == len(whole) == read_trajectory(path).end
+
+
+def test_a_writer_continues_no_other_file(descent, tmp_path):
+    run = descent(people=3, frames=4)
+    whole = run.path.read_bytes()
+    for end in (len(whole) + 1, len(whole) - 1, 20):
+        with pytest.raises(ResultError, match=r"run\.evac"):
+            TrajectoryWriter.reopen(_copy(tmp_path / "run.evac", whole), end)
+        assert (tmp_path / "run.evac").read_bytes() == whole
+    old = Path(__file__).with_name("format_1.evac").read_bytes()
+    with pytest.raises(ResultError, match="format 1"):
+        TrajectoryWriter.reopen(_copy(tmp_path / "old.evac", old), len(old))
+
+
+def _copy(path, data):
+    path.write_bytes(data)
+    return path
+
+
+def test_what_is_not_finite_is_not_written(descent, tmp_path):
+    run = descent(people=3, frames=1)
+    before = run.path.read_bytes()
+    header = read_trajectory(run.path).header
+    writer = TrajectoryWriter(tmp_path / "x.evac", header, np.zeros(2))
+    for bad in (np.nan, 1e60):
+        velocity = run.crowds[0].velocity.copy()
+        velocity[1, 0] = bad
+        with pytest.raises(SimulationError, match="velocity_x of person 1"):
+            writer.append(0.0, run.crowds[0], velocity)
+    writer.append(0.0, run.crowds[0], run.crowds[0].velocity)
+    writer.close()
+    assert (tmp_path / "x.evac").read_bytes() == before
 
 
 def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
@@ -148,6 +434,7 @@ def test_damage_in_the_last_frame_drops_it(descent, tmp_path):
         (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":2}', "format 2 "),
         (b"EVACTRJ1" + struct.pack("<I", 2) + b"[]", r"format \[\] "),
         (b"EVACTRJ1" + struct.pack("<I", 12) + b'{"format":1}', "header's fields .* None"),
+        (b"", "not a trajectory"),
     ],
 )
 def test_what_is_no_trajectory_is_refused(tmp_path, content, words):
@@ -166,15 +453,17 @@ def test_file_is_what_the_document_says(descent):
     """Read with struct and json alone, as a reader in another language would."""
     run = descent(people=3, frames=1)
     data = run.path.read_bytes()
-    assert data[:8] == b"EVACTRJ1"
-    (length,) = struct.unpack("<I", data[8:12])
-    header = json.loads(data[12 : 12 + length])
+    assert data[:8] == b"EVACTRJ2"
+    length, check = struct.unpack("<II", data[8:16])
+    assert check == zlib.crc32(data[:12] + data[16 : 16 + length])
+    header = json.loads(data[16 : 16 + length])
     assert tuple(header["fields"]) == FIELDS
-    start = 12 + length
-    seconds, count, check = struct.unpack("<dII", data[start : start + 16])
-    assert (seconds, count) == (0.0, 2)
-    assert check == zlib.crc32(data[start : start + 12] + data[start + 16 :])
-    person, level, x, y, velocity_x, velocity_y, force = struct.unpack("<7f", data[start + 44 :])
+    start = 16 + length
+    seconds, number, count, own, check = struct.unpack("<dIIII", data[start : start + 24])
+    assert (seconds, number, count) == (0.0, 0, 2)
+    assert own == zlib.crc32(data[start : start + 16])
+    assert check == zlib.crc32(data[start + 24 :])
+    person, level, x, y, velocity_x, velocity_y, force = struct.unpack("<7f", data[start + 52 :])
     assert (person, level, x + header["origin"][0], y, velocity_x, velocity_y) == (1.0, 2.0, 15.0, 0.75, 1.0, 0.0)
     assert force == 100.0
 
@@ -215,7 +504,8 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 header = read_trajectory(Path({str(run.path)!r})).header
 crowd = SimpleNamespace(
     level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140)
@@ -236,3 +526,11 @@ for k in range(10**9):
     trajectory = read_trajectory(path)
     assert len(trajectory) >= announced
     assert (trajectory.position == 1.0).all()
+
+
+def test_what_is_left_out_is_told(descent, tmp_path):
+    data = descent(people=3, frames=3).path.read_bytes()
+    assert read_trajectory(_copy(tmp_path / "whole.evac", data)).warnings == ()
+    (warning,) = read_trajectory(_copy(tmp_path / "torn.evac", data[:-1])).warnings
+    assert "torn.evac" in warning
+    assert f"byte {len(data) - frame_bytes(2)}" in warning

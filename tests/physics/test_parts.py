@@ -6,7 +6,7 @@ import pytest
 from evac.errors import PluginError
 from evac.jit import Struct, inner, kernel
 from evac.parameters import Parameter
-from evac.physics.contact_model import ContactModel
+from evac.physics.contact_model import ContactModel, NoParameters
 from evac.physics.force import Force
 from evac.physics.state import State, make_crowd
 from evac.physics.status import NEEDS_SEPARATION, NEEDS_STRONGER_SOLVER
@@ -177,12 +177,22 @@ class OddForce(Force):
         return 1.0
 
 
+def no_parameters(self, people, world):
+    return NoParameters()
+
+
 @pytest.mark.parametrize("law", [law_of_constants, law_without_step, law_without_address])
 def test_a_law_of_another_signature_is_refused(law):
-    """Among them one whose struct is not that of the model's `own`, here none."""
-    model = type("Odd", (Odd,), {"law": law})()
+    """Among them one whose struct is not that of the model's `own`."""
+    model = type("Odd", (Odd,), {"law": law, "own": no_parameters})()
     with pytest.raises(PluginError, match=r"'odd': law must be a kernel \(State, NoParameters, float64\) -> \(int64\)"):
         walk(model, make_crowd([(0, 0)]), 1)
+
+
+def test_a_law_reads_the_attributes_of_its_model():
+    assert type("Even", (Odd,), {"stiffness": 7.0})().own(1, None).stiffness == 7.0
+    with pytest.raises(PluginError, match=r"'odd'.*Constants\.stiffness"):
+        walk(Odd(), make_crowd([(0, 0)]), 1)
 
 
 def test_a_law_without_annotations_names_the_argument():

@@ -150,12 +150,17 @@ def test_a_sweep_goes_on_by_a_share_of_the_last_step():
     x, last = rows.percussion.copy(), 0.5 * rows.percussion
     rows.work_a[:] = last
     start = x + 0.4 * (x - last)
+    moving, slow = rows.velocity[: rows.bodies].copy(), 0.5 * rows.velocity[: rows.bodies]
+    rows.image_a[: rows.bodies] = slow
+    twin.velocity[: rows.bodies] += 0.4 * (moving - slow)
     do_sweep(rows, 0.4, False, found)
     assert found[0] == pytest.approx(-np.sum((rows.percussion - start)[:n] * (rows.percussion - x)[:n]), rel=1e-9)
     twin.percussion[:n] = start[:n]
     assert found[1] == pytest.approx(do_relax(twin, False), rel=1e-12)
     np.testing.assert_allclose(rows.percussion[:n], twin.percussion[:n], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rows.velocity, twin.velocity, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(rows.work_a[:n], x[:n])
+    np.testing.assert_array_equal(rows.image_a[: rows.bodies], moving)
 
 
 def test_the_slope_of_a_sweep_back_is_along_the_step_of_both_sweeps():

@@ -92,7 +92,7 @@ def test_positions_stay_within_the_tolerance_on_a_scene_not_used_for_the_rule(ro
     places = []
     for overrides in (chosen, finer):
         simulation = Simulation(case.change(overrides))
-        simulation.recorders = []
+        simulation.recording.recorders = []
         while simulation.time < 1.0 - 1e-9:
             simulation.advance_tick()
         places.append(simulation.population.crowd.position.copy())

@@ -96,7 +96,7 @@ def _check(name: str, duration: float, model: str, tolerances: tuple[float, ...]
 def walked(case: Case, duration: float) -> tuple[FloatArray, np.ndarray, float]:
     """Return positions (n, 2) [m], who is inside, and the CPU time of the ticks [s] after `duration` seconds."""
     simulation = Simulation(case)
-    simulation.recorders = []
+    simulation.recording.recorders = []
     start = time.process_time()
     while simulation.time < duration - 1e-9 and not simulation.ended:
         simulation.advance_tick()

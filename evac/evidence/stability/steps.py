@@ -1,6 +1,6 @@
 """Maps of the step: against the relaxation time, the walking speed, the ratio of masses and of radii."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -155,21 +155,31 @@ def _overlap_rows(steps: Sequence[float]) -> list[dict[str, Any]]:
     return rows
 
 
-def mass_cells(evidence: Evidence) -> Mapped:
-    """Try the ratio of masses against the step, on a pack in which heavy and light take turns."""
-    ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
+def _ratio_cells(evidence: Evidence, ratios: Sequence[float], scene_of: Callable[[float], Scene]) -> list[Cell]:
+    """Try a ratio against the step, on a scene for each."""
     steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     cells = []
-    limits = [step_limit(np.sqrt(6.0 * STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
     for variant in VARIANTS:
         for ratio in ratios:
-            mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
-            crowd = make_crowd(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
-            scene = Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+            scene = scene_of(ratio)
             for step in steps:
                 trial = attempt(make_model(variant), scene, step, 2.0)
                 cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
-    return cells, {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios)
+    return cells
+
+
+def mass_cells(evidence: Evidence) -> Mapped:
+    """Try the ratio of masses against the step, on a pack in which heavy and light take turns."""
+
+    def pack(ratio: float) -> Scene:
+        mass = 80.0 * np.sqrt(ratio) ** np.tile([-1.0, 1.0], 10)
+        crowd = make_crowd(scenes.packed(20, 4, 0.2, 5.5, 1.0, 0.02), mass=mass, speed=1.5)
+        return Scene(ROOM, scenes.room(ROOM), scenes.one_direction(ROOM), crowd)
+
+    ratios = [1.0, 1e3, 1e6] if evidence.quick else [1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6]
+    limits = [step_limit(np.sqrt(6.0 * STIFFNESS * np.sqrt(ratio) / 80.0), 0.5, False) for ratio in ratios]
+    curves = {"DEM": [Curve("limit of a packing of the light ones", ratios, limits)]} | _half_paths(ratios)
+    return _ratio_cells(evidence, ratios, pack), curves
 
 
 mass_map = partial(
@@ -184,20 +194,16 @@ mass_map = partial(
 
 def radius_cells(evidence: Evidence) -> Mapped:
     """Try the ratio of radii against the step, on a mixed crowd."""
-    ratios = [1.0, 100.0] if evidence.quick else [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
-    steps = [0.01] if evidence.quick else [1e-3, 0.01, 0.1]
     bounds = (0.0, 0.0, 4.0, 4.0)
-    cells = []
-    for variant in VARIANTS:
-        for ratio in ratios:
-            radius = np.geomspace(0.25, 0.25 / ratio, 30)
-            places = scenes.scattered(30, bounds, radius, evidence.generator("radius", str(ratio)))
-            crowd = make_crowd(places, radius=radius, speed=1.5)
-            scene = Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
-            for step in steps:
-                trial = attempt(make_model(variant), scene, step, 2.0)
-                cells.append(Cell(variant, ratio, step, judge_overlap(variant, trial, step)))
-    return cells, {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios)
+
+    def mix(ratio: float) -> Scene:
+        radius = np.geomspace(0.25, 0.25 / ratio, 30)
+        places = scenes.scattered(30, bounds, radius, evidence.generator("radius", str(ratio)))
+        crowd = make_crowd(places, radius=radius, speed=1.5)
+        return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
+
+    ratios = [1.0, 100.0] if evidence.quick else [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
+    return _ratio_cells(evidence, ratios, mix), {"DEM": [_packing_limit(ratios)]} | _half_paths(ratios)
 
 
 radius_map = partial(

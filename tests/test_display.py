@@ -4,8 +4,8 @@ import io
 
 import pytest
 
-from evac.cli import progress
-from evac.cli.progress import Display, numbers_of
+from evac import display as progress
+from evac.display import Display, numbers_of
 from evac.simulation import Progress
 
 
@@ -69,3 +69,13 @@ def test_a_terminal_gets_a_bar(monkeypatch):
         display.compiling(3, 9)
     assert "3/9 kernels, 0 s" in screen.getvalue()
     assert "2/8 out, t = 3.0 s" in screen.getvalue()
+
+
+def test_a_file_is_no_terminal_whatever_variables_say(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    with Display() as display:
+        display.phase("reading")
+        display.compiling(0, 3)
+    said = capsys.readouterr().err
+    assert "compiling kernels: 3" in said
+    assert "\x1b" not in said

@@ -1,0 +1,36 @@
+"""Arguments that name a result folder, and how its trajectory is read."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from evac.output.trajectory import Trajectory
+
+
+def declare_result(parser: argparse.ArgumentParser) -> None:
+    """Add RESULT to a command."""
+    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder or trajectory file")
+
+
+def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
+    """Read the trajectory of RESULT; where the run has not ended, of RESULT.running, which a note says.
+
+    Raises
+    ------
+    ResultError
+        As `evac.read_trajectory`.
+    """
+    from evac.cli.screen import show_warnings
+    from evac.output.resultfolder import find_result
+    from evac.output.trajectory import read_trajectory
+
+    place = find_result(arguments.result)
+    if place != arguments.result:
+        print(
+            f"evac: {arguments.result} is not there yet; reading {place}, of a run that has not ended", file=sys.stderr
+        )
+    trajectory = read_trajectory(place)
+    show_warnings(trajectory.warnings)
+    return trajectory

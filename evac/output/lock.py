@@ -1,0 +1,145 @@
+"""A lock of the operating system on a file, which ends with the process that holds it, however that ends."""
+
+import json
+import os
+import socket
+import sys
+import time
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from evac.errors import FolderWarning, ResultError
+from evac.output.files import writing
+
+#: Byte that is locked where the system locks ranges of bytes: behind what is written, so that others can read that.
+_BYTE = 1 << 30
+
+
+class FileLock:
+    """A lock on a file, for one process or one part of it; a context manager.
+
+    The file tells who holds the lock. It is removed when the lock is released; one that a killed process has left
+    stands in nobody's way.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder is made if it is not there.
+    what : str
+        What the lock is for, for the message: ``"result.running is being written"``.
+    advice : str
+        What to do if somebody else holds it.
+    """
+
+    def __init__(self, path: Path, what: str, advice: str) -> None:
+        self.path = path
+        self._what = what
+        self._advice = advice
+        self._file = -1
+
+    def __enter__(self) -> Self:
+        self.acquire()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+    def acquire(self) -> None:
+        """Take the lock.
+
+        Raises
+        ------
+        ResultError
+            Somebody else holds it; the message names the process. Or the file cannot be written.
+        """
+        while self._file < 0:
+            with writing("the lock", self.path):
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+            try:
+                self._lock(file)
+                if _is_at(file, self.path):  # else its last holder has removed it meanwhile
+                    self._file = file
+                    self._sign()
+            finally:
+                if self._file != file:
+                    os.close(file)
+
+    def release(self) -> None:
+        """Remove the file and let others take the lock; nothing happens if it is not held."""
+        if self._file < 0:
+            return
+        file, self._file = self._file, -1
+        if os.name == "nt":  # an open file cannot be removed there
+            os.close(file)
+            _remove(self.path)
+        else:
+            if _is_at(file, self.path):
+                _remove(self.path)
+            os.close(file)
+
+    def _lock(self, file: int) -> None:
+        try:
+            _lock_now(file)
+        except BlockingIOError:
+            raise ResultError(f"{self._what} by {self._holder()}; {self._advice}") from None
+        except OSError as error:
+            warnings.warn(
+                f"{self.path}: the file system has no locks ({error.strerror}); see that no other run writes here",
+                FolderWarning,
+                stacklevel=4,
+            )
+
+    def _sign(self) -> None:
+        """Write who holds the lock."""
+        holder = {"process": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
+        with writing("the lock", self.path):
+            os.ftruncate(self._file, 0)
+            os.write(self._file, json.dumps(holder).encode())
+
+    def _holder(self) -> str:
+        """Return who holds the lock, in words."""
+        try:
+            holder = json.loads(self.path.read_text(encoding="utf-8"))
+            return f"process {int(holder['process'])} on {holder['host']} since {holder['since']}"
+        except (OSError, ValueError, KeyError, TypeError):
+            return "another process"
+
+
+def _is_at(file: int, path: Path) -> bool:
+    """Return whether an open file is the one at a path."""
+    try:
+        return os.path.samestat(os.fstat(file), os.stat(path))
+    except OSError:
+        return False
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):  # it stands in nobody's way
+        path.unlink(missing_ok=True)
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock_now(file: int) -> None:
+        """Lock an open file, or raise BlockingIOError."""
+        os.lseek(file, _BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError from error
+        finally:
+            os.lseek(file, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock_now(file: int) -> None:
+        """Lock an open file, or raise BlockingIOError."""
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,191 @@
+"""evac resume, after kills and signals; and folders that two processes want, or that go away."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from evac.cli import main
+from evac.output.files import CHECKPOINT_NAME
+
+TABLES = ("people.csv", "egress.csv", "trajectory.evac")
+
+#: With --checkpoint 0 the state is kept at every tick, so that kills fall in its writing too.
+WORDS = ["run", "square_room", "--checkpoint", "0", "--set", "output.picture=false", "output.every=0.1"]
+WORDS += ["simulation.duration=4"]
+PEOPLE_LEFT = 3
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals to send")
+
+
+def start(folder, *words):
+    command = [sys.executable, "-P", "-m", "evac", *words]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(path, process):
+    deadline = time.monotonic() + 240.0
+    while not path.exists() and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return the result of a run that was not stopped."""
+    folder = tmp_path_factory.mktemp("whole")
+    assert main([*WORDS, "--out", str(folder / "whole")]) == PEOPLE_LEFT
+    return folder / "whole"
+
+
+def kill(folder):
+    """Leave what is left of a run into r that was killed soon after its first step."""
+    process = start(folder, *WORDS, "--out", "r")
+    wait_for(folder / "r.running" / CHECKPOINT_NAME, process)
+    process.kill()
+    process.communicate()
+
+
+def assert_same(one, other):
+    files = {path.relative_to(one) for path in one.rglob("*.*")}
+    assert files == {path.relative_to(other) for path in other.rglob("*.*")}
+    assert len(files) > 40
+    for name in files:
+        if name.name != "summary.json":
+            assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    assert [path.name for path in other.parent.iterdir() if path.name.startswith(f"{other.name}.")] == []
+
+
+def kill_and_resume(folder, name, generator):
+    """Kill a run at a random moment, and half of the times also the one that goes on; return how often."""
+    process = start(folder, *WORDS, "--out", name)
+    wait_for(folder / f"{name}.running" / CHECKPOINT_NAME, process)
+    kills = 0
+    while True:
+        time.sleep(generator.uniform(0.0, 0.8))
+        process.kill()
+        process.communicate()
+        if process.returncode == PEOPLE_LEFT:
+            return kills  # it was faster
+        assert process.returncode == -signal.SIGKILL
+        kills += 1
+        process = start(folder, "resume", name)
+        if generator.random() < 0.5:
+            break
+        time.sleep(generator.uniform(0.5, 1.0))
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == PEOPLE_LEFT, err
+    return kills
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_killed_run_goes_on_to_the_same_bits(tmp_path, whole, seed):
+    kill_and_resume(tmp_path, "r", random.Random(seed))
+    assert_same(whole, tmp_path / "r")
+
+
+@pytest.mark.slow
+def test_thirty_kills_at_random_moments(tmp_path, whole):
+    generator, kills, k = random.Random(2), 0, 0
+    while kills < 30:
+        kills += kill_and_resume(tmp_path, f"r{k}", generator)
+        assert_same(whole, tmp_path / f"r{k}")
+        k += 1
+
+
+@pytest.mark.parametrize(
+    "name", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.slow), pytest.param("SIGHUP", marks=pytest.mark.slow)]
+)
+def test_a_signal_leaves_tables_and_a_state(evac, tmp_path, capsys, name):
+    number = getattr(signal, name)
+    words = [word for word in WORDS if word not in ("--checkpoint", "0")]
+    process = start(tmp_path, *words, "--out", "r", "--set", "simulation.step=0.0001")
+    wait_for(tmp_path / "r.running" / "trajectory.evac", process)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == 128 + number
+    assert "evac resume r" in err
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["ended"] == "interrupted"
+    assert (tmp_path / "r" / CHECKPOINT_NAME).is_file()
+    assert evac("resume", "r") == PEOPLE_LEFT
+    shown = capsys.readouterr()
+    assert "duration over" in shown.out
+    assert f"{summary['simulated_time']:.2f} s" in shown.err
+    assert not (tmp_path / "r" / CHECKPOINT_NAME).exists()
+
+
+def test_a_signal_that_is_ignored_stays_so(tmp_path):
+    """As under nohup."""
+    code = (
+        "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); from evac.cli import main; sys.exit(main())"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", code, *WORDS, "--out", "r"], cwd=tmp_path, stdout=subprocess.DEVNULL
+    )
+    wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
+    process.send_signal(signal.SIGHUP)
+    assert process.wait(timeout=240) == PEOPLE_LEFT
+
+
+def test_a_second_run_into_the_same_folder_is_refused(evac, tmp_path, whole, capsys):
+    process = start(tmp_path, *WORDS, "--out", "r")
+    wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
+    process.send_signal(signal.SIGSTOP)  # so that it is still there
+    try:
+        for words in (["run", "square_room", "--out", "r"], ["repeat", "square_room", "--out", "r"], ["resume", "r"]):
+            assert evac(*words) == 2
+            assert f"r: is being written by process {process.pid} " in capsys.readouterr().err
+    finally:
+        process.send_signal(signal.SIGCONT)
+    process.communicate(timeout=240)
+    assert process.returncode == PEOPLE_LEFT
+    assert_same(whole, tmp_path / "r")
+
+
+def test_a_folder_that_is_removed_is_an_error_and_an_earlier_result_stays(tmp_path, whole):
+    shutil.copytree(whole, tmp_path / "r")
+    process = start(tmp_path, *WORDS, "--out", "r")
+    wait_for(tmp_path / "r.running" / CHECKPOINT_NAME, process)
+    (tmp_path / "r.running").rename(tmp_path / "away")
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == 2
+    assert "r.running" in err
+    assert "removed during the run" in err
+    assert "Traceback" not in err
+    assert (tmp_path / "r" / "summary.json").read_bytes() == (whole / "summary.json").read_bytes()
+
+
+def test_a_killed_run_leaves_an_earlier_result_and_is_replaced_by_the_next(evac, tmp_path, whole, capsys):
+    shutil.copytree(whole, tmp_path / "r")
+    kill(tmp_path)
+    assert (tmp_path / "r" / "summary.json").read_bytes() == (whole / "summary.json").read_bytes()
+    assert evac(*WORDS, "--out", "r") == PEOPLE_LEFT
+    assert "r.running of a run that did not come to its end is replaced" in capsys.readouterr().err
+    assert_same(whole, tmp_path / "r")
+
+
+def test_a_changed_case_needs_a_folder_of_its_own(evac, tmp_path, whole, capsys):
+    kill(tmp_path)
+    assert evac("resume", "r", "--set", "contact.model=nsm1") == 2
+    assert "--out" in capsys.readouterr().err
+    assert evac("resume", "r", "--set", "contact.model=nsm1", "--out", "other") == PEOPLE_LEFT
+    summary = json.loads((tmp_path / "other" / "summary.json").read_text())
+    assert summary["resumed"][0]["changes"] == {"contact.model": "nsm1"}
+    assert summary["contact"]["model"] == "nsm1"
+    assert evac("resume", "r") == PEOPLE_LEFT  # the run itself can still go on
+    assert_same(whole, tmp_path / "r")
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "inf", "often"])
+def test_an_interval_that_is_none_is_refused(evac, capsys, seconds):
+    with pytest.raises(SystemExit) as caught:
+        evac("run", "square_room", "--checkpoint", seconds)
+    assert caught.value.code == 2
+    assert "--checkpoint" in capsys.readouterr().err

@@ -1,0 +1,66 @@
+"""The documentation site: every public name is described, and every recipe runs."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import evac
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+
+def fenced(text, kind):
+    return re.findall(rf"^```{kind}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+RECIPES = fenced((Path(__file__).parents[2] / "docs/recipes.md").read_text(encoding="utf-8"), "toml")
+
+
+def test_every_public_name_is_in_the_reference(root):
+    text = (root / "docs/api.md").read_text(encoding="utf-8")
+    described = set(re.findall(r"auto(?:function|class|data|exception):: (\w+)", text))
+    errors = {name for name in evac.__all__ if name.endswith("Error")}
+    assert "automodule:: evac.errors" in text
+    assert described | errors == set(evac.__all__)
+
+
+def test_every_page_is_in_the_contents(root):
+    contents = "\n".join(fenced((root / "docs/index.md").read_text(encoding="utf-8"), r"\{toctree\}"))
+    pages = {path.relative_to(root / "docs").with_suffix("").as_posix() for path in (root / "docs").rglob("*.md")}
+    assert pages - {"index"} == set(re.findall(r"^[\w/]+$", contents, re.MULTILINE))
+
+
+@pytest.fixture
+def split_level(root, tmp_path):
+    """Return the building of the guide and a folder that has its mesh."""
+    text = (root / "docs/buildings.md").read_text(encoding="utf-8")
+    mesh = next(block for block in fenced(text, "text") if block.startswith("v "))
+    case = next(block for block in fenced(text, "toml") if "split_level.obj" in block)
+    (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
+    return tmp_path, tomllib.loads(case)
+
+
+def merged(case, recipe):
+    """Add a recipe to a case: its tables, and instead of the groups of the case its own."""
+    result = dict(case)
+    for key, value in recipe.items():
+        if key == "building":
+            result[key] = case[key] | {"exits": case[key]["exits"] + value["exits"]}
+        else:
+            result[key] = case.get(key, {}) | value if isinstance(value, dict) else value
+    return result
+
+
+@pytest.mark.parametrize("text", RECIPES, ids=range(len(RECIPES)))
+def test_recipes_are_taken(text, split_level, monkeypatch):
+    folder, case = split_level
+    monkeypatch.chdir(folder)
+    recipe = tomllib.loads(text)
+    simulation = Simulation(load_case(merged(case, recipe)))
+    simulation.advance_tick()
+    named = {one["name"] for one in recipe.get("people", ())}
+    assert named <= {group.name for group in simulation.population.groups}
+    used = {behaviour.name for behaviour, _ in simulation.behaviours}
+    assert set(recipe.get("behaviours", {})) - {"route_choice"} <= used

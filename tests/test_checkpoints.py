@@ -1,0 +1,408 @@
+"""A run that was killed or stopped goes on to the bits of one that was not; what cannot go on is refused by name."""
+
+import json
+import os
+import textwrap
+
+import numpy as np
+import pytest
+
+import evac
+from evac.checkpoints import find_checkpoint
+from evac.ending import Stopped
+from evac.errors import FolderWarning, PluginError, ResultError, ScenarioError
+from evac.output.checkpoint import write_checkpoint
+from evac.output.files import CHECKPOINT_NAME
+
+QUIET = {"output.picture": False, "output.animation": False}
+TABLES = ("people.csv", "egress.csv", "trajectory.evac")
+
+HALL = {
+    "building": {
+        "exits": [
+            {"name": "front", "segment": [[5.0, 1.0], [5.0, 2.5]], "z": 0.0},
+            {"name": "back", "segment": [[0.0, 1.0], [0.0, 2.5]], "z": 0.0},
+        ],
+        "areas": [{"name": "all", "polygon": [[0.5, 0.5], [4.5, 0.5], [4.5, 3.5], [0.5, 3.5]], "z": 0.0}],
+    },
+    "contact": {"model": "nsm2"},
+    "simulation": {"duration": 6.0},
+    "output": {"picture": False, "animation": False, "every": 0.2},
+    "people": [{"name": "people", "number": 16, "area": "all"}],
+}
+
+PLUGIN = """
+    import numpy as np
+    from evac import Behaviour, Recorder, hookimpl
+    evac_interface = 2
+
+    class Closing(Behaviour):
+        '''Closes the front door after 1 s.'''
+        name = "closing"
+        def prepare(self, scene):
+            self.seen = scene
+        def act(self, crowd, time):
+            if time >= 1.0 and self.seen.version == 0:
+                self.seen.scene.set_open("front", False)
+        {state}
+
+    class Inside(Recorder):
+        '''Writes a line at every output time.'''
+        name = "inside"
+        def start(self, simulation):
+            self.write(simulation, "w", "")
+        def write(self, simulation, mode, text):
+            with (simulation.folder / "inside.txt").open(mode) as file:
+                file.write(text)
+                self.length = file.tell()
+        def record(self, simulation):
+            self.write(simulation, "a", f"{{simulation.population.inside}}\\n")
+        def state(self):
+            return {{"length": np.array(self.length)}}
+        def restore(self, simulation, state):
+            self.length = int(state["length"])
+        def files(self):
+            return {{"inside.txt": self.length}}
+
+    @hookimpl
+    def evac_behaviours():
+        return [Closing]
+
+    @hookimpl
+    def evac_recorders():
+        return [Inside]
+"""
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """Return the table of a room with the exits front and back."""
+    path = tmp_path / "hall.obj"
+    path.write_text("v 0 0 0\nv 5 0 0\nv 5 4 0\nv 0 4 0\nf 1 2 3 4\n", encoding="utf-8")
+    return {**HALL, "building": {**HALL["building"], "mesh": str(path)}}
+
+
+@pytest.fixture
+def closing(tmp_path, hall):
+    """Return a case whose front door a plugin closes, and the plugin."""
+    plugin = tmp_path / "closing.py"
+    plugin.write_text(textwrap.dedent(PLUGIN.format(state="def state(self): return {}")))
+    choice = {"route_choice": {"every": 0.7}, "headway": {}, "closing": {}}
+    return evac.load({**hall, "behaviours": choice}, plugin_files=[plugin]), plugin
+
+
+class Killed(BaseException):
+    """Ends a run as a kill does: nothing that it writes comes after it."""
+
+
+def until(time, raised=Killed):
+    def look(progress):
+        if progress.time >= time - 1e-9:
+            raise raised
+
+    return look
+
+
+def kill(case, folder, time, **options):
+    with pytest.raises(Killed):
+        evac.run(case, folder, checkpoint=0.0, progress=until(time), **options)
+    assert (folder.with_name(f"{folder.name}.running") / CHECKPOINT_NAME).is_file()
+
+
+def assert_same_files(one, other, names=TABLES):
+    assert sorted(path.name for path in one.iterdir()) == sorted(path.name for path in other.iterdir())
+    for name in names:
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    a, b = (json.loads((folder / "summary.json").read_text()) for folder in (one, other))
+    assert b["resumed"]
+    for summary in (a, b):
+        del summary["wall_time"], summary["resumed"]
+    assert a == b
+
+
+def check_goes_on(case, tmp_path, times, **options):
+    evac.run(case, tmp_path / "whole", **options)
+    kill(case, tmp_path / "r", times[0], **options)
+    plugins = case.plugin_files
+    for time in times[1:]:
+        with pytest.raises(Killed):
+            evac.resume(tmp_path / "r", plugin_files=plugins, progress=until(time))
+    evac.resume(tmp_path / "r", plugin_files=plugins)
+    assert_same_files(tmp_path / "whole", tmp_path / "r")
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["r", "whole"]
+
+
+@pytest.mark.parametrize("model", ["dem", "nsm1", "nsm2"])
+def test_every_contact_model_with_forces_goes_on_to_the_same_bits(tmp_path, model):
+    changes = {"contact.model": model, "simulation.duration": 4.0, "forces.social": {}, "output.every": 0.3} | QUIET
+    check_goes_on(evac.load("square_room", changes), tmp_path, [1.0, 1.3, 2.9])
+
+
+@pytest.mark.parametrize("full", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_classes_with_teachers_go_on_to_the_same_bits(tmp_path, full):
+    changes = {"simulation.duration": 3.0, "behaviours.headway": {}} | QUIET
+    check_goes_on(evac.load("primary_school", changes), tmp_path, [1.6], full=full)
+
+
+@pytest.mark.parametrize("time", [0.5, 1.0, 1.1, 2.0])
+def test_a_door_that_has_closed_stays_closed(tmp_path, closing, time):
+    """Killed before, at and after the closure, with choice of routes, and a recorder of a plugin."""
+    case, _ = closing
+    check_goes_on(case, tmp_path, [time])
+    assert (tmp_path / "r" / "inside.txt").read_text() == (tmp_path / "whole" / "inside.txt").read_text()
+
+
+def test_the_animation_is_the_same(tmp_path):
+    case = evac.load("square_room", {"simulation.duration": 2.0, "output.picture": False, "output.animation": True})
+    check_goes_on(case, tmp_path, [1.2])
+    one, other = tmp_path / "whole", tmp_path / "r"
+    names = [path.relative_to(one) for path in one.rglob("*.*") if path.suffix in (".vtp", ".pvd")]
+    assert len(names) > 4
+    assert all((one / name).read_bytes() == (other / name).read_bytes() for name in names)
+
+
+def test_a_run_that_was_stopped_leaves_tables_and_goes_on(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "whole")
+    for time in (1.0, 2.0):
+        go_on = {"progress": until(time, Stopped)}
+        results = evac.resume(tmp_path / "r", **go_on) if time > 1.0 else evac.run(case, tmp_path / "r", **go_on)
+        assert (results.ended, results.folder) == ("interrupted", tmp_path / "r")
+        assert results.time == pytest.approx(time)
+        assert json.loads((tmp_path / "r" / "summary.json").read_text())["ended"] == "interrupted"
+    evac.resume(tmp_path / "r")
+    assert_same_files(tmp_path / "whole", tmp_path / "r")
+    with pytest.raises(ResultError, match="has no checkpoint"):
+        evac.resume(tmp_path / "r")
+    with pytest.raises(ResultError, match="nowhere: no such result folder"):
+        evac.resume(tmp_path / "nowhere")
+
+
+def test_a_stopped_run_goes_on_beside_what_a_killed_one_has_left(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "whole")
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    with pytest.raises(Killed):
+        evac.run(case, tmp_path / "r", progress=until(2.0))
+    (tmp_path / "r.running" / "notes.txt").write_text("mine")
+    evac.resume(tmp_path / "r")
+    assert (tmp_path / "r" / "notes.txt").read_text() == "mine"
+    (tmp_path / "r" / "notes.txt").unlink()
+    assert_same_files(tmp_path / "whole", tmp_path / "r")
+
+
+def test_a_stopped_run_leaves_an_earlier_result_alone(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "r")
+    before = (tmp_path / "r" / "summary.json").read_bytes()
+    results = evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    assert results.folder == tmp_path / "r.running"
+    assert (tmp_path / "r" / "summary.json").read_bytes() == before
+    assert evac.resume(tmp_path / "r").folder == tmp_path / "r"
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_plugins_without_state_are_refused_by_name(tmp_path, hall):
+    plugin = tmp_path / "closing.py"
+    text = textwrap.dedent(PLUGIN.format(state=""))
+    plugin.write_text(
+        text[: text.index("    def state(self):\n        return {{".replace("{{", "{"))]
+        + text[text.index("@hookimpl") :]
+    )
+    case = evac.load({**hall, "behaviours": {"closing": {}}}, plugin_files=[plugin])
+    with pytest.raises(PluginError) as caught:
+        evac.run(case, tmp_path / "r", checkpoint=60)
+    for words in ("behaviour 'closing' keeps seen", "recorder 'inside' keeps length"):
+        assert words in str(caught.value)
+    assert not (tmp_path / "r").exists()
+    with pytest.warns(FolderWarning, match="behaviour 'closing' keeps seen"):
+        evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    assert (tmp_path / "r" / "people.csv").is_file()
+    assert not (tmp_path / "r" / CHECKPOINT_NAME).exists()
+
+
+def test_a_plugin_that_was_given_is_to_be_given_again_and_unchanged(tmp_path, closing):
+    case, plugin = closing
+    kill(case, tmp_path / "r", 1.5)
+    with pytest.raises(PluginError, match=r"closing\.py"):
+        evac.resume(tmp_path / "r")
+    plugin.write_text(plugin.read_text() + "# changed\n")
+    with pytest.raises(ResultError, match=r"file .*closing\.py: "):
+        evac.resume(tmp_path / "r", plugin_files=[plugin])
+    assert find_checkpoint(tmp_path / "r").time == pytest.approx(1.4)
+
+
+def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, monkeypatch):
+    kill(evac.load(hall), tmp_path / "r", 1.5)
+    monkeypatch.setattr("evac.checkpoints.versions", lambda: {"numpy": "0.1"})
+    mesh = tmp_path / "hall.obj"
+    mesh.write_text(mesh.read_text() + "# changed\n")
+    with pytest.raises(ResultError) as caught:
+        evac.resume(tmp_path / "r")
+    for words in ("version numpy: ", "0.1 now", "file hall.obj: "):
+        assert words in str(caught.value)
+    evac.resume(tmp_path / "r", allow_differences=True)
+    (resumed,) = json.loads((tmp_path / "r" / "summary.json").read_text())["resumed"]
+    assert any("0.1 now" in line for line in resumed["differences"])
+
+
+def test_other_kernels_are_refused(tmp_path, hall, monkeypatch):
+    kill(evac.load(hall), tmp_path / "r", 1.5)
+    monkeypatch.setattr("evac.checkpoints.digest_of", lambda entry, processor: "changed")
+    with pytest.raises(ResultError, match=r"kernel .*advance.*changed now"):
+        evac.resume(tmp_path / "r")
+
+
+def test_a_file_that_was_cut_is_refused(tmp_path, hall):
+    kill(evac.load(hall), tmp_path / "r", 1.5)
+    path = tmp_path / "r.running" / "trajectory.evac"
+    os.truncate(path, 100)
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 are there"):
+        evac.resume(tmp_path / "r")
+    path.unlink()
+    with pytest.raises(ResultError, match=r"trajectory\.evac: the file has been removed"):
+        evac.resume(tmp_path / "r")
+
+
+@pytest.mark.parametrize("name", ["../thesis.txt", "/thesis.txt", "link"])
+def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
+    (tmp_path / "thesis.txt").write_text("precious")
+    kill(evac.load(hall), tmp_path / "r", 1.5)
+    found = find_checkpoint(tmp_path / "r")
+    (found.path.parent / "link").symlink_to(tmp_path / "thesis.txt")
+    name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
+    write_checkpoint(found.path, {**found.header, "files": {name: 0}}, found.arrays)
+    with pytest.raises(ResultError, match="no file of this folder"):
+        evac.resume(tmp_path / "r")
+    assert (tmp_path / "thesis.txt").read_text() == "precious"
+
+
+def test_files_of_plugins_go_with_their_result_and_those_of_others_stay(tmp_path, closing, hall):
+    case, plugin = closing
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    (tmp_path / "r" / "notes.txt").write_text("mine")
+    evac.resume(tmp_path / "r", plugin_files=[plugin])
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["plugin_files"] == ["inside.txt"]
+    evac.run(evac.load(hall), tmp_path / "r")
+    assert not (tmp_path / "r" / "inside.txt").exists()
+    assert (tmp_path / "r" / "notes.txt").read_text() == "mine"
+
+
+def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    before = (tmp_path / "r" / "trajectory.evac").read_bytes()
+    change = {"building.closed": ["front"]}
+    with pytest.raises(ScenarioError, match="--out"):
+        evac.resume(tmp_path / "r", change)
+    with pytest.raises(ScenarioError, match=r"people.* cannot change"):
+        evac.resume(tmp_path / "r", {"people.people.number": 3}, out=tmp_path / "other")
+    with pytest.raises(ScenarioError, match=r"building\.scale.* cannot change"):
+        evac.resume(tmp_path / "r", {"building.scale": 2.0}, out=tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+    inside = evac.read_trajectory(tmp_path / "r")[-1]["person"]
+    results = evac.resume(tmp_path / "r", change, out=tmp_path / "other")
+    assert (results.crowd.exit_used[inside] == 1).all()
+    assert (results.crowd.exit_used == 0).any()
+    summary = json.loads((tmp_path / "other" / "summary.json").read_text())
+    assert summary["resumed"] == [
+        {"from": str(tmp_path / "r"), "time": 1.0, "changes": change, "differences": []},
+    ]
+    assert evac.read_trajectory(tmp_path / "other").time[0] == pytest.approx(1.0)
+    assert (tmp_path / "r" / "trajectory.evac").read_bytes() == before
+
+
+def test_an_exit_that_was_closed_opens(tmp_path, hall):
+    case = evac.load(hall, {"building.closed": ["front"]})
+    evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
+    results = evac.resume(tmp_path / "r", {"building.closed": []}, out=tmp_path / "other")
+    assert set(results.crowd.exit_used.tolist()) >= {0}
+    same = evac.resume(tmp_path / "r", out=tmp_path / "same")
+    assert set(same.crowd.exit_used.tolist()) == {1}
+
+
+def test_a_change_of_the_ways_that_people_can_take_is_refused(tmp_path, hall):
+    evac.run(evac.load(hall), tmp_path / "r", progress=until(1.0, Stopped))
+    change = {"behaviours.route_choice": {"exits": ["front", "back"]}}
+    with pytest.raises(ScenarioError, match="routes"):
+        evac.resume(tmp_path / "r", change, out=tmp_path / "other")
+
+
+def test_a_checkpoint_that_cannot_be_written_is_warned_of_and_the_run_goes_on(tmp_path, hall, monkeypatch):
+    def full(*given):
+        raise ResultError("checkpoint.evac: No space left on device")
+
+    monkeypatch.setattr("evac.checkpoints.write_checkpoint", full)
+    with pytest.warns(FolderWarning, match="No space left") as caught:
+        results = evac.run(evac.load(hall), tmp_path / "r", checkpoint=0.0)
+    assert len(caught) == 1
+    assert results.time > 1.0
+
+
+def test_checkpoints_change_no_bit_and_are_gone_at_the_end(tmp_path, hall):
+    case = evac.load(hall)
+    evac.run(case, tmp_path / "without")
+    evac.run(case, tmp_path / "with", checkpoint=0.0)
+    for name in TABLES:
+        assert (tmp_path / "with" / name).read_bytes() == (tmp_path / "without" / name).read_bytes()
+    assert not (tmp_path / "with" / CHECKPOINT_NAME).exists()
+
+
+def test_a_folder_that_is_removed_during_the_run_ends_it(tmp_path, hall):
+    case, earlier = evac.load(hall), tmp_path / "r"
+    evac.run(case, earlier)
+    before = (earlier / "summary.json").read_bytes()
+
+    def remove(progress):
+        if 0.95 < progress.time < 1.05:
+            for path in (tmp_path / "r.running").iterdir():
+                path.unlink()
+            (tmp_path / "r.running").rmdir()
+        assert progress.time < 1.2
+
+    with pytest.raises(ResultError, match=r"r\.running: the folder has been removed"):
+        evac.run(case, earlier, progress=remove)
+    assert (earlier / "summary.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_a_trajectory_that_is_cut_or_removed_during_the_run_is_noticed(tmp_path, hall, cut):
+    def damage(progress):
+        if 0.95 < progress.time < 1.05:
+            path = tmp_path / "r.running" / "trajectory.evac"
+            path.write_bytes(b"") if cut else path.unlink()
+
+    with pytest.raises(ResultError, match=r"trajectory\.evac"):
+        evac.run(evac.load(hall), tmp_path / "r", progress=damage)
+
+
+def test_a_failed_run_leaves_an_earlier_result_alone(tmp_path, hall):
+    evac.run(evac.load(hall), tmp_path / "r")
+    before = (tmp_path / "r" / "summary.json").read_bytes()
+
+    def fail(progress):
+        if progress.time > 1.0:
+            raise PluginError("odd")
+
+    with pytest.raises(PluginError, match="odd") as caught:
+        evac.run(evac.load(hall), tmp_path / "r", progress=fail)
+    assert any("r.running" in note for note in caught.value.__notes__)
+    assert (tmp_path / "r" / "summary.json").read_bytes() == before
+    assert json.loads((tmp_path / "r.running" / "summary.json").read_text())["ended"] == "failed"
+
+
+def test_two_runs_into_one_folder_are_kept_apart(tmp_path, hall):
+    case = evac.load(hall)
+
+    def second(progress):
+        with pytest.raises(ResultError, match=f"r: is being written by process {os.getpid()} "):
+            evac.run(case, tmp_path / "r")
+        raise Stopped
+
+    evac.run(case, tmp_path / "r", progress=second)
+    assert len(np.loadtxt(tmp_path / "r" / "people.csv", delimiter=",", skiprows=1, usecols=0)) == 16
+
+
+def test_checkpoints_need_a_folder(hall):
+    with pytest.raises(ScenarioError, match="folder"):
+        evac.run(evac.load(hall), checkpoint=60)
