@@ -11,7 +11,7 @@ from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.results import versions
-from evac.output.trajectory import TrajectoryWriter
+from evac.output.trajectory_writer import TrajectoryWriter
 
 if TYPE_CHECKING:
     from evac.output.results import Results

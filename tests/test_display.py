@@ -4,7 +4,7 @@ import io
 
 import pytest
 
-from evac.cli import progress
+from evac import display as progress
 from evac.display import Display, numbers_of
 from evac.simulation import Progress
 

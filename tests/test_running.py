@@ -238,7 +238,7 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
     monkeypatch.setattr("builtins.open", noting(open))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
-    assert results.people == 20
+    assert results.number_of_people == 20
     written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     assert sorted(name.replace("r.running", "r") for name in opened) == sorted(written)

@@ -32,11 +32,11 @@ def draw_egress(results: Results, path: Path) -> None:
 
 def egress_figure(results: Results) -> Figure:
     """Return the egress curve of everybody, and of each group of several where there are not too many."""
-    note = f"{results.evacuated} of {results.people} out"
+    note = f"{results.evacuated} of {results.number_of_people} out"
     if results.last_out is not None:
-        which = "the last one" if results.evacuated == results.people else "the last of these"
+        which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
-    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.people)
+    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.number_of_people)
     end = results.time
     if 1 < len(results.groups) <= MOST_GROUPS:
         for group, colour in zip(results.groups, group_colours(len(results.groups)), strict=False):

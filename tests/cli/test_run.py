@@ -145,7 +145,7 @@ evac_interface = 2
 
 @hookimpl
 def evac_metrics(results):
-    return {"twice": 2 * results.people}
+    return {"twice": 2 * results.number_of_people}
 """
     )
     assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0

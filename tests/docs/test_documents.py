@@ -123,7 +123,7 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
-    assert results.evacuated == results.people == 10
+    assert results.evacuated == results.number_of_people == 10
     assert [level.kind for level in results.building.levels] == ["floor", "flight", "floor"]
     assert len(results.building.portals) == 2
     flight = results.building.levels[1]

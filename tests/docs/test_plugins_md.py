@@ -179,7 +179,7 @@ def test_an_exporter_is_found_on_the_command_line(plugin_files, tmp_path, capsys
     path = tmp_path / "result/export/trajectory.txt"
     assert capsys.readouterr().out.strip() == str(path)
     table = np.loadtxt(path)
-    frame = evac.read_trajectory(tmp_path / "result").frame(0)
+    frame = evac.read_trajectory(tmp_path / "result")[0]
     np.testing.assert_allclose(table[:20, 2:4], frame["position"], atol=0.051)
 
 

@@ -71,7 +71,7 @@ def account_of_run(results: "Results", error: BaseException | None = None) -> Ac
     """
     summary = results.summary() | ({} if error is None else {"ended": FAILED})
     crowd = results.crowd
-    group = np.full(results.people, -1, np.int32)
+    group = np.full(results.number_of_people, -1, np.int32)
     for index, members in enumerate(results.groups):
         group[members.rows] = index
     return Account(
@@ -104,7 +104,7 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
     path = folder / SUMMARY_NAME
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-        if summary["seed"] != header.get("seed") or summary["people"] != trajectory.people:
+        if summary["seed"] != header.get("seed") or summary["people"] != trajectory.number_of_people:
             raise ResultError(f"{path}: of another run than {trajectory.path.name}; remove it, or run the case again")
         account = Account(**_of_summary(summary, None), **known)
     except FileNotFoundError:

@@ -160,9 +160,9 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
     if every is not None and not 0.0 < every < np.inf:
         raise ResultError(f"the time between two states must be greater than 0, got {every:g}")
-    writer = ReplayWriter(trajectory.people, trajectory.building)
+    writer = ReplayWriter(trajectory.number_of_people, trajectory.building)
     for k in _chosen(trajectory.time, every):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         writer.add(
             frame["time"],
             frame["person"],

@@ -53,7 +53,7 @@ def test_people_are_where_and_when_they_were(browser, storeys):
     page, trajectory = storeys
     browser.open(page)
     for k in range(len(trajectory)):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         found = browser.run(
             f"""(() => {{
               const {{ motion, origin }} = replay.record, [a, b] = motion.first.subarray({k}, {k} + 2);
@@ -289,6 +289,6 @@ def test_a_run_that_was_killed_says_so(browser, room, tmp_path):
     assert browser.run("document.getElementById('banner').className") == "error"
     browser.run("replay.act.seek(Infinity)")
     browser.settle()
-    last = trajectory.frame(-1)
+    last = trajectory[-1]
     assert browser.text("#inside") == str(len(last["person"]))
     assert browser.text("#outside") == str(20 - len(last["person"]))
