@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from evac.errors import ResultError
 from evac.hookspecs import hookimpl
 from evac.output.exporter import Exporter
 from evac.output.tables import MOTION_COLUMNS, motion_table
@@ -11,20 +10,16 @@ from evac.output.trajectory import Trajectory
 
 
 class ParquetExporter(Exporter):
-    """A Parquet table with a row for each person and recorded time (pip install evac[parquet])."""
+    """A Parquet table with a row for each person and recorded time."""
 
     name = "parquet"
     suffix = ".parquet"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
         """Write the columns of `evac.output.tables.MOTION_COLUMNS`, each with its unit as metadata of the field."""
-        try:
-            import pyarrow
-            from pyarrow import parquet
-        except ImportError as error:
-            raise ResultError(
-                f"Parquet files need pyarrow ({error}); install it with pip install evac[parquet], or export to csv"
-            ) from error
+        import pyarrow
+        from pyarrow import parquet
+
         columns = motion_table(trajectory)
         words = pyarrow.dictionary(pyarrow.int32(), pyarrow.string())
         arrays = [

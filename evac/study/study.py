@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.arrays import FloatArray
-from evac.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
@@ -155,17 +154,7 @@ class Study:
         return self._store.table()
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return all rows as a data frame of pandas.
-
-        Raises
-        ------
-        EvacError
-            pandas is not installed.
-        """
-        try:
-            import pandas  # noqa: F401
-        except ImportError as error:
-            raise EvacError('pandas is not installed: pip install "evac[frames]", or use table()') from error
+        """Return all rows as a data frame of pandas."""
         return self.table().to_pandas()
 
     def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":

@@ -115,8 +115,8 @@ def report_commands(evidence: Evidence) -> None:
             evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
     evidence.heading(section)
     evidence.text(
-        """Run, repeat, replay, map, export and render include the work that they are called for, on the square room with
-        its picture and animation as shipped; render draws one picture."""
+        """Run, repeat, replay, map, export and render include the work that they are called for, on the square room
+        with its picture and animation as shipped; render draws one picture."""
     )
     evidence.table(
         "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
