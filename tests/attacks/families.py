@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.attacks import accidents, kernels, keys, scenes, texts
+from tests.attacks import accidents, kernels, keys, scenes, streams, texts, trajectories
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Family:
     number : int
         Cases of a full attack.
     share : int
-        Cases beside those kept that the test suite runs.
+        Cases beside those kept that `test_attacks.py` runs; none of families with tests of their own.
     """
 
     cases: Callable[[int, int], Iterator[Any]]
@@ -35,6 +35,9 @@ FAMILIES = {
     "keys": Family(keys.cases, keys.run, 4000, 40),
     "texts": Family(texts.cases, texts.run, 200, 12),
     "scenes": Family(scenes.cases, scenes.run, 350, 6),
+    "trajectories": Family(trajectories.cases, trajectories.run, 350, 0),
+    "streams": Family(streams.stream_cases, streams.run_stream, 252, 0),
+    "plugins": Family(streams.plugin_cases, streams.run_plugin, 493, 0),
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }
