@@ -16,7 +16,7 @@ from evac.output.maps import KERNEL_RADIUS, SPACING
 from evac.output.trajectory import Trajectory
 
 #: Threshold of the density [1/m2], and the share of the evacuation time for which it has to be exceeded: those of
-#: MSC.1/Circ.1533 of the IMO (2016), annex 3, 3.
+#: MSC.1/Circ.1533 of the IMO (2016) for advanced analyses.
 DENSITY = 4.0
 SHARE = 0.1
 

@@ -13,6 +13,7 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+STATISTICS_NAME = "statistics.csv"
 CHECKPOINT_NAME = "checkpoint.evac"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
@@ -36,6 +37,9 @@ MAPS = "map_*.png"
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
+#: The report to hand in.
+REPORT_NAME = "report.html"
+
 #: Key of a summary that lists the files of plugins, relative to the folder.
 PLUGIN_FILES = "plugin_files"
 
@@ -53,6 +57,8 @@ WRITTEN = (
     *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
+    REPORT_NAME,
+    f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",
     CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
