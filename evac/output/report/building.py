@@ -17,10 +17,10 @@ def building_section(run: Run | None) -> Section:
         )
         if run is None:
             missing = (
-                "A study keeps no plan of its building. With `--run RESULT`, the result of one of its runs, this report"
+                "A study keeps no plan of its building. With the option --run RESULT, the result of one of its runs, this report"
                 " has the plans, the times of levels and stairs, congestion and maps of that run."
             )
-        return Section("building", "Building", (paragraph(missing),))
+        return Section("building", "Building", (paragraph(missing),), is_missing=True)
     building = run.trajectory.building
     levels, portals = building.levels, building.portals
     parts = [

@@ -17,11 +17,14 @@ class Point:
         Those that have it, where they are part of the report.
     author : str
         What the author has to add; empty if nothing.
+    of_run : str
+        What the author has to add to the report of a single run.
     """
 
     words: str
     sections: tuple[str, ...]
     author: str = ""
+    of_run: str = ""
 
 
 POINTS = (
@@ -43,14 +46,19 @@ POINTS = (
     Point("Software, version and kind of model", ("model",)),
     Point("Parameters of the model and those that were changed", ("model", "case")),
     Point("Verification and validation of the software", ("verification",), "judge whether what failed matters here"),
-    Point("Number of runs and seeds", ("model", "statistics"), ""),
-    Point("Evacuation times: of single runs, mean and percentiles", ("times", "statistics")),
+    Point("Number of runs and seeds", ("model", "statistics"), of_run="one run does not tell how much times vary"),
+    Point(
+        "Evacuation times: mean and percentiles over runs, or the times of people in one run",
+        ("times", "statistics"),
+        of_run="make a study of many runs",
+    ),
     Point("Egress curves", ("times", "statistics")),
-    Point("Times of exits, storeys and stairs", ("times", "exits", "places")),
+    Point("Times of exits", ("times", "exits")),
+    Point("Times of storeys and stairs", ("times", "places")),
     Point("Congestion: places, densities and durations", ("congestion", "maps")),
-    Point("Pictures of the course of the evacuation", ("maps",), "pictures at chosen times: `evac render`"),
+    Point("Pictures of the course of the evacuation", ("maps",), "add pictures at chosen times, as evac render draws them"),
     Point("Warnings and peculiarities of the runs", ("warnings",)),
-    Point("Variants and sensitivity of the results", ("points",), "compare variants: `evac sweep`"),
+    Point("Variants and sensitivity of the results", ("points",), "compare variants"),
     Point("Assessment: comparison with the protection goals, safety margins", ("assessment",), "write the assessment"),
     Point("Limits of the model and of the analysis", ("limits",)),
     Point("Data and files needed to repeat it", ("model", "case", "files"), "keep the file of the building"),
@@ -64,7 +72,7 @@ def checklist_section(numbers: dict[str, str]) -> Section:
     Parameters
     ----------
     numbers : dict of str to str
-        Number of each section of the report, by its id.
+        Number of each section of the report that is not missing, by its id.
     """
     intro = paragraph(
         "After the chapter on documentation of the RiMEA guideline (Guideline for Microscopic Evacuation Analysis,"
@@ -73,15 +81,16 @@ def checklist_section(numbers: dict[str, str]) -> Section:
     )
     rows = [(str(number), point.words, *_where(point, numbers)) for number, point in enumerate(POINTS, 1)]
     columns = ("no.", "point", "in this report", "left to the author")
-    return Section("checklist", "Contents of the documentation, point by point", (intro, table("Checklist", columns, rows)))
+    caption = "Numbers of sections and letters of appendices"
+    return Section("checklist", "Contents of the documentation, point by point", (intro, table(caption, columns, rows)))
 
 
 def _where(point: Point, numbers: dict[str, str]) -> tuple[Cell, str]:
+    left = "; ".join(one for one in (point.author, "" if "statistics" in numbers else point.of_run) if one)
     present = [section for section in point.sections if section in numbers]
     if not present:
-        needed = point.author or "add it"
-        return Cell("not provided", "bad"), needed
-    return Cell(_links(present, numbers), "open" if point.author else "good"), point.author or "nothing"
+        return Cell("not provided", "bad"), left or "add it"
+    return Cell(_links(present, numbers), "open" if left else "good"), left or "nothing"
 
 
 def _links(sections: Sequence[str], numbers: dict[str, str]) -> Html:

@@ -29,7 +29,7 @@ def congestion_sections(
     """
     if run.trajectory is None or not len(run.trajectory):
         missing = paragraph("No motion was recorded, so congestion cannot be told; the author has to look at it.")
-        return (Section("congestion", "Congestion", (missing,)),)
+        return (Section("congestion", "Congestion", (missing,), is_missing=True),)
     if least_time is None:
         least_time = SHARE * (run.summary.last_out if run.is_complete and run.summary.last_out else run.summary.simulated_time)
     found = find_congestion(run.trajectory, density, least_time)
@@ -59,15 +59,13 @@ def congestion_sections(
 
 def _told(run: Run, found: Congestion) -> list[Html]:
     assert run.trajectory is not None
-    interval = run.summary.table.output.get("every")
     parts = [
         paragraph(
             f"A place counts as congested where the density exceeds {found.density:g} people per m² for longer than"
             f" {found.least_time:.1f} s in all. The density of a person is a Gaussian kernel of radius {KERNEL_RADIUS:g} m,"
             " of which what lies off the floor is added to the rest; single people have about 0.65 per m² at their"
-            f" centre. It was looked at every {interval:g} s."
-            if isinstance(interval, int | float)
-            else ""
+            f" centre. {len(run.trajectory)} recorded times were looked at, from {run.trajectory.time[0]:g} to"
+            f" {run.trajectory.time[-1]:g} s."
         ),
         paragraph(
             "Threshold and time are options of the report. Unless others are given they are those of MSC.1/Circ.1533 of"

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evac.arrays import FloatArray
-from evac.building.model import Building, Exit, Portal
+from evac.building.model import Area, Building, Exit, Portal
 from evac.output import palette
 from evac.output.congestion import Place
 from evac.output.floorplan import draw_plans
@@ -21,6 +22,9 @@ from evac.output.report.html import Html, picture
 from evac.output.storeys import storeys
 from evac.output.trajectory import Trajectory
 
+#: Smaller areas have no name on plans, where there is no room for it [m2].
+LEAST_NAMED = 4.0
+
 #: Of maps, which are made of cells, when they are printed [1/inch].
 DPI = 150
 
@@ -29,7 +33,7 @@ def drawing(figure: Figure, caption: str, words: str) -> Html:
     """Return a figure of lines as a drawing that is sharp at any size; the same figure gives the same bytes."""
     file = io.BytesIO()
     with matplotlib.rc_context({"svg.hashsalt": "evac"}):
-        figure.savefig(file, format="svg", metadata={"Date": None})
+        figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches="tight", pad_inches=0.03)
     return picture(file.getvalue(), "svg+xml", caption, words)
 
 
@@ -46,11 +50,11 @@ def plans(building: Building) -> Html:
                 _write_width(axes, exit_)
         for area in building.areas:
             if area.level in rows:
-                _draw_area(axes, area.name, area.polygon)
+                _draw_area(axes, area)
     caption = (
         "Plans of the storeys at one scale. Green: exits with their names; dashed lines: portals between levels; the"
-        " numbers at both are clear widths in metres; dotted outlines: areas in which people can start. Flights and"
-        " landings are drawn with the floor below them. Red: closed."
+        " numbers at both are clear widths in metres; dotted outlines: areas in which people can start, with the names of"
+        f" those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them. Red: closed."
     )
     return drawing(drawn.figure, caption, "plans of the storeys")
 
@@ -62,26 +66,29 @@ def _write_width(axes: Axes, link: Portal | Exit) -> None:
     axes.annotate(
         f"{link.width:.2f}",
         (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
-        xytext=(9.0 * inward[0], 9.0 * inward[1]) if isinstance(link, Exit) else (0.0, 0.0),
+        xytext=(11.0 * inward[0], 11.0 * inward[1]) if isinstance(link, Exit) else (0.0, 0.0),
         textcoords="offset points",
         ha="center",
         va="center",
-        fontsize=6.5,
+        fontsize=8,
         color=palette.TEXT,
         bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
         zorder=7,
     )
 
 
-def _draw_area(axes: Axes, name: str, polygon: object) -> None:
-    import shapely
-
-    for part in shapely.get_parts(polygon):
+def _draw_area(axes: Axes, area: Area) -> None:
+    for part in shapely.get_parts(area.polygon):
         x, y = shapely.get_coordinates(part.exterior).T
         axes.plot(x, y, color=palette.EDGE, linewidth=0.7, linestyle=":", zorder=2)
-    at = shapely.point_on_surface(polygon)
-    style = {"ha": "center", "va": "center", "fontsize": 7, "color": palette.TEXT, "parse_math": False}
-    axes.text(at.x, at.y, name, zorder=6, **style)
+    if area.polygon.area < LEAST_NAMED:
+        return
+    largest = max(shapely.get_parts(area.polygon), key=lambda part: float(part.area))
+    outline = shapely.Polygon(largest.exterior)
+    at = outline.centroid if outline.contains(outline.centroid) else outline.point_on_surface()
+    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+    style = {"ha": "center", "va": "center", "fontsize": 8, "color": palette.TEXT, "parse_math": False}
+    axes.text(at.x, at.y, area.name, zorder=6, bbox=box, **style)
 
 
 def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Html:
@@ -146,8 +153,8 @@ def map_picture(
                 style = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
                 axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
     file = io.BytesIO()
-    figure.savefig(file, format="png", metadata={"Software": None})
-    return picture(file.getvalue(), "png", caption, caption)
+    figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)
+    return picture(file.getvalue(), "png", caption, caption, "map")
 
 
 def curve_of(exit_time: FloatArray) -> Curve:

@@ -2,9 +2,13 @@
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+#: Words longer than this may be broken in a line.
+LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
 
 #: Shown where there is no value.
 NOTHING = "–"
@@ -27,11 +31,14 @@ class Section:
     title : str
     parts : tuple of Html
         What is below the title.
+    is_missing : bool
+        Whether it only says that what belongs there is not known.
     """
 
     id: str
     title: str
     parts: tuple[Html, ...]
+    is_missing: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,7 +64,8 @@ def escaped(value: object) -> Html:
         return Html(NOTHING)
     if isinstance(value, bool):
         return Html("yes" if value else "no")
-    return Html(html.escape(f"{value:.4g}" if isinstance(value, float) else str(value)))
+    words = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return Html("<wbr>".join(html.escape(part) for part in LONG_WORD.sub("\\1\0", words).split("\0")))
 
 
 def fixed(value: float | None, digits: int) -> str | None:
@@ -101,10 +109,11 @@ def link(section: str, words: object) -> Html:
     return element("a", words, href=f"#{section}")
 
 
-def facts(rows: Mapping[str, object]) -> Html:
+def facts(rows: Mapping[str, object], caption: str = "") -> Html:
     """Return names and values, a row each."""
+    above = [element("caption", caption)] if caption else []
     body = (element("tr", element("th", name, scope="row"), element("td", value)) for name, value in rows.items())
-    return element("table", element("tbody", *body), class_="facts")
+    return element("table", *above, element("tbody", *body), class_="facts")
 
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Html:
@@ -132,7 +141,7 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]]
     )
 
 
-def picture(data: bytes, kind: str, caption: str, words: str) -> Html:
+def picture(data: bytes, kind: str, caption: str, words: str, class_: str = "drawing") -> Html:
     """Return a figure whose picture is part of the page.
 
     Parameters
@@ -144,10 +153,12 @@ def picture(data: bytes, kind: str, caption: str, words: str) -> Html:
     caption : str
     words : str
         What it shows, for those who cannot see it.
+    class_ : str
+        ``"drawing"``, or ``"map"``, of which a printed page has two.
     """
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
     image = Html(f'<img src="{source}" alt="{html.escape(words)}">')
-    return element("figure", image, element("figcaption", caption))
+    return element("figure", image, element("figcaption", caption), class_=class_)
 
 
 def to_fill_in(name: str, value: str | None = None, class_: str = "line") -> Html:

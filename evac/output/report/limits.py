@@ -15,7 +15,7 @@ LIMITS = (
     " measured ones, and stairs several times faster. Then flows and times are no design values.",
     "People know the way: nobody explores, misreads a sign or turns back, unless a behaviour in use says so.",
     "Response times, speeds and numbers of people are assumptions of the case; results are no better than these.",
-    "One run is one draw of everything random. It does not say how much times vary: `evac repeat` does.",
+    "One run is one draw of everything random. It does not say how much times vary, as a study of many runs does.",
     "evac has not been validated for certifying a building. The tests that fail are listed in this report.",
 )
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from evac.output.report.html import Html, Section, element, facts, heading, paragraph, table
+from evac.output.report.html import Html, Section, element, facts, heading, paragraph
 from evac.output.report.occupants import told
 from evac.output.report.source import CaseTable
 
@@ -47,7 +47,7 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
         _parameters("Forces between people at a distance", forces) if forces else paragraph("No force acts at a distance."),
         _parameters("Time and scheme", simulation),
         _parameters("Travel times and directions", {key: told(value) for key, value in case.directions.items()}),
-        table("Versions", ("package", "version"), list(versions.items())),
+        facts(versions, "Versions"),
         paragraph("Plugins with a part in it: ", ", ".join(plugins), "."),
         heading("To repeat it"),
         paragraph(
@@ -65,7 +65,7 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
 
 
 def _parameters(caption: str, values: Mapping[str, str]) -> Html:
-    return table(caption, ("parameter", "value"), list(values.items()))
+    return facts(values, caption)
 
 
 def case_section(case: Mapping[str, Any]) -> Section:

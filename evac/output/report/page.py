@@ -12,7 +12,7 @@ from evac.output.report.checklist import checklist_section
 from evac.output.report.html import Html, Section, element, facts, joined, link, note, paragraph, table, to_fill_in
 
 #: Sections that begin on a new page when they are printed.
-ON_A_NEW_PAGE = ("building", "occupants", "model", "verification", "times", "statistics", "congestion", "checklist", "case")
+ON_A_NEW_PAGE = ("building", "verification", "times", "statistics", "congestion", "checklist", "case")
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     appendices = [one for one in given if one.title.startswith("Appendix")]
     numbers = {"project": "head"} | {one.id: str(number) for number, one in enumerate(body, 1)}
     numbers |= {one.id: chr(ord("A") + index) for index, one in enumerate(appendices)}
-    checklist = checklist_section(numbers)
+    missing = {one.id for one in given if one.is_missing}
+    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing})
     numbers[checklist.id] = str(len(body) + 1)
     everything = [*body, checklist, *appendices]
     contents = (element("li", f"{numbers[one.id]} ", link(one.id, one.title)) for one in everything)

@@ -418,7 +418,7 @@ def _warnings(study: StudyFiles) -> Section:
     if len(warned) > MOST_LISTED:
         lines.append(f"... and in {len(warned) - MOST_LISTED} more runs, see {RUNS_NAME}")
     section = warnings_section(lines, ())
-    told_of = paragraph("Warnings of building and people are not kept by a study; `evac check CASE` shows them.")
+    told_of = paragraph("Warnings of building and people are not kept by a study; evac check CASE shows them.")
     return Section(section.id, section.title, (*section.parts[:-1], told_of))
 
 
