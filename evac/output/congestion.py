@@ -125,11 +125,7 @@ def find_congestion(
         frame = trajectory.frame(k)
         for level in building.levels:
             found[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
-    places = [
-        place
-        for level in building.levels
-        for place in found[level.index].places(building, level, least_time)
-    ]
+    places = [place for level in building.levels for place in found[level.index].places(building, level, least_time)]
     return Congestion(
         density=density,
         least_time=least_time,

@@ -4,7 +4,7 @@ import math
 
 from evac.building.model import Building
 from evac.output.report import figures
-from evac.output.report.html import Section, fixed, heading, paragraph, table
+from evac.output.report.html import Html, Section, counted, fixed, heading, paragraph, table
 from evac.output.report.source import Run
 
 
@@ -25,8 +25,9 @@ def building_section(run: Run | None) -> Section:
     levels, portals = building.levels, building.portals
     parts = [
         paragraph(
-            f"Read from {building.source.name}: {len(levels)} levels, {len(building.stairs)} stairs,"
-            f" {len(building.exits)} exits, {len(portals)} portals between levels, {len(building.areas)} areas;"
+            f"Read from {building.source.name}: {counted(len(levels), 'level')}, {counted(len(building.stairs), 'stair')},"
+            f" {counted(len(building.exits), 'exit')}, {counted(len(portals), 'portal')} between levels,"
+            f" {counted(len(building.areas), 'area')};"
             f" {sum(level.polygon.area for level in levels):.1f} m² of floor in plan."
         ),
         figures.plans(building),
@@ -52,7 +53,7 @@ def building_section(run: Run | None) -> Section:
     return Section("building", "Building", tuple(parts))
 
 
-def _levels(building: Building) -> str:
+def _levels(building: Building) -> Html:
     rows = [
         (
             level.name,

@@ -56,7 +56,9 @@ POINTS = (
     Point("Times of exits", ("times", "exits")),
     Point("Times of storeys and stairs", ("times", "places")),
     Point("Congestion: places, densities and durations", ("congestion", "maps")),
-    Point("Pictures of the course of the evacuation", ("maps",), "add pictures at chosen times, as evac render draws them"),
+    Point(
+        "Pictures of the course of the evacuation", ("maps",), "add pictures at chosen times, as evac render draws them"
+    ),
     Point("Warnings and peculiarities of the runs", ("warnings",)),
     Point("Variants and sensitivity of the results", ("points",), "compare variants"),
     Point("Assessment: comparison with the protection goals, safety margins", ("assessment",), "write the assessment"),

@@ -31,7 +31,9 @@ def congestion_sections(
         missing = paragraph("No motion was recorded, so congestion cannot be told; the author has to look at it.")
         return (Section("congestion", "Congestion", (missing,), is_missing=True),)
     if least_time is None:
-        least_time = SHARE * (run.summary.last_out if run.is_complete and run.summary.last_out else run.summary.simulated_time)
+        least_time = SHARE * (
+            run.summary.last_out if run.is_complete and run.summary.last_out else run.summary.simulated_time
+        )
     found = find_congestion(run.trajectory, density, least_time)
     computed = level_maps(run.trajectory)
     places = figures.map_picture(

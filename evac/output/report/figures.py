@@ -25,6 +25,9 @@ from evac.output.trajectory import Trajectory
 #: Smaller areas have no name on plans, where there is no room for it [m2].
 LEAST_NAMED = 4.0
 
+#: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
+PLANS = (6.8, 7.6)
+
 #: Of maps, which are made of cells, when they are printed [1/inch].
 DPI = 150
 
@@ -39,7 +42,7 @@ def drawing(figure: Figure, caption: str, words: str) -> Html:
 
 def plans(building: Building) -> Html:
     """Return the plans of all storeys, with the names and widths of exits, portals and areas."""
-    drawn = draw_plans(building, "", side=0.3)
+    drawn = draw_plans(building, None, side=0.3, greatest=PLANS)
     for axes, levels in zip(drawn.axes, drawn.levels, strict=True):
         rows = {level.index for level in levels}
         for portal in building.portals:
@@ -108,6 +111,7 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
                 ha="right",
                 fontsize=9,
                 color=palette.TEXT,
+                bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
             )
     caption = "People out over time: of everybody, and of each group of several people. The dotted line is all people."
     return drawing(figure, caption, "egress curve")

@@ -10,6 +10,9 @@ from typing import Any
 #: Words longer than this may be broken in a line.
 LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
 
+#: Tables of at most so many rows stay on one printed page.
+MOST_TOGETHER = 14
+
 #: Shown where there is no value.
 NOTHING = "–"
 
@@ -54,6 +57,11 @@ class Cell:
 
     content: object
     kind: str
+
+
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number with its noun."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
 
 
 def escaped(value: object) -> Html:
@@ -133,11 +141,13 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]]
         for index, name in enumerate(columns)
     )
     body = (element("tr", *(cell(index, value) for index, value in enumerate(row))) for row in rows)
+    is_short = len(rows) <= MOST_TOGETHER
     return element(
         "table",
         element("caption", caption),
         element("thead", element("tr", *head)),
         element("tbody", *body),
+        **({"class_": "together"} if is_short else {}),
     )
 
 

@@ -10,6 +10,21 @@ from evac.output.report.html import Html, Section, element, facts, heading, para
 from evac.output.report.occupants import told
 from evac.output.report.source import CaseTable
 
+#: What keys of [simulation] and [directions] are.
+WORDS = {
+    "step": "time step [s]",
+    "tick": "time between decisions of behaviours [s]",
+    "duration": "longest simulated time [s]",
+    "driving": "update of the drive",
+    "no_progress": "a run ends without progress for [s]",
+    "spacing": "distance of grid nodes [m]",
+    "clearance": "width kept clear of walls [m]",
+    "stairs_up": "reference speed up stairs over that on the flat",
+    "stairs_down": "reference speed down stairs over that on the flat",
+    "comfort": "weight of stairs on comfortable routes",
+    "order": "order of fast marching",
+}
+
 #: Names of keys that TOML lets stand without quotation marks.
 BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -27,7 +42,7 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
     command : str
         That repeats it, once the case of the appendix is in ``case.toml``.
     """
-    simulation = {key: told(value) for key, value in case.simulation.items() if key != "seed"}
+    simulation = {_named(key): told(value) for key, value in case.simulation.items() if key != "seed"}
     forces = {name: told(values) for name, values in case.forces.items() if values is not False}
     parts = [
         paragraph(
@@ -43,10 +58,16 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
                 "seed": seed,
             }
         ),
-        _parameters("Parameters of the contact model", {key: told(v) for key, v in case.model_parameters.items()}),
-        _parameters("Forces between people at a distance", forces) if forces else paragraph("No force acts at a distance."),
+        _parameters(
+            "Parameters of the contact model, in SI units", {key: told(v) for key, v in case.model_parameters.items()}
+        ),
+        _parameters("Forces between people at a distance, in SI units", forces)
+        if forces
+        else paragraph("No force acts at a distance."),
         _parameters("Time and scheme", simulation),
-        _parameters("Travel times and directions", {key: told(value) for key, value in case.directions.items()}),
+        _parameters(
+            "Travel times and directions", {_named(key): told(value) for key, value in case.directions.items()}
+        ),
         facts(versions, "Versions"),
         paragraph("Plugins with a part in it: ", ", ".join(plugins), "."),
         heading("To repeat it"),
@@ -62,6 +83,11 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
         ),
     ]
     return Section("model", "Model, parameters and versions", tuple(parts))
+
+
+def _named(key: str) -> str:
+    """Return a key of the case with what it is."""
+    return f"{WORDS[key]} ({key})" if key in WORDS else key
 
 
 def _parameters(caption: str, values: Mapping[str, str]) -> Html:

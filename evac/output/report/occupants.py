@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from evac.output.report.html import Html, Section, fixed, heading, paragraph, table
+from evac.output.report.html import Html, Section, counted, fixed, heading, paragraph, table
 from evac.output.report.source import CaseTable, GroupTable, Run
 
 #: Quantities of a person: the column of people.csv, what it is, its unit, and digits behind the point.
@@ -24,7 +24,9 @@ def occupants_section(case: CaseTable, run: Run | None) -> Section:
     """Return the section on the occupants of a case, with what a run has drawn."""
     total = sum(_number(group) for group in case.people)
     parts = [
-        paragraph(f"{total} people in {len(case.people)} groups. All start at time zero, the time of the alarm."),
+        paragraph(
+            f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. All start at time zero, the time of the alarm."
+        ),
         _groups(case, run),
         heading("Characteristics"),
         paragraph(
@@ -97,7 +99,8 @@ def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
             for name, (what, unit, digits) in QUANTITIES.items()
         ]
         columns = ("quantity", "unit", "as set", *(("least", "mean", "greatest") if run else ()))
-        yield table(f"{sum(map(_number, groups))} people: {names}", columns, rows)
+        people = counted(sum(map(_number, groups)), "person", "people")
+        yield table(f"{people}: {names}", columns, rows)
         if given.get("limit_stair_speeds"):
             yield paragraph("Nobody is faster on stairs than on the flat.", class_="small")
 

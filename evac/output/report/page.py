@@ -12,7 +12,10 @@ from evac.output.report.checklist import checklist_section
 from evac.output.report.html import Html, Section, element, facts, joined, link, note, paragraph, table, to_fill_in
 
 #: Sections that begin on a new page when they are printed.
-ON_A_NEW_PAGE = ("building", "verification", "times", "statistics", "congestion", "checklist", "case")
+ON_A_NEW_PAGE = ("building", "verification", "times", "statistics", "congestion", "maps", "checklist", "case")
+
+#: Sections that stay on one page.
+TOGETHER = ("purpose", "assessment", "limits", "warnings")
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,9 @@ def files_section(found: Iterable[tuple[str, int, str]]) -> Section:
 
 
 def _purpose() -> Section:
-    words = paragraph("To be written by the author: purpose, protection goals, scenario, plans that the building follows.")
+    words = paragraph(
+        "To be written by the author: purpose, protection goals, scenario, plans that the building follows."
+    )
     return Section("purpose", "Project and purpose", (words, to_fill_in("purpose", class_="box")))
 
 
@@ -149,5 +154,6 @@ def _results(results: dict[str, object]) -> Html:
 def _section(section: Section, number: str) -> Html:
     title = section.title.removeprefix("Appendix: ")
     words = f"Appendix {number}: {title[:1].upper()}{title[1:]}" if title != section.title else f"{number} {title}"
-    attributes = {"id": section.id} | ({"class_": "page"} if section.id in ON_A_NEW_PAGE else {})
+    kinds = {"page": section.id in ON_A_NEW_PAGE, "together": section.id in TOGETHER}
+    attributes = {"id": section.id} | {"class_": name for name, holds in kinds.items() if holds}
     return element("section", element("h2", words), *section.parts, **attributes)

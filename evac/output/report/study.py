@@ -1,6 +1,7 @@
 """The report of a study: many runs of a case, from the files of its folder."""
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,12 @@ PERCENTILES = (5, 50, 95)
 
 #: So many runs are listed one by one; the others are in runs.csv.
 MOST_LISTED = 100
+
+#: So many seeds are listed in a line.
+MOST_SEEDS = 20
+
+#: A number in a warning; warnings that differ by numbers alone are told once.
+NUMBER = re.compile(r"\d+(\.\d+)?")
 
 #: Columns of runs.csv that a report needs, and the ends of those that tell of an exit.
 COLUMNS = ("point", "run", "seed", "ended", "blocked", "time", "people", "out", "last_out", "quality_warnings")
@@ -170,7 +177,11 @@ def study_report(
         *_points(study),
         _statistics(study),
         _exits(study),
-        *(section for number, run in enumerate(shown, 1) for section in _of_run(run, number, density, least_time, maps)),
+        *(
+            section
+            for number, run in enumerate(shown, 1)
+            for section in _of_run(run, number, density, least_time, maps)
+        ),
         _warnings(study),
         assessment_section(),
         limits_section(is_study=True),
@@ -178,7 +189,9 @@ def study_report(
         case_section(study.case),
         files_section(digests(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME))),
     ]
-    head = Head(summary.title or folder.name, f"Evacuation analysis: {summary.runs} runs", _banner(summary), _results(study))
+    head = Head(
+        summary.title or folder.name, f"Evacuation analysis: {summary.runs} runs", _banner(summary), _results(study)
+    )
     return page(head, labels, sections, f"evac {summary.versions.get('evac', '')}")
 
 
@@ -237,7 +250,7 @@ def _ranges(seeds: Sequence[int]) -> str:
     """Return seeds as ranges."""
     if seeds and seeds[-1] - seeds[0] + 1 == len(seeds) > 1:
         return f"{seeds[0]} to {seeds[-1]}, a run with each"
-    return ", ".join(map(str, seeds[:20])) + (" ..." if len(seeds) > 20 else "")
+    return _listed([str(seed) for seed in seeds])
 
 
 def _command(summary: StudySummary) -> str:
@@ -245,7 +258,9 @@ def _command(summary: StudySummary) -> str:
     rule = summary.rule
     number = f"--runs {rule.most}"
     if rule.until is not None:
-        number = f'--until {100.0 * rule.until:g}% --statistic "{rule.statistic}" --least {rule.least} --most {rule.most}'
+        number = (
+            f'--until {100.0 * rule.until:g}% --statistic "{rule.statistic}" --least {rule.least} --most {rule.most}'
+        )
     if rule.repetitions > 1:
         number += f" --repetitions {rule.repetitions}"
     if len(summary.points) == 1 and not summary.points[0].parameters:
@@ -389,18 +404,26 @@ def _exits(study: StudyFiles) -> Section:
             shares = [fixed(float(np.percentile(used, of)), 1) if used.size else None for of in PERCENTILES]
             mean = fixed(float(np.nanmean(people)), 1)
             rows.append((name, mean, used.size, fixed(float(used.mean()), 1) if used.size else None, *shares))
-        columns = ("exit", "people, mean", "runs that used it", "mean [s]", *(f"{of} % of runs [s]" for of in PERCENTILES))
+        columns = (
+            "exit",
+            "people, mean",
+            "runs that used it",
+            "mean [s]",
+            *(f"{of} % of runs [s]" for of in PERCENTILES),
+        )
         where = "" if len(study.summary.points) == 1 else f", point {point}"
-        parts.append(table(f"When the last person of a run left by each exit, over the runs that used it{where}", columns, rows))
+        parts.append(
+            table(f"When the last person of a run left by each exit, over the runs that used it{where}", columns, rows)
+        )
     parts.append(
-        paragraph("Times of levels and stairs are not kept by a study; they are those of the single runs shown, if any.")
+        paragraph(
+            "Times of levels and stairs are not kept by a study; they are those of the single runs shown, if any."
+        )
     )
     return Section("exits", "Exits over runs", tuple(parts))
 
 
-def _of_run(
-    run: Run, number: int, density: float, least_time: float | None, maps: Sequence[str]
-) -> Iterator[Section]:
+def _of_run(run: Run, number: int, density: float, least_time: float | None, maps: Sequence[str]) -> Iterator[Section]:
     """Yield the sections on one run: its places, congestion and maps."""
     name = f"Run with seed {run.summary.seed}"
     suffix = "" if number == 1 else f"-{number}"
@@ -413,13 +436,22 @@ def _of_run(
 
 def _warnings(study: StudyFiles) -> Section:
     """Return the section on quality warnings: each with the seeds of its runs."""
-    warned = [(study.runs["seed"][row], text) for row, text in enumerate(study.runs["quality_warnings"]) if text]
-    lines = [f"seed {seed}: {text}" for seed, text in warned[:MOST_LISTED]]
-    if len(warned) > MOST_LISTED:
-        lines.append(f"... and in {len(warned) - MOST_LISTED} more runs, see {RUNS_NAME}")
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for seed, text in zip(study.runs["seed"], study.runs["quality_warnings"], strict=True):
+        if text:
+            alike.setdefault(NUMBER.sub("#", text), []).append((seed, text))
+    lines = []
+    for found in alike.values():
+        seed, text = found[0]
+        others = f", and like it in {len(found) - 1} more (seeds {_listed([s for s, _ in found[1:]])})"
+        lines.append(f"run with seed {seed}{others if len(found) > 1 else ''}: {text}")
     section = warnings_section(lines, ())
     told_of = paragraph("Warnings of building and people are not kept by a study; evac check CASE shows them.")
     return Section(section.id, section.title, (*section.parts[:-1], told_of))
+
+
+def _listed(words: Sequence[str]) -> str:
+    return ", ".join(words[:MOST_SEEDS]) + (" ..." if len(words) > MOST_SEEDS else "")
 
 
 def _runs(study: StudyFiles) -> Section:

@@ -71,7 +71,9 @@ def times_section(run: Run) -> Section:
 
         parts += [
             heading("Metrics of plugins"),
-            table("As the plugins return them", ("plugin", "metric"), [(k, told(v)) for k, v in summary.metrics.items()]),
+            table(
+                "As the plugins return them", ("plugin", "metric"), [(k, told(v)) for k, v in summary.metrics.items()]
+            ),
         ]
     return Section("times", "Evacuation times", tuple(parts))
 
