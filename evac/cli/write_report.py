@@ -1,8 +1,8 @@
 """evac report: write a report to hand in: one HTML file that prints well.
 
-It has the building and its plans, occupants and assumptions, the model with its parameters and versions, what has been
-verified and what failed, egress curve and times, congestion, maps, warnings and limits of use, and a checklist of what a
-documentation should hold. Fields that no option fills in are left to be filled in by hand.
+It has the building and its plans, occupants and assumptions, the model with its parameters and versions, what has
+been verified and what failed, egress curve and times, congestion, maps, warnings and limits of use, and a checklist
+of what a documentation should hold. Fields that no option fills in are left to be filled in by hand.
 """
 
 import argparse

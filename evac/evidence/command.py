@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import evac
-
 from evac.errors import ResultError, ScenarioError
 from evac.evidence import KINDS
 from evac.evidence.report import Evidence

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.building.model import Building, Level
+from evac.building.model import Building, Exit, Level, Portal
 from evac.errors import ResultError
 from evac.output.grid import Grid
 from evac.output.maps import KERNEL_RADIUS, SPACING
@@ -184,7 +184,7 @@ class _Exceeding:
 
 def _nearest(building: Building, level: Level, point: FloatArray) -> str:
     """Return the name of the portal or exit of a level that is nearest to a point."""
-    links = [*building.portals_of(level.index), *building.exits_of(level.index)]
+    links: list[Portal | Exit] = [*building.portals_of(level.index), *building.exits_of(level.index)]
     place = shapely.Point(point)
     lines = [shapely.multilinestrings([s.reshape(2, 2) for s in link.segments]) for link in links]
     distances = [line.distance(place) for line in lines]

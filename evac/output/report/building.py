@@ -17,16 +17,17 @@ def building_section(run: Run | None) -> Section:
         )
         if run is None:
             missing = (
-                "A study keeps no plan of its building. With the option --run RESULT, the result of one of its runs, this report"
-                " has the plans, the times of levels and stairs, congestion and maps of that run."
+                "A study keeps no plan of its building. With the option --run RESULT, the result of one of its runs,"
+                " this report has the plans, the times of levels and stairs, congestion and maps of that run."
             )
         return Section("building", "Building", (paragraph(missing),), is_missing=True)
     building = run.trajectory.building
     levels, portals = building.levels, building.portals
     parts = [
         paragraph(
-            f"Read from {building.source.name}: {counted(len(levels), 'level')}, {counted(len(building.stairs), 'stair')},"
-            f" {counted(len(building.exits), 'exit')}, {counted(len(portals), 'portal')} between levels,"
+            f"Read from {building.source.name}: {counted(len(levels), 'level')},"
+            f" {counted(len(building.stairs), 'stair')}, {counted(len(building.exits), 'exit')},"
+            f" {counted(len(portals), 'portal')} between levels,"
             f" {counted(len(building.areas), 'area')};"
             f" {sum(level.polygon.area for level in levels):.1f} m² of floor in plan."
         ),

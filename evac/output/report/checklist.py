@@ -78,8 +78,8 @@ def checklist_section(numbers: dict[str, str]) -> Section:
     """
     intro = paragraph(
         "After the chapter on documentation of the RiMEA guideline (Guideline for Microscopic Evacuation Analysis,"
-        " version 4.1.1). The list is our reading of it, in our words: it does not quote the guideline, which the author"
-        " has to compare."
+        " version 4.1.1). The list is our reading of it, in our words: it does not quote the guideline, and the"
+        " author has to compare it."
     )
     rows = [(str(number), point.words, *_where(point, numbers)) for number, point in enumerate(POINTS, 1)]
     columns = ("no.", "point", "in this report", "left to the author")

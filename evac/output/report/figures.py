@@ -3,6 +3,7 @@
 import io
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -56,8 +57,8 @@ def plans(building: Building) -> Html:
                 _draw_area(axes, area)
     caption = (
         "Plans of the storeys at one scale. Green: exits with their names; dashed lines: portals between levels; the"
-        " numbers at both are clear widths in metres; dotted outlines: areas in which people can start, with the names of"
-        f" those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them. Red: closed."
+        " numbers at both are clear widths in metres; dotted outlines: areas in which people can start, with the names"
+        f" of those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them. Red: closed."
     )
     return drawing(drawn.figure, caption, "plans of the storeys")
 
@@ -90,7 +91,7 @@ def _draw_area(axes: Axes, area: Area) -> None:
     outline = shapely.Polygon(largest.exterior)
     at = outline.centroid if outline.contains(outline.centroid) else outline.point_on_surface()
     box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-    style = {"ha": "center", "va": "center", "fontsize": 8, "color": palette.TEXT, "parse_math": False}
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "color": palette.TEXT, "parse_math": False}
     axes.text(at.x, at.y, area.name, zorder=6, bbox=box, **style)
 
 
@@ -154,7 +155,7 @@ def map_picture(
         for number, place in enumerate(places, 1):
             if place.level in names:
                 mark = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": palette.CLOSED}
-                style = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
+                style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "fontweight": "bold"}
                 axes.text(place.x, place.y, str(number), color=palette.CLOSED, bbox=mark, zorder=9, **style)
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None}, bbox_inches="tight", pad_inches=0.03)

@@ -14,7 +14,7 @@ LONG_WORD = re.compile(r"(\S{24})(?=\S{8})")
 MOST_TOGETHER = 14
 
 #: Shown where there is no value.
-NOTHING = "–"
+NOTHING = "-"
 
 
 class Html(str):
@@ -82,8 +82,8 @@ def fixed(value: float | None, digits: int) -> str | None:
 
 
 def element(tag: str, *content: object, **attributes: str) -> Html:
-    """Return an element; an underscore behind the name of an attribute is left out (``class_``)."""
-    given = "".join(f' {name.rstrip("_")}="{html.escape(value)}"' for name, value in attributes.items())
+    """Return an element; empty attributes are left out, and an underscore behind a name is too (``class_``)."""
+    given = "".join(f' {name.rstrip("_")}="{html.escape(value)}"' for name, value in attributes.items() if value)
     return Html(f"<{tag}{given}>{''.join(escaped(one) for one in content)}</{tag}>")
 
 
@@ -94,7 +94,7 @@ def joined(*parts: object) -> Html:
 
 def paragraph(*content: object, class_: str = "") -> Html:
     """Return a paragraph."""
-    return element("p", *content, **({"class_": class_} if class_ else {}))
+    return element("p", *content, class_=class_)
 
 
 def heading(words: str) -> Html:
@@ -134,10 +134,10 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]]
         if isinstance(value, Cell):
             kinds.append(value.kind)
             value = value.content
-        return element("td", value, **({"class_": " ".join(kinds)} if kinds else {}))
+        return element("td", value, class_=" ".join(kinds))
 
     head = (
-        element("th", name, scope="col", **({"class_": "number"} if numeric[index] else {}))
+        element("th", name, scope="col", class_="number" if numeric[index] else "")
         for index, name in enumerate(columns)
     )
     body = (element("tr", *(cell(index, value) for index, value in enumerate(row))) for row in rows)
@@ -147,7 +147,7 @@ def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]]
         element("caption", caption),
         element("thead", element("tr", *head)),
         element("tbody", *body),
-        **({"class_": "together"} if is_short else {}),
+        class_="together" if is_short else "",
     )
 
 

@@ -6,8 +6,8 @@ from evac.output.report.html import Html, Section, heading, items, note, paragra
 
 #: What the results must not be taken for. The README says the same at more length.
 LIMITS = (
-    "No fire, smoke, heat or toxic gas, and nobody falls or gets hurt: movement is computed, not harm. Whether the time"
-    " available is longer than the time required has to be shown by other means.",
+    "No fire, smoke, heat or toxic gas, and nobody falls or gets hurt: movement is computed, not harm. Whether the"
+    " time available is longer than the time required has to be shown by other means.",
     "No lifts, escalators or moving walkways, and no ramp or stair that turns by more than a quarter in one piece.",
     "Bodies are discs of one radius in plan: no shoulders that turn, no wheelchairs, no bags. A crowd can block a narrow"
     " door for good, which people would not; a run in which it does counts as blocked.",

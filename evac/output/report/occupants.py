@@ -25,7 +25,8 @@ def occupants_section(case: CaseTable, run: Run | None) -> Section:
     total = sum(_number(group) for group in case.people)
     parts = [
         paragraph(
-            f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. All start at time zero, the time of the alarm."
+            f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. All start at time zero, the"
+            " time of the alarm."
         ),
         _groups(case, run),
         heading("Characteristics"),
@@ -43,7 +44,7 @@ def occupants_section(case: CaseTable, run: Run | None) -> Section:
 def told(value: Any) -> str:
     """Return a value of a case as words: a distribution as its name and numbers."""
     if isinstance(value, Mapping):
-        return "; ".join(_told_pair(key, one) for key, one in value.items()) or "–"
+        return "; ".join(_told_pair(key, one) for key, one in value.items()) or "-"
     if isinstance(value, list | tuple):
         listed = [told(one) for one in value]
         return ", ".join(listed if len(listed) <= 12 else [*listed[:3], "...", f"{len(listed)} values"]) or "none"
@@ -135,10 +136,10 @@ def _behaviours(case: CaseTable, run: Run | None) -> Iterator[Html]:
     else:
         yield paragraph("No behaviour is in use: everybody starts at once and walks the own route.")
     if run is not None and len(run.people["group"]):
-        rows = []
+        drawn: list[tuple[str | None, ...]] = []
         for group in case.people:
             times = run.numbers("response_time")[run.rows_of(group.name)]
             if len(times):
-                rows.append((group.name, *(fixed(number, 1) for number in _least_mean_greatest(times))))
+                drawn.append((group.name, *(fixed(number, 1) for number in _least_mean_greatest(times))))
         columns = ("group", "least [s]", "mean [s]", "greatest [s]")
-        yield table("Response times drawn: until then a person wants to stand", columns, rows)
+        yield table("Response times drawn: until then a person wants to stand", columns, drawn)

@@ -9,7 +9,7 @@ from evac.output.report.html import Section
 from evac.output.report.limits import limits_section, warnings_section
 from evac.output.report.model import case_section, model_section
 from evac.output.report.occupants import occupants_section
-from evac.output.report.page import Head, Labels, assessment_section, files_section, page
+from evac.output.report.page import BLANK, Head, Labels, assessment_section, files_section, page
 from evac.output.report.source import Run, read_run
 from evac.output.report.times import times_section
 from evac.output.report.verification import verification_section
@@ -20,7 +20,7 @@ STOPPED = ("interrupted", "failed")
 
 def run_report(
     folder: Path,
-    labels: Labels = Labels(),
+    labels: Labels = BLANK,
     *,
     density: float,
     least_time: float | None = None,

@@ -33,6 +33,10 @@ class Labels:
     date: str | None = None
 
 
+#: Everything is filled in by hand.
+BLANK = Labels()
+
+
 @dataclass(frozen=True)
 class Head:
     """What opens a report.
@@ -155,5 +159,5 @@ def _section(section: Section, number: str) -> Html:
     title = section.title.removeprefix("Appendix: ")
     words = f"Appendix {number}: {title[:1].upper()}{title[1:]}" if title != section.title else f"{number} {title}"
     kinds = {"page": section.id in ON_A_NEW_PAGE, "together": section.id in TOGETHER}
-    attributes = {"id": section.id} | {"class_": name for name, holds in kinds.items() if holds}
+    attributes = {"id": section.id, "class_": " ".join(name for name, holds in kinds.items() if holds)}
     return element("section", element("h2", words), *section.parts, **attributes)

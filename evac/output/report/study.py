@@ -20,7 +20,7 @@ from evac.output.report.html import Cell, Html, Section, fixed, heading, items, 
 from evac.output.report.limits import limits_section, warnings_section
 from evac.output.report.model import case_section, model_section
 from evac.output.report.occupants import occupants_section, told
-from evac.output.report.page import Head, Labels, assessment_section, files_section, page
+from evac.output.report.page import BLANK, Head, Labels, assessment_section, files_section, page
 from evac.output.report.source import CaseTable, Run, checked, digests, read_columns, read_json, read_run
 from evac.output.report.times import place_tables
 from evac.output.report.verification import verification_section
@@ -139,7 +139,7 @@ def is_study(folder: Path) -> bool:
 def study_report(
     folder: Path,
     runs: Sequence[Path] = (),
-    labels: Labels = Labels(),
+    labels: Labels = BLANK,
     *,
     density: float,
     least_time: float | None = None,
@@ -208,8 +208,8 @@ def read_study(folder: Path) -> StudyFiles:
     runs = read_columns(folder / RUNS_NAME, COLUMNS)
     if len(runs["run"]) != summary.runs:
         raise ResultError(
-            f"{folder / RUNS_NAME}: {len(runs['run'])} runs, but {SUMMARY_NAME} has {summary.runs}; the files are not of"
-            " one study: make it again"
+            f"{folder / RUNS_NAME}: {len(runs['run'])} runs, but {SUMMARY_NAME} has {summary.runs}; the files are not"
+            " of one study: make it again"
         )
     columns = read_columns(folder / EGRESS_NAME, ("time", "mean_over_runs"))
     try:
@@ -277,7 +277,7 @@ def _banner(summary: StudySummary) -> str:
 def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
     """Return an estimate with its interval."""
     if one.value is None:
-        return "not reached" if is_blocked else "–"
+        return "not reached" if is_blocked else "-"
     if one.low is None and one.high is None:
         return f"{one.value:.1f} s"
     low = "open" if one.low is None else f"{one.low:.1f}"

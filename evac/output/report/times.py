@@ -116,10 +116,8 @@ def _exits(run: Run) -> Html:
     for name, use in run.summary.exits.items():
         times = exit_time[used == name]
         first = fixed(float(times.min()), 1) if times.size else None
-        lines.append(
-            (name, use.people, first, fixed(use.last_out, 1), fixed(use.width, 2), fixed(use.flow, 2))
-            + (fixed(use.flow_per_metre, 2),)
-        )
+        flows = fixed(use.width, 2), fixed(use.flow, 2), fixed(use.flow_per_metre, 2)
+        lines.append((name, use.people, first, fixed(use.last_out, 1), *flows))
     caption = "Exits; the flow is that between the first and the last fifth of the people, if 20 or more left there"
     columns = ("exit", "people", "first [s]", "last [s]", "width [m]", "flow [1/s]", "per metre [1/(m s)]")
     return table(caption, columns, lines)

@@ -86,8 +86,8 @@ def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str])
         failed = sum(row[subject].startswith("NO") for row in rows)
         parts.append(
             paragraph(
-                f"The contact model of this case was tested as {subject}: of {len(rows)} criteria, {passed} were met and"
-                f" {failed} were not. The model's other parameters were those of the tests, which may differ from those"
+                f"The contact model of this case was tested as {subject}: of {len(rows)} criteria, {passed} were met"
+                f" and {failed} were not. The model's other parameters were those of the tests, which may differ from those"
                 " of this case."
             )
         )
