@@ -53,7 +53,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.output.files import REPORT_NAME
     from evac.output.report.of_run import run_report
     from evac.output.report.page import Labels, write_page
-    from evac.output.report.study import is_study, study_report
+    from evac.output.report.study import study_report
+    from evac.output.report.study_files import is_study
     from evac.output.resultfolder import find_result
 
     folder = find_result(arguments.result)

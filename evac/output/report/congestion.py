@@ -65,9 +65,9 @@ def _told(run: Run, found: Congestion) -> list[Html]:
         paragraph(
             f"A place counts as congested where the density exceeds {found.density:g} people per m² for longer than"
             f" {found.least_time:.1f} s in all. The density of a person is a Gaussian kernel of radius"
-            f" {KERNEL_RADIUS:g} m, of which what lies off the floor is added to the rest; single people have about 0.65 per m² at their"
-            f" centre. {len(run.trajectory)} recorded times were looked at, from {run.trajectory.time[0]:g} to"
-            f" {run.trajectory.time[-1]:g} s."
+            f" {KERNEL_RADIUS:g} m, of which what lies off the floor is added to the rest; single people have about"
+            f" 0.65 per m² at their centre. {len(run.trajectory)} recorded times were looked at, from"
+            f" {run.trajectory.time[0]:g} to {run.trajectory.time[-1]:g} s."
         ),
         paragraph(
             "Threshold and time are options of the report. Unless others are given they are those of MSC.1/Circ.1533 of"

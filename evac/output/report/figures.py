@@ -58,7 +58,8 @@ def plans(building: Building) -> Html:
     caption = (
         "Plans of the storeys at one scale. Green: exits with their names; dashed lines: portals between levels; the"
         " numbers at both are clear widths in metres; dotted outlines: areas in which people can start, with the names"
-        f" of those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them. Red: closed."
+        f" of those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them."
+        " Red: closed."
     )
     return drawing(drawn.figure, caption, "plans of the storeys")
 

@@ -9,8 +9,8 @@ LIMITS = (
     "No fire, smoke, heat or toxic gas, and nobody falls or gets hurt: movement is computed, not harm. Whether the"
     " time available is longer than the time required has to be shown by other means.",
     "No lifts, escalators or moving walkways, and no ramp or stair that turns by more than a quarter in one piece.",
-    "Bodies are discs of one radius in plan: no shoulders that turn, no wheelchairs, no bags. A crowd can block a narrow"
-    " door for good, which people would not; a run in which it does counts as blocked.",
+    "Bodies are discs of one radius in plan: no shoulders that turn, no wheelchairs, no bags. A crowd can block a"
+    " narrow door for good, which people would not; a run in which it does counts as blocked.",
     "Without the behaviour headway people walk at full speed until bodies touch: a crowd passes doors faster than"
     " measured ones, and stairs several times faster. Then flows and times are no design values.",
     "People know the way: nobody explores, misreads a sign or turns back, unless a behaviour in use says so.",

@@ -87,8 +87,8 @@ def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str])
         parts.append(
             paragraph(
                 f"The contact model of this case was tested as {subject}: of {len(rows)} criteria, {passed} were met"
-                f" and {failed} were not. The model's other parameters were those of the tests, which may differ from those"
-                " of this case."
+                f" and {failed} were not. The model's other parameters were those of the tests, which may differ from"
+                " those of this case."
             )
         )
         shown = [subject]
