@@ -34,7 +34,7 @@ def building_section(run: Run | None) -> Section:
         figures.plans(building),
         _levels(building),
         table(
-            "Exits",
+            "Exits, with clear widths",
             ("exit", "level", "clear width [m]", "state"),
             [(e.name, levels[e.level].name, fixed(e.width, 2), _state(building.is_open(e))) for e in building.exits],
         ),

@@ -108,9 +108,9 @@ def case_text(case: Mapping[str, Any]) -> str:
     plain = {key: value for key, value in case.items() if not _is_table(value)}
     lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
     for key, value in case.items():
-        if isinstance(value, Mapping) and value:
+        if isinstance(value, Mapping):
             lines += ["", f"[{_key(key)}]", *(f"{_key(name)} = {_value(one)}" for name, one in value.items())]
-        elif _is_table(value) and value:
+        elif _is_table(value):
             for row in value:
                 lines += ["", f"[[{_key(key)}]]", *(f"{_key(name)} = {_value(one)}" for name, one in row.items())]
     return "\n".join(lines) + "\n"

@@ -31,7 +31,7 @@ def evidence() -> Mapping[str, Any]:
     return found
 
 
-def tested_as(case: CaseTable, subjects: list[str]) -> str | None:
+def subject_like(case: CaseTable, subjects: list[str]) -> str | None:
     """Return which subject of the standard tests is like the model of a case; None if none is.
 
     Subjects are named by model and variant, with ", headway" behind where people keep their distance.
@@ -68,7 +68,7 @@ def verification_section(case: CaseTable) -> Section:
 def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str]) -> list[Html]:
     """Return the standard tests, as the model of a case has fared, or all models where it was not put to them."""
     subjects = [column for column in rows[0] if column not in TEST_COLUMNS]
-    subject = tested_as(case, subjects)
+    subject = subject_like(case, subjects)
     parts = [heading("Standard tests of the field (RiMEA, IMO, NIST, ISO)")]
     if subject is None:
         parts.append(
