@@ -29,7 +29,7 @@ def test_thresholds_of_congestion_are_options(evac, result, tmp_path):
         (("--maps", "densty"), "densty"),
         (("--congestion-density", "-1"), "congestion"),
         (("--run", "other"), "--run"),
-        (("--out", "taken/report.html"), "taken"),
+        (("--out", "taken/report.html", "--maps", "none"), "taken"),
     ],
 )
 def test_what_cannot_be_done_is_refused(evac, result, tmp_path, capsys, words, told):

@@ -1,5 +1,8 @@
 """The report of a study: many runs of a case, from the files of its folder."""
 
+import csv
+import io
+import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,7 +13,7 @@ from evac.output.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_N
 from evac.output.report import figures
 from evac.output.report.building import building_section
 from evac.output.report.congestion import MAPS, congestion_sections
-from evac.output.report.html import Cell, Html, Section, fixed, heading, items, note, paragraph, table
+from evac.output.report.html import Cell, Html, Section, element, fixed, heading, items, note, paragraph, table
 from evac.output.report.limits import limits_section, warnings_section
 from evac.output.report.model import case_section, model_section
 from evac.output.report.occupants import occupants_section, told
@@ -20,6 +23,7 @@ from evac.output.report.study_files import (
     EXIT_LAST,
     EXIT_PEOPLE,
     EstimateTable,
+    PointTable,
     StatisticsTable,
     StudyFiles,
     StudySummary,
@@ -183,7 +187,20 @@ def _points(study: StudyFiles) -> Iterator[Section]:
     names = [one.name for one in points[0].statistics.percentiles]
     columns = ("point", *keys, "runs", "blocked", "mean [s]", *names)
     words = paragraph("Keys of the case that differ from point to point; all points have the same seeds.")
-    yield Section("points", "Variants", (words, table("Evacuation time at each point", columns, rows)))
+    found = table("Evacuation time at each point", columns, rows)
+    file = paragraph("The file points.csv of the command that repeats the study:")
+    yield Section("points", "Variants", (words, found, file, element("pre", points_file(keys, points))))
+
+
+def points_file(keys: Sequence[str], points: Sequence[PointTable]) -> str:
+    """Return the parameters of points as evac sweep --table reads them."""
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(keys)
+    for point in points:
+        values = (point.parameters.get(key, "") for key in keys)
+        writer.writerow([value if isinstance(value, str) else json.dumps(value) for value in values])
+    return file.getvalue()
 
 
 def _statistics(study: StudyFiles) -> Section:

@@ -112,6 +112,7 @@ def test_a_sweep_has_its_points(study):
     page = Page(study_report(study, density=DENSITY))
     assert [row[:3] for row in page.table("at each point")[1:]] == [["0", "dem", "20"], ["1", "<nsm2>", "20"]]
     assert "points" in page.of("id")
+    assert "contact.model\ndem\n<nsm2>\n" in page.text
     assert len(page.of("src")) == 2
 
 
