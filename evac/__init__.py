@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from evac.assembly import read_building as read_building
     from evac.behaviour import Behaviour as Behaviour
     from evac.behaviour import BehaviourScene as BehaviourScene
+    from evac.building.findings import Finding as Finding
     from evac.building.importer import Importer as Importer
     from evac.building.model import Building as Building
+    from evac.building.plan import Plan as Plan
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.ensemble import Ensemble as Ensemble
     from evac.ensemble import run_many as run_many
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from evac.errors import ScenarioError as ScenarioError
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
+    from evac.importing import import_building as import_building
     from evac.output.exporter import Exporter as Exporter
     from evac.output.maps import LevelMaps as LevelMaps
     from evac.output.recorder import Recorder as Recorder
@@ -55,10 +58,12 @@ _HOMES = {
     "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
     "Exporter": "evac.output.exporter",
+    "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
     "LevelMaps": "evac.output.maps",
     "Parameter": "evac.parameters",
+    "Plan": "evac.building.plan",
     "PluginError": "evac.errors",
     "Progress": "evac.phases",
     "Recorder": "evac.output.recorder",
@@ -72,6 +77,7 @@ _HOMES = {
     "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
+    "import_building": "evac.importing",
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from evac.behaviour import Behaviour
     from evac.building.importer import Importer
     from evac.building.model import Building
+    from evac.building.plan import Plan
     from evac.output.recorder import Recorder
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
@@ -29,7 +30,23 @@ def make_building(case: "Case") -> "Building":
     PluginError
         The importer fails.
     """
-    return _building(make_importer(case), case.mesh, case.building.options())
+    return build_building(make_surface(case), case.mesh or case.source, **case.building.options())
+
+
+def make_surface(case: "Case") -> SurfaceMesh:
+    """Return the surface of a case's building: that of its file, or of its plan.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `make_building`.
+    """
+    if case.building.plan is not None:
+        from evac.building.plantable import plan_of
+
+        return draw_plan(plan_of(case.building.plan, case.source, case.folder, "building.plan."), case.registry)
+    assert case.mesh is not None
+    return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
 
 
 def read_building(path: str | Path, *, registry: Registry | None = None, **options: Any) -> "Building":
@@ -57,20 +74,26 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     >>> building = read_building("hall.msh", scale=0.001)  # doctest: +SKIP
     """
     path = Path(path)
-    importer = (registry or Registry(builtins=BUILTIN_IMPORTERS)).importer_for(path)
-    return _building(_made("importer", importer, {}), path, options)
+    registry = registry or Registry(builtins=BUILTIN_IMPORTERS)
+    importer = _made("importer", registry.importer_for(path), {})
+    return build_building(read_surface(importer, path, registry), path, **options)
 
 
-def make_importer(case: "Case") -> "Importer":
-    """Return the importer of the building's file, with its parameters.
+def make_importers(case: "Case") -> "list[Importer]":
+    """Return the importer of the building's file, with its parameters; none if the case holds the plan itself.
 
     Raises
     ------
     BuildingError
         No importer reads files of this name.
     """
+    return [] if case.mesh is None else [_importer(case, case.mesh)]
+
+
+def _importer(case: "Case", path: Path) -> "Importer":
+    """Return the importer that a case leaves for a file."""
     off = {name for name, table in case.importers.items() if table is False}
-    importer = case.registry.importer_for(case.mesh, off)
+    importer = case.registry.importer_for(path, off)
     made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
     return made
 
@@ -124,32 +147,76 @@ def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
         return cls(**table)
 
 
-def read_surface(importer: "Importer", path: Path) -> SurfaceMesh:
-    """Return the surface that an importer reads from a file.
+def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:
+    """Return the surface that an importer reads from a file, drawn if the importer returns a plan.
+
+    Parameters
+    ----------
+    importer : Importer
+    path : Path
+    registry : Registry, optional
+        Whose importers read the files that a plan names; by default the built-in and the installed ones.
 
     Raises
     ------
     BuildingError
-        The file is missing, empty or damaged.
+        The file is missing, empty or damaged, or its plan does not make a surface.
     PluginError
-        The importer fails, or returns something else than a surface.
+        The importer fails, or returns neither a surface nor a plan.
     """
+    read = read_file(importer, path)
+    if isinstance(read, SurfaceMesh):
+        return read
+    return draw_plan(read, registry or Registry(builtins=BUILTIN_IMPORTERS))
+
+
+def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
+    """Return the surface of a plan, its storeys that are files being read.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `read_surface`.
+    """
+    from evac.building.plan import Plan
+
+    for storey in [one for one in plan.storeys.values() if one.file is not None]:
+        assert storey.file is not None
+        try:
+            read = read_file(registry.importer_for(storey.file)(**storey.options), storey.file)
+        except (BuildingError, PluginError) as error:
+            raise type(error)(f"{plan.source}: storey {storey.name!r}: {error}") from error
+        if not isinstance(read, Plan):
+            raise BuildingError(
+                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey is read from a plan"
+            )
+        plan.take(storey.name, read)
+    return plan.surface()
+
+
+def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
+    """Return what an importer makes of a file: a plan, which is not drawn yet, or a surface.
+
+    Raises
+    ------
+    BuildingError, PluginError
+        As `read_surface`.
+    """
+    from evac.building.plan import Plan
+
     if not path.is_file():
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
         raise BuildingError(f"{path}: the file is empty; write it again")
     with plugin_code(f"{path}: importer {importer.name!r}"):
         try:
-            mesh = importer.read(path)
+            read = importer.read(path)
         except (ValueError, OSError) as error:
             raise BuildingError(
                 f"{path}: cannot be read: {text_of(error)}; write the file again, or in another format"
             ) from error
-    if not isinstance(mesh, SurfaceMesh):
-        raise PluginError(f"{path}: importer {importer.name!r} returned {type(mesh).__name__}, not a SurfaceMesh")
-    return mesh
-
-
-def _building(importer: "Importer", path: Path, options: dict[str, Any]) -> "Building":
-    """Read a file and make a building of its surface."""
-    return build_building(read_surface(importer, path), path, **options)
+    if not isinstance(read, SurfaceMesh | Plan):
+        raise PluginError(
+            f"{path}: importer {importer.name!r} returned {type(read).__name__}, neither a Plan nor a SurfaceMesh"
+        )
+    return read

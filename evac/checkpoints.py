@@ -1,6 +1,7 @@
 """Checkpoints of a run: its last state in a file of its folder, and how a run goes on from there."""
 
 import hashlib
+import json
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
@@ -21,6 +22,7 @@ from evac.jit.kernels import INTERPRETED
 from evac.jit.processor import host
 from evac.output.checkpoint import read_checkpoint, write_checkpoint
 from evac.output.files import CHECKPOINT_NAME
+from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.resultfolder import ResultFolder, find_result, is_within
 from evac.output.results import plain, versions
@@ -101,7 +103,7 @@ class Checkpoints:
             "every": self._every,
             "full": simulation.full,
             "routes": [str(route) for route in simulation.fields.routes],
-            "made_with": {**inputs_of(case), "kernels": kernels_of(simulation)},
+            "made_with": {**inputs_of(case), **made_of(simulation)},
             "resumed": plain(simulation.resumed),
         }
 
@@ -223,11 +225,12 @@ class Checkpoint:
         """
         return _differences(self.header["made_with"], inputs_of(case))
 
-    def kernel_differences(self, simulation: Simulation) -> list[str]:
-        """As `differences`, of the kernels of the simulation that is to go on."""
-        before, now = self.header["made_with"]["kernels"], kernels_of(simulation)
-        both = before.keys() & now.keys()  # a changed case may use others
-        return _differences({"kernel": {key: before[key] for key in both}}, {"kernel": {key: now[key] for key in both}})
+    def simulation_differences(self, simulation: Simulation) -> list[str]:
+        """As `differences`, of the building and the kernels of the simulation that is to go on."""
+        before, now = self.header["made_with"], made_of(simulation)
+        both = before["kernel"].keys() & now["kernel"].keys()  # a changed case may use others
+        kept = {key: {name: now[key][name] for name in (both if key == "kernel" else now[key])} for key in now}
+        return _differences({key: {name: before[key].get(name, "") for name in kept[key]} for key in kept}, kept)
 
     def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
         """Restore the state, except that of the recorders.
@@ -315,13 +318,21 @@ def without_state(simulation: Simulation) -> list[str]:
 
 def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
     """Return what the bits of a run depend on besides its case and kernels, that can be told from files."""
-    files = {case.mesh.name: case.mesh, **{str(path): path for path in case.plugin_files}}
+    files = {str(path): path for path in case.plugin_files}
+    if case.mesh is not None:
+        files[case.mesh.name] = case.mesh
     packages = [one for one in case.registry.provenance if one.source == "distribution"]
     return {
         "version": {**versions(), **{one.plugin: one.version for one in packages}},
         "processor": {"": f"{host()}"},
         "file": {name: _digest(path) for name, path in files.items()},
     }
+
+
+def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
+    """Return digests of the building, whatever files it was read from, and of the kernels."""
+    text = json.dumps({**building_to_json(simulation.building), "closed": []}, sort_keys=True)
+    return {"building": {"": hashlib.sha256(text.encode()).hexdigest()}, "kernel": kernels_of(simulation)}
 
 
 def kernels_of(simulation: Simulation) -> dict[str, str]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from os import cpu_count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -18,7 +19,16 @@ import numpy as np
 from evac.arrays import FloatArray
 from evac.ending import EVERYBODY_OUT
 from evac.errors import EvacError, ScenarioError, SimulationError
-from evac.output.files import EGRESS_NAME, EGRESS_PICTURE_NAME, RUNS_NAME, SUMMARY_NAME, writing
+from evac.output.files import (
+    EGRESS_NAME,
+    EGRESS_PICTURE_NAME,
+    MEDIAN_REPLAY_NAME,
+    REPLAY_NAME,
+    RUNS_NAME,
+    SUMMARY_NAME,
+    WORST_REPLAY_NAME,
+    writing,
+)
 from evac.output.resultfolder import ResultFolder
 from evac.output.results import plain, versions, write_csv
 from evac.scenario.trust import run_plugin_files
@@ -120,6 +130,37 @@ class Ensemble:
         for of in PERCENTILES:
             columns[f"percentile_{of}_over_runs"] = np.percentile(out, of, axis=0)
         return columns
+
+    def replay(self, folder: Path) -> list[Path]:
+        """Make the median and the worst run again, and write their replays.
+
+        They are those of the (lower) median and of the greatest time at which the last person leaves; runs with people
+        left are worse than any other.
+
+        Parameters
+        ----------
+        folder : Path
+            There already.
+
+        Returns
+        -------
+        list of Path
+            ``replay-median.html`` and ``replay-worst.html``; of a single run the first alone.
+
+        Raises
+        ------
+        EvacError
+            As `evac.run`.
+        """
+        ranked = sorted(self.runs, key=lambda run: (_last_out(run), -np.isfinite(run.exit_time).sum()))
+        chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
+        written = []
+        for name, run in list(chosen.items())[: len(self.runs)]:
+            changes = {"simulation.seed": run.seed, "output.replay": True, "output.animation": False}
+            with writing("the replays", folder), TemporaryDirectory(dir=folder) as place:
+                Simulation(self.case.change(changes | {"output.trajectory": False}), Path(place)).run()
+                written.append((Path(place) / REPLAY_NAME).replace(folder / name))
+        return written
 
     def write(self, folder: str | Path) -> None:
         """Write summary.json, runs.csv, egress.csv and egress.png.

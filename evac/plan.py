@@ -156,7 +156,7 @@ def explain(
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)
     parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
-    for name in ("animation", "picture"):
+    for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
         parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
     return parts

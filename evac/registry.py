@@ -25,10 +25,13 @@ if TYPE_CHECKING:
 
 #: Modules of the built-in importers; enough to read a building alone.
 BUILTIN_IMPORTERS = (
+    "evac_plugins.import_geojson",
     "evac_plugins.import_meshio",
     "evac_plugins.import_obj",
     "evac_plugins.import_off",
+    "evac_plugins.import_plan",
     "evac_plugins.import_ply",
+    "evac_plugins.import_wkt",
 )
 
 #: Modules of the built-in exporters; enough to export a recorded run.
@@ -54,6 +57,7 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_route_choice",
     "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
+    "evac_plugins.recorder_replay",
     *BUILTIN_IMPORTERS,
     *BUILTIN_EXPORTERS,
     "evac_plugins.cases",

@@ -199,7 +199,7 @@ class Simulation:
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
-        return (*self.building.warnings, *narrow, *unusual(start, self.population.groups))
+        return (*self.building.warnings, *map(str, narrow), *unusual(start, self.population.groups))
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None
@@ -368,7 +368,7 @@ class Simulation:
 
     def _plugins(self) -> list[str]:
         """Return name and version of each plugin that has a part in this run."""
-        used = [assembly.make_importer(self.case), self.contact, *self.forces, *self.recorders]
+        used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:

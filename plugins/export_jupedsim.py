@@ -60,10 +60,10 @@ class JupedsimExporter(Exporter):
 
 def _rows(trajectory: Trajectory, frames: list[int]) -> np.ndarray:
     """Return level, frame, person, x, y and orientation of everybody in every frame, (r, 7)."""
-    orientation = np.tile([1.0, 0.0], (trajectory.people, 1))
+    orientation = np.tile([1.0, 0.0], (trajectory.number_of_people, 1))
     rows = []
     for number, k in enumerate(frames):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         person, velocity = frame["person"], frame["velocity"][:, :2]
         speed = np.linalg.norm(velocity, axis=1)
         moving = speed > STANDING

@@ -52,8 +52,8 @@ WRONG_PEOPLE = {"area_too_small", "area_unknown", "no_way_out", "position_outsid
 
 #: Bad input that can still be run: a warning, and an honest end.
 WARNED = {
-    "narrow_door": r"warning: exit 'door' on level 'floor z=0\.00' at \(0\.00, 1\.70\).*0\.40 m.*0\.50 m",
-    "narrow_neck": r"warning: level 'floor z=0\.00' .*0\.40 m.* at \(4\.10, 2\.00\).*0\.50 m",
+    "narrow_door": r"warning: level 'floor z=0\.00' at \(0\.00, 1\.70\): exit 'door' .*0\.40 m.*0\.50 m",
+    "narrow_neck": r"warning: level 'floor z=0\.00' at \(4\.10, 2\.00\): .*0\.40 m.*0\.50 m",
 }
 
 
@@ -66,8 +66,8 @@ def test_every_folder_is_tested():
 def test_is_refused_with_one_clear_message(name, capsys):
     assert main(["check", str(BROKEN / name)]) == 2
     out, err = capsys.readouterr()
-    shown = ["case"] * (name in WRONG_BUILDING | WRONG_PEOPLE) + ["mesh", "Levels"] * (name in WRONG_PEOPLE)
-    assert re.findall(r"^(case|mesh|Levels|People)\b", out, re.MULTILINE) == shown
+    shown = ["case"] * (name in WRONG_BUILDING | WRONG_PEOPLE) + ["building", "Levels"] * (name in WRONG_PEOPLE)
+    assert re.findall(r"^(case|building|Levels|People)\b", out, re.MULTILINE) == shown
     assert err.startswith("evac: ")
     assert re.search(REFUSED[name], err), err
 

@@ -45,7 +45,7 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert (tmp_path / "r" / "runs.csv").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac"}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
 RECORDER = """
@@ -239,7 +239,7 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
     monkeypatch.setattr("builtins.open", noting(open))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
-    assert results.people == 20
+    assert results.number_of_people == 20
     written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     assert sorted(name.replace("r.running", "r") for name in opened) == sorted(written)

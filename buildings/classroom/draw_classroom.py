@@ -4,7 +4,7 @@ from pathlib import Path
 
 from shapely import MultiPolygon, box
 
-from evac_buildings.drawing import Drawing
+from evac import Plan
 
 WIDTH, LENGTH = 5.85, 6.75
 COLUMNS, ROWS = 5, 6
@@ -32,13 +32,13 @@ def desks() -> MultiPolygon:
     )
 
 
-def draw() -> Drawing:
+def draw() -> Plan:
     """Return the room, its desks and the door in its back wall y = 0."""
-    drawing = Drawing()
-    drawing.surface("floor:classroom", box(0.0, 0.0, WIDTH, LENGTH).difference(desks(), grid_size=1e-6))
-    drawing.surface("obstacle:desks", desks())
-    drawing.edge("exit:door", (DOOR[0], 0.0), (DOOR[1], 0.0))
-    return drawing
+    plan = Plan("classroom")
+    plan.storey("classroom", box(0.0, 0.0, WIDTH, LENGTH))
+    plan.obstacle("desks", "classroom", desks())
+    plan.exit("door", "classroom", [(DOOR[0], 0.0), (DOOR[1], 0.0)])
+    return plan
 
 
 if __name__ == "__main__":

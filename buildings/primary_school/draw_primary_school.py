@@ -10,7 +10,7 @@ from shapely import MultiPolygon, box, union_all
 from shapely.affinity import scale
 from shapely.geometry.base import BaseGeometry
 
-from evac_buildings.drawing import Drawing
+from evac import Plan
 
 STOREYS = ("ground", "first", "second")
 STOREY_HEIGHT = 3.3
@@ -44,50 +44,45 @@ def classroom(part: str) -> BaseGeometry:
     return MultiPolygon([box(x, y, x + DESK_DEPTH, y + DESK_LENGTH) for x in DESK_ROWS for y in souths])
 
 
-def draw_storey(drawing: Drawing, storey: int) -> None:
-    """Add the floor of a storey: corridor, doorways, both classrooms, and the entrance hall at the bottom."""
-    height = storey * STOREY_HEIGHT
+def draw_storey(plan: Plan, storey: int) -> None:
+    """Add a storey: corridor, doorways, both classrooms, and the entrance hall at the bottom."""
+    name = STOREYS[storey]
     mirror = {"a": lambda plan: plan, "b": lambda plan: scale(plan, xfact=-1.0, origin=(AXIS, 0.0))}
-    floor = [box(0.0, 0.0, LENGTH, CORRIDOR), _stairwell(0.0, WALL)]
-    floor += [side(classroom("door")) for side in mirror.values()]
+    floor = [box(0.0, 0.0, LENGTH, CORRIDOR), _stairwell()]
+    floor += [side(classroom(part)) for side in mirror.values() for part in ("door", "room")]
     if storey == 0:
         floor.append(box(HALL[0], HALL[2], HALL[1], 0.0))
         middle = EXIT_WIDTH / 2
-        drawing.edge("exit:main_door", (AXIS - middle, HALL[2]), (AXIS + middle, HALL[2]))
-    drawing.surface(f"floor:{STOREYS[storey]}", union_all(floor, grid_size=1e-6), height)
+        plan.exit("main_door", name, [(AXIS - middle, HALL[2]), (AXIS + middle, HALL[2])])
+    plan.storey(name, union_all(floor, grid_size=1e-6), storey * STOREY_HEIGHT)
     for letter, side in mirror.items():
-        desks, teacher = side(classroom("desks")), side(classroom("teacher"))
-        room = side(classroom("room")).difference(union_all([desks, teacher]), grid_size=1e-6)
-        drawing.surface(f"area:class_{storey}{letter}", room, height)
-        drawing.surface(f"area:teacher_{storey}{letter}", teacher, height)
-        drawing.surface(f"obstacle:desks_{storey}{letter}", desks, height)
+        teacher = side(classroom("teacher"))
+        plan.obstacle(f"desks_{storey}{letter}", name, side(classroom("desks")))
+        plan.area(f"class_{storey}{letter}", name, side(classroom("room")).difference(teacher))
+        plan.area(f"teacher_{storey}{letter}", name, teacher)
 
 
-def _stairwell(start: float, end: float) -> BaseGeometry:
-    """Return the plan of the stairwell from `start` to `end` [m] behind the corridor."""
+def _stairwell() -> BaseGeometry:
+    """Return the plan of the way from the corridor to the foot of the stair."""
     half = FLIGHT_WIDTH + FLIGHT_GAP / 2
-    return box(AXIS - half, CORRIDOR + start, AXIS + half, CORRIDOR + end)
+    return box(AXIS - half, CORRIDOR, AXIS + half, _SOUTH)
 
 
-def draw_stair(drawing: Drawing, tag: str, bottom: float) -> None:
-    """Add a switchback stair up from `bottom` [m]: the eastern flight, the half-landing, the western flight."""
+def draw_stair(plan: Plan, name: str, lower: int) -> None:
+    """Add a stair up from a storey: the eastern flight, the half-landing, the western flight."""
     half, gap = FLIGHT_WIDTH + FLIGHT_GAP / 2, FLIGHT_GAP / 2
-    foot, head = _SOUTH, _SOUTH + FLIGHT_RUN
-    rise = STOREY_HEIGHT / 2
-    east, west = box(AXIS + gap, foot, AXIS + half, head), box(AXIS - half, foot, AXIS - gap, head)
-    drawing.surface(tag, east, lambda x, y: bottom + rise * (y - foot) / FLIGHT_RUN)
-    drawing.surface(tag, _stairwell(WALL + FLIGHT_RUN, WALL + FLIGHT_RUN + LANDING_DEPTH), bottom + rise)
-    drawing.surface(tag, west, lambda x, y: bottom + STOREY_HEIGHT - rise * (y - foot) / FLIGHT_RUN)
+    east, west = ([(AXIS + s * gap, _SOUTH), (AXIS + s * half, _SOUTH)] for s in (1, -1))
+    plan.stair(name, STOREYS[lower], east, STOREYS[lower + 1], west, length=FLIGHT_RUN, landing=LANDING_DEPTH)
 
 
-def draw() -> Drawing:
+def draw() -> Plan:
     """Return the school: three storeys and the two stairs between them."""
-    drawing = Drawing()
+    plan = Plan("primary_school")
     for storey in range(len(STOREYS)):
-        draw_storey(drawing, storey)
-    draw_stair(drawing, "stair:lower", 0.0)
-    draw_stair(drawing, "stair:upper", STOREY_HEIGHT)
-    return drawing
+        draw_storey(plan, storey)
+    draw_stair(plan, "lower", 0)
+    draw_stair(plan, "upper", 1)
+    return plan
 
 
 if __name__ == "__main__":

@@ -4,18 +4,18 @@ from pathlib import Path
 
 from shapely import box
 
-from evac_buildings.drawing import Drawing
+from evac import Plan
 
 SIDE = 5.0
 DOOR = 0.82
 
 
-def draw() -> Drawing:
+def draw() -> Plan:
     """Return the room with its door in the middle of the wall x = SIDE."""
-    drawing = Drawing()
-    drawing.surface("floor:room", box(0.0, 0.0, SIDE, SIDE))
-    drawing.edge("exit:door", (SIDE, (SIDE - DOOR) / 2), (SIDE, (SIDE + DOOR) / 2))
-    return drawing
+    plan = Plan("square_room")
+    plan.storey("room", box(0.0, 0.0, SIDE, SIDE))
+    plan.exit("door", "room", [(SIDE, (SIDE - DOOR) / 2), (SIDE, (SIDE + DOOR) / 2)])
+    return plan
 
 
 if __name__ == "__main__":

@@ -78,12 +78,41 @@ def build_building(
     PluginError
         If an array of the mesh has the wrong shape.
     """
+    surface = clean(mesh, source, weld=weld, flat_angle=flat_angle, walkable_angle=walkable_angle, scale=scale)
+    return building_of(
+        surface, source, exits=exits, areas=areas, obstacles=obstacles, closed=closed, need_exit=need_exit
+    )
+
+
+def clean(
+    mesh: SurfaceMesh,
+    source: Path,
+    *,
+    weld: float = WELD,
+    flat_angle: float = FLAT_ANGLE,
+    walkable_angle: float = WALKABLE_ANGLE,
+    scale: float = SCALE,
+) -> Surface:
+    """Return the clean walkable surface of a mesh, in metres; arguments and errors as for `build_building`."""
     if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
             f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
-    surface = clean_surface(checked(source, mesh), weld, flat_angle, walkable_angle, scale)
+    return clean_surface(checked(source, mesh), weld, flat_angle, walkable_angle, scale)
+
+
+def building_of(
+    surface: Surface,
+    source: Path,
+    *,
+    exits: Sequence[Mapping[str, Any]] = (),
+    areas: Sequence[Mapping[str, Any]] = (),
+    obstacles: Sequence[Mapping[str, Any]] = (),
+    closed: Sequence[str] = (),
+    need_exit: bool = True,
+) -> Building:
+    """Return the building of a clean surface; arguments and errors as for `build_building`."""
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
@@ -97,11 +126,11 @@ def build_building(
         walls=walls,
         wall_level=wall_level,
         stairs=level_set.stairs,
-        warnings=(*surface.warnings, *level_set.warnings),
+        findings=(*surface.findings, *level_set.findings),
     )
     check_overlap(building)
     check_depth(building)
-    building = replace(building, warnings=(*building.warnings, *missed_seams(building)))
+    building = replace(building, findings=(*building.findings, *missed_seams(building)))
     for item in exits:
         with _given("exits", item):
             building = add_exit(building, item)
@@ -112,7 +141,7 @@ def build_building(
         with _given("areas", item):
             building = add_area(building, item)
     building = add_obstacles(building, [*_standing_obstacles(building, surface), *obstacles])
-    building = replace(building, warnings=(*building.warnings, *(isolated_parts(building) if building.exits else ())))
+    building = replace(building, findings=(*building.findings, *(isolated_parts(building) if building.exits else ())))
     return close_links(building, closed) if closed else building
 
 

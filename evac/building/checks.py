@@ -10,6 +10,7 @@ from evac.arrays import FloatArray
 from evac.building.components import connected_components
 from evac.building.edges import segment_lengths, side_of
 from evac.building.elevation import elevation, level_elevation
+from evac.building.findings import Finding
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
 
@@ -75,7 +76,7 @@ def _check_same_ground(building: Building) -> None:
                 )
 
 
-def missed_seams(building: Building) -> tuple[str, ...]:
+def missed_seams(building: Building) -> tuple[Finding, ...]:
     """Warn of walls back to back that are closer than any wall is thick: two cells that were meant to meet there."""
     walls, level = building.walls, building.wall_level
     lines = shapely.linestrings(walls.reshape(-1, 2, 2))
@@ -97,14 +98,13 @@ def missed_seams(building: Building) -> tuple[str, ...]:
     first = rows[0]
     x, y = middle[one[first]]
     gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
-    names = " and ".join(
-        repr(building.levels[index].name) for index in sorted({level[one[first]], level[other[first]]})
+    names = [building.levels[index].name for index in sorted({level[one[first]], level[other[first]]})]
+    text = (
+        f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
+        f"{1e3 * gap:.1f} mm here, and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
+        "should meet, set building.weld to more than that"
     )
-    return (
-        f"cells miss each other by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls, the first at "
-        f"({x:z.2f}, {y:z.2f}) of {names}, by {1e3 * gap:.1f} mm; if they should meet, set building.weld to more "
-        "than that",
-    )
+    return (Finding("warning", text, names[0], (float(x), float(y))),)
 
 
 def check_depth(building: Building) -> None:
@@ -199,7 +199,7 @@ def check_exits(building: Building) -> None:
     )
 
 
-def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[str, ...]:
+def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
     """Warn of levels from which no exit can be reached, other than those that are `closed` themselves."""
     pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
     part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
@@ -208,8 +208,11 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[st
     for number in np.unique(part):
         members = np.flatnonzero(part == number).tolist()
         if open_levels.isdisjoint(members) and not set(members) <= set(closed):
-            names = ", ".join(repr(building.levels[index].name) for index in members)
-            notes.append(f"no exit can be reached from {names}: nobody can leave from there")
+            names = [building.levels[index].name for index in members]
+            others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
+            text = f"no exit can be reached from {names[0]!r}{others}: nobody can leave from there"
+            x, y = building.levels[members[0]].polygon.representative_point().coords[0]
+            notes.append(Finding("warning", text, names[0], (x, y)))
     return tuple(notes)
 
 

@@ -2,23 +2,28 @@
 
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from evac.building.surfacemesh import SurfaceMesh
 from evac.parameters import Configurable
 
+if TYPE_CHECKING:
+    from evac.building.plan import Plan
+
 
 class Importer(Configurable, ABC):
-    """Reads the files of one format, or of some, to a `SurfaceMesh`.
+    """Reads the files of one format, or of some, to a `Plan` or a `SurfaceMesh`.
 
-    An importer says what stands in the file and interprets nothing: the core makes a building of it.
+    An importer says what stands in the file: storeys and what joins them, or a surface with tags. The core makes a
+    building of it. What an importer found, assumed, repaired or left out, it adds as findings, with their places.
+    What it assumes is a parameter of it, so that a user can say otherwise.
     """
 
     #: Endings of the file names that it reads, in lower case, with the dot.
     suffixes: ClassVar[tuple[str, ...]]
 
     @abstractmethod
-    def read(self, path: Path) -> SurfaceMesh:
+    def read(self, path: Path) -> "SurfaceMesh | Plan":
         """Read a file that is there and not empty.
 
         Parameters
@@ -27,10 +32,12 @@ class Importer(Configurable, ABC):
 
         Returns
         -------
-        SurfaceMesh
+        SurfaceMesh or Plan
 
         Raises
         ------
         ValueError
             The file is damaged. The text says what is wrong and where; the core adds the file's name.
+        BuildingError
+            What is drawn in it does not make a building; names the file and the place.
         """

@@ -10,6 +10,7 @@ import shapely
 from evac.arrays import BoolArray, IndexArray
 from evac.building.components import connected_components
 from evac.building.edges import EdgeTable
+from evac.building.findings import Finding
 from evac.building.model import Level
 from evac.building.polygons import union
 from evac.building.surface import Surface
@@ -26,7 +27,7 @@ class LevelSet:
     levels: tuple[Level, ...]
     level_of_cell: IndexArray
     stairs: dict[str, tuple[int, ...]]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
@@ -205,7 +206,7 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
     return named
 
 
-def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[str, ...]:
+def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[Finding, ...]:
     """Refuse flights that turn, for a level rises in one direction; warn of those that are not plane."""
     notes = []
     for level in levels:
@@ -222,8 +223,9 @@ def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: li
                 )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:
-                notes.append(
-                    f"level {level.name!r} is not plane: its cells differ by up to {100 * worst:.0f} % in rise and "
+                text = (
+                    f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in rise and "
                     f"{turn:.0f} degrees in direction from its mean, which stands for all of it"
                 )
+                notes.append(Finding("warning", text, level.name, (float(x), float(y))))
     return tuple(notes)

@@ -157,5 +157,5 @@ def close_links(building: Building, names: Sequence[str]) -> Building:
             raise BuildingError(f"{error} (given as building.closed)") from None
         stairs |= set(building.stairs.get(name, ()))
     result = replace(building, closed=frozenset(closed))
-    cut_off = [note for note in isolated_parts(result, stairs) if note not in building.warnings]
-    return replace(result, warnings=(*building.warnings, *cut_off))
+    cut_off = [note for note in isolated_parts(result, stairs) if note not in building.findings]
+    return replace(result, findings=(*building.findings, *cut_off))

@@ -5,6 +5,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
+from evac.building.findings import Finding
 from evac.building.model import Building, Exit, Level, Portal
 
 #: Ground that a body's centre can reach and that is smaller than this is a niche, not a room behind a neck [m2].
@@ -17,8 +18,8 @@ FAR_ALONG, ROUNDING = 5.0, 1e-7
 PRECISION = 1e-3
 
 
-def narrow_places(building: Building, width: float) -> tuple[str, ...]:
-    """Return one line for each place that a body cannot pass.
+def narrow_places(building: Building, width: float) -> tuple[Finding, ...]:
+    """Return a warning for each place that a body cannot pass.
 
     Inside a level, the ground that a centre can reach is the polygon less everything nearer to a wall than half
     a width; where that falls apart, there is a neck.
@@ -32,16 +33,15 @@ def narrow_places(building: Building, width: float) -> tuple[str, ...]:
     for portal in building.portals:
         if portal.width < width:
             one, other = (building.levels[index].name for index in portal.levels)
-            notes.append(_note(f"portal {portal.name!r} between {one!r} and {other!r}", portal, width))
+            what = f"portal {portal.name!r} between {one!r} and {other!r}"
+            notes.append(_note(what, one, portal, width))
     for way in building.exits:
         if way.width < width:
-            notes.append(_note(f"exit {way.name!r} on level {building.levels[way.level].name!r}", way, width))
+            notes.append(_note(f"exit {way.name!r}", building.levels[way.level].name, way, width))
     for level in building.levels:
-        for neck, (x, y) in necks(building, level, width):
-            notes.append(
-                f"level {level.name!r} is only {neck:.2f} m wide at ({x:z.2f}, {y:z.2f}), "
-                f"less than the widest person ({width:.2f} m): widen it"
-            )
+        for neck, place in necks(building, level, width):
+            text = f"only {neck:.2f} m wide, less than the widest person ({width:.2f} m): widen it"
+            notes.append(Finding("warning", text, level.name, place))
     return tuple(notes)
 
 
@@ -130,9 +130,7 @@ def _reachable(level: Level, walls: BaseGeometry, width: float) -> list[BaseGeom
     return [part for part in shapely.get_parts(free) if part.geom_type == "Polygon"]
 
 
-def _note(what: str, way: Portal | Exit, width: float) -> str:
-    x, y = way.segments.reshape(-1, 2).mean(axis=0)
-    return (
-        f"{what} at ({x:z.2f}, {y:z.2f}) is only {way.width:.2f} m wide, "
-        f"less than the widest person ({width:.2f} m): widen it"
-    )
+def _note(what: str, level: str, way: Portal | Exit, width: float) -> Finding:
+    x, y = way.segments.reshape(-1, 2).mean(axis=0).tolist()
+    text = f"{what} is only {way.width:.2f} m wide, less than the widest person ({width:.2f} m): widen it"
+    return Finding("warning", text, level, (x, y))

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building.edges import COLLINEAR, segment_lengths
 from evac.building.elevation import level_elevation
+from evac.building.findings import Finding
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
 from evac.building.polygons import union
@@ -88,12 +89,11 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     polygon = _plane_part(drawn.intersection(level.polygon))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: {what} has no part on level {level.name!r}{_extent(level)}")
-    warnings = building.warnings
+    findings = building.findings
     if polygon.area < (1.0 - CUT_OFF) * drawn.area:
-        warnings += (
-            f"{what}: {polygon.area:.2f} of its {drawn.area:.2f} m2 are on level {level.name!r}; the rest is cut off",
-        )
-    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), warnings=warnings)
+        text = f"{what}: {polygon.area:.2f} of its {drawn.area:.2f} m2 are on the level; the rest is cut off"
+        findings += (Finding("warning", text, level.name, polygon.representative_point().coords[0]),)
+    return replace(building, areas=(*building.areas, Area(name, level.index, polygon)), findings=findings)
 
 
 def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:

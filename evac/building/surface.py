@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
+from evac.building.findings import Finding
 from evac.building.hanging import split_at_vertices
 from evac.building.polygons import least_height, plan_area
 from evac.building.resolution import check_resolution
@@ -42,7 +43,7 @@ class Surface:
         Tagged edges; ``exit:NAME`` is the key.
     obstacles : dict of str to (o, 3, 3) float64 [m]
         Corners of the cells of each tag ``obstacle:``, which are not among `triangles`.
-    warnings : tuple of str
+    findings : tuple of Finding
     """
 
     vertices: FloatArray
@@ -52,7 +53,7 @@ class Surface:
     cell_tags: dict[str, BoolArray]
     exit_edges: dict[str, IndexArray]
     obstacles: dict[str, FloatArray]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def _check_extent(mesh: TriangleMesh, points: FloatArray) -> None:
@@ -87,7 +88,7 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
         `weld` make up a part of the ground that counts.
     """
     check_resolution(mesh.source, mesh.points, scale, weld)
-    notes = list(mesh.warnings)
+    notes = list(mesh.findings)
     points = mesh.points * scale
     _check_extent(mesh, points)
     vertices, new_index = weld_points(points, weld)
@@ -97,8 +98,8 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
 
     is_sliver = least_height(vertices[triangles]) <= weld
     if is_sliver.any():
-        place = _first_place(vertices, triangles, is_sliver)
-        notes.append(f"{_count(is_sliver)} without extent dropped, {place}")
+        text = f"{_count(is_sliver)} without extent dropped"
+        notes.append(Finding("warning", text, place=_first_place(vertices, triangles, is_sliver)))
     is_obstacle = _any_tag(tags, "obstacle", len(triangles))
     obstacles = {
         name: vertices[triangles[mask & ~is_sliver]] for name, mask in tags.items() if name.startswith("obstacle:")
@@ -106,11 +107,11 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
     is_steep = np.rad2deg(slope_angle(vertices[triangles])) > walkable_angle + 1e-9
     dropped = is_steep & ~is_obstacle & ~is_sliver
     if dropped.any():
-        place = _first_place(vertices, triangles, dropped)
-        notes.append(
-            f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped, {place}: walls are not needed, and "
-            "stairs are drawn as inclined surfaces, not as treads and risers"
+        text = (
+            f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped: walls are not needed, and stairs are "
+            "drawn as inclined surfaces, not as treads and risers"
         )
+        notes.append(Finding("warning", text, place=_first_place(vertices, triangles, dropped)))
     walkable = ~is_steep & ~is_obstacle & ~is_sliver
     if not walkable.any():
         x, y, z = vertices[triangles[0]].mean(axis=0)
@@ -206,10 +207,10 @@ def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
 def _count(mask: BoolArray) -> str:
     """Describe the number of cells for a message."""
     number = int(mask.sum())
-    return "1 cell" if number == 1 else f"{number} cells"
+    return "1 cell" if number == 1 else f"{number} cells, the first here,"
 
 
-def _first_place(vertices: FloatArray, triangles: IndexArray, mask: BoolArray) -> str:
-    """Name the least vertex of some cells."""
-    x, y, z = vertices[triangles[mask].min()]
-    return f"the first at ({x:z.2f}, {y:z.2f}, {z:z.2f})"
+def _first_place(vertices: FloatArray, triangles: IndexArray, mask: BoolArray) -> tuple[float, float, float]:
+    """Return the least vertex of some cells."""
+    x, y, z = vertices[triangles[mask].min()].tolist()
+    return x, y, z

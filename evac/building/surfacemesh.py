@@ -1,16 +1,17 @@
 """A mesh of a building's surfaces as an importer returns it, and the triangles that it is made of."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
+from evac.building.conforming import Height, Point, conform
+from evac.building.findings import Finding, as_findings
 from evac.building.polygons import triangulate
 from evac.errors import BuildingError, PluginError
 
@@ -19,11 +20,6 @@ SURFACE_TAGS = ("floor", "stair", "area", "obstacle")
 EDGE_TAGS = ("exit",)
 #: Farthest coordinate of a vertex, in the file's unit: beyond UTM coordinates in millimetres.
 FARTHEST = 1e11
-
-#: Height of a surface: one number, or a function of the plan position (x, y) for a slope.
-Height = float | Callable[[float, float], float]
-#: A point (x, y, z).
-Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -42,49 +38,55 @@ class SurfaceMesh:
         Cells that carry each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may carry several.
     edge_tags : mapping of str to (e, 2) array of int
         Edges that carry each tag ``exit:``, as pairs of rows of `points`.
-    warnings : sequence of str
-        What the user should know of the file.
+    findings : sequence of Finding or str
+        What the user should know of the file; a text alone is a warning.
+    openings : sequence of (str, (4,) array [units of the file])
+        Where an exit may be that the file does not name: a level and the ends x1, y1, x2, y2 of a piece of its outline.
+        `evac import` offers them.
     """
 
     points: ArrayLike
     cells: Sequence[Sequence[int]] | IndexArray
     cell_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
     edge_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
-    warnings: Sequence[str] = ()
+    findings: Sequence[Finding | str] = ()
+    openings: Sequence[tuple[str, ArrayLike]] = ()
 
     @classmethod
     def of_polygons(
-        cls, surfaces: Iterable[tuple[str, BaseGeometry, Height]], edges: Iterable[tuple[str, Point, Point]] = ()
+        cls,
+        surfaces: Iterable[tuple[str | Sequence[str], BaseGeometry, Height]],
+        edges: Iterable[tuple[str, Point, Point]] = (),
+        findings: Sequence[Finding | str] = (),
+        openings: Sequence[tuple[str, ArrayLike]] = (),
     ) -> Self:
-        """Return the mesh of polygons in plan.
+        """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
 
         Parameters
         ----------
-        surfaces : iterable of (tag, polygon or multipolygon, height)
+        surfaces : iterable of (tag or tags, polygon or multipolygon, height)
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
+        findings, openings : sequence
+            As the attributes.
 
         Raises
         ------
         ValueError
-            A surface is no valid polygon; names its tag and the place.
+            A surface is no valid polygon, or an edge is on no surface; names its tag and the place.
         """
-        points: list[Point] = []
-        cells: list[list[int]] = []
-        tag_of: list[str] = []
-        for tag, plan, height in surfaces:
-            for x_and_y in _triangles(tag, plan):
-                corners = [(x, y, height(x, y) if callable(height) else height) for x, y in x_and_y]
-                cells.append(list(range(len(points), len(points) + 3)))
-                points += corners
-                tag_of.append(tag)
+        surfaces, edges = list(surfaces), list(edges)
+        tags = [(tag,) if isinstance(tag, str) else tuple(tag) for tag, _, _ in surfaces]
+        mesh = conform([(own[0], *rest) for own, (_, *rest) in zip(tags, surfaces, strict=True)], edges)
         edge_tags: dict[str, list[list[int]]] = {}
-        for tag, start, end in edges:
-            edge_tags.setdefault(tag, []).append([len(points), len(points) + 1])
-            points += [start, end]
-        cell_tags = {tag: [tag == other for other in tag_of] for tag in dict.fromkeys(tag_of)}
-        return cls(points, cells, cell_tags, edge_tags)
+        for (tag, _, _), chain in zip(edges, mesh.chains, strict=True):
+            edge_tags.setdefault(tag, []).extend(chain)
+        known = dict.fromkeys(tag for own in tags for tag in own)
+        surface = np.array(mesh.surface, dtype=np.int64)
+        rows = {tag: [row for row, own in enumerate(tags) if tag in own] for tag in known}
+        cell_tags = {tag: np.isin(surface, of_tag) for tag, of_tag in rows.items()}
+        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings)
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class TriangleMesh:
         Tags of surfaces only.
     edge_tags : dict of str to (e, 2) int64
         Tags of edges only.
-    warnings : tuple of str
+    findings : tuple of Finding
     """
 
     source: Path
@@ -108,7 +110,7 @@ class TriangleMesh:
     triangles: IndexArray
     cell_tags: dict[str, BoolArray]
     edge_tags: dict[str, IndexArray]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -139,29 +141,18 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
         raise BuildingError(f"{source}: {error}; repair this face or triangulate the mesh") from error
     triangles = np.concatenate([piece for piece, _ in pieces])
     cell = np.concatenate([of[owner] for of, (_, owner) in zip(rows, pieces, strict=True)])
-    notes = [*mesh.warnings]
+    notes = [*as_findings(tuple(mesh.findings))]
     for name in [*masks, *edges]:
         kind = name.partition(":")[0]
         if kind in EDGE_TAGS and not len(edges.get(name, ())):
             raise BuildingError(f"{source}: the tag {name!r} is on no edge: put it on line cells, not on surfaces")
         if kind not in (*SURFACE_TAGS, *EDGE_TAGS):
             known = ", ".join(f"{kind}:NAME" for kind in (*SURFACE_TAGS, *EDGE_TAGS))
-            notes.append(f"the tag {name!r} is not known and means nothing; known tags are {known}")
+            text = f"the tag {name!r} is not known and means nothing; known tags are {known}"
+            notes.append(Finding("warning", text))
     cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in SURFACE_TAGS}
     edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
     return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes))
-
-
-def _triangles(tag: str, plan: BaseGeometry) -> list[list[list[float]]]:
-    """Return the triangles (t, 3, 2) that a polygon or multipolygon is cut into."""
-    fault = "" if plan.is_valid else shapely.is_valid_reason(plan)
-    if plan.is_empty or plan.geom_type not in ("Polygon", "MultiPolygon"):
-        fault = f"it is {'empty' if plan.is_empty else plan.geom_type}"
-    if fault:
-        raise ValueError(f"the surface {tag!r} must be a polygon whose sides do not cross: {fault}")
-    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.force_2d(plan)))
-    corners: list[list[list[float]]] = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3].tolist()
-    return corners
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:

@@ -1,4 +1,4 @@
-"""evac check: read a case or a mesh file and show what evac makes of it.
+"""evac check: read a case or the file of a building and show what evac makes of it.
 
 Plugin files that a case names are listed and not run; what they would add cannot be checked. --plugin FILE runs one.
 """
@@ -9,30 +9,43 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.cases import case_of, declare_case
-from evac.cli.progress import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.display import Display
 from evac.errors import BuildingError, EvacError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from evac.building.findings import Finding
     from evac.building.model import Building, Exit, Portal
     from evac.scenario.case import Case
     from evac.simulation import Simulation
 
+#: Ending of plan files, which are TOML as cases are.
+PLAN = ".plan.toml"
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    declare_case(parser, "CASE|MESH")
+    declare_case(parser, "CASE|BUILDING")
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE",
+        help="draw every level with all names, each warning marked at its place (.png, .svg, .pdf)",
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Show the building, and of a case people and directions; raise what is wrong with it."""
     path = Path(arguments.case)
-    if path.is_file() and path.suffix != ".toml":
+    if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.building.checks import check_exits
 
-        building = _read_mesh(path, arguments)
+        building = _read_file(path, arguments)
         show_building(building)
         show_warnings(building.warnings)
+        _draw(arguments.picture, building, building.findings, path.name)
         # Last: the levels just shown are what an exit is put on.
         check_exits(building)
         return 0
@@ -52,17 +65,24 @@ def execute(arguments: argparse.Namespace) -> int:
         # What is wrong with people or directions is easier to see beside the building.
         from evac.assembly import make_building
 
-        show_building(make_building(case))
+        building = make_building(case)
+        show_building(building)
+        _draw(arguments.picture, building, building.findings, case.title)
         raise
     show_building(simulation.building)
     show_people(simulation)
     show_warnings(simulation.warnings())
+    if arguments.picture is not None:
+        from evac.building.narrow import narrow_places
+
+        building, widest = simulation.building, 2.0 * float(simulation.population.crowd.radius.max())
+        _draw(arguments.picture, building, (*building.findings, *narrow_places(building, widest)), case.title)
     return 0
 
 
 def _known_part(case: "Case") -> "Case | None":
     """Show the plugin files that have not been run, and return what can be checked without; None if it cannot be."""
-    from evac.assembly import make_building, make_importer
+    from evac.assembly import make_building, make_importers
     from evac.scenario.problems import dotted
     from evac.scenario.trust import is_inside, without_unknown
 
@@ -76,7 +96,7 @@ def _known_part(case: "Case") -> "Case | None":
     names = ", ".join(unchecked) or "none that the case uses"
     show_warnings([f"names that cannot be checked without the plugin files: {names}; with them: {option}"])
     try:
-        make_importer(case)
+        make_importers(case)
     except BuildingError:
         show_warnings([f"{case.mesh}: no importer reads it without the plugin files, so it is not checked either"])
         return None
@@ -87,20 +107,29 @@ def _known_part(case: "Case") -> "Case | None":
     return without_unknown(case)
 
 
-def _read_mesh(path: Path, arguments: argparse.Namespace) -> "Building":
+def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]", title: str) -> None:
+    """Draw the levels, if a picture is asked for."""
+    if path is not None:
+        from evac.output.annotated import draw_levels
+
+        draw_levels(building, path, findings, title=title)
+        print(f"drawn: {path}")
+
+
+def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
     """Read a building's file alone."""
     from evac.assembly import read_building
     from evac.errors import ScenarioError
     from evac.registry import Registry
 
     if arguments.overrides or arguments.seed is not None:
-        raise ScenarioError(f"{path}: --set and --seed change a case, and this is a mesh alone; leave them out")
+        raise ScenarioError(f"{path}: --set and --seed change a case, and this is a building alone; leave them out")
     return read_building(path, registry=Registry(arguments.plugins), need_exit=False)
 
 
 def show_building(building: "Building") -> None:
     """Show levels, portals, exits, areas and stairs."""
-    show_facts({"mesh": building.source, "walls": f"{len(building.walls)} segments"})
+    show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
     levels = [
         (
             level.name,

@@ -1,8 +1,8 @@
 """evac repeat: run a case with many seeds, and say how certain the result is.
 
 Runs go to several processes. To ./CASE-runs, or to --out, go runs.csv (one row for each seed), the mean and the
-percentiles over runs of the egress curves (egress.csv, egress.png), and summary.json. `evac run CASE --seed N` shows
-one of them.
+percentiles over runs of the egress curves (egress.csv, egress.png), and summary.json; with --replay also
+replay-median.html and replay-worst.html. `evac run CASE --seed N` shows any of them.
 """
 
 import argparse
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from evac.cli.cases import case_to_run, declare_case, default_folder
-from evac.cli.progress import Display
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +20,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_case(parser)
     parser.add_argument("--runs", type=_positive, default=20, metavar="N", help="number of runs (20)")
     parser.add_argument("--jobs", type=_positive, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument(
+        "--replay", action="store_true", help="make the median and the worst run again, with a replay of each"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs)")
 
 
@@ -43,6 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
             ensemble = run_many(case, arguments.runs, workers=arguments.jobs, progress=display.runs)
         place.start()
         ensemble.write_to(place.running)
+        replays = ensemble.replay(place.running) if arguments.replay else []
         place.publish()
     complete, runs = len(ensemble.complete), len(ensemble.runs)
     show_facts({"case": case.title, "people": ensemble.people, "everybody out": f"in {complete} of {runs} runs"})
@@ -56,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
         )
     for run in ensemble.runs:
         show_warnings(f"seed {run.seed}: {line}" for line in run.quality_warnings)
-    show_facts({"results in": folder})
+    show_facts({"results in": ", ".join([str(folder), *(path.name for path in replays)])})
     return 0 if complete == runs else 3
 
 

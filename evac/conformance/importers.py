@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evac.assembly import make_building, make_importer, read_surface
+from evac.assembly import make_building, make_importers, read_surface
 from evac.building.importer import Importer
 from evac.building.surfacemesh import checked
 from evac.errors import BuildingError, PluginError
@@ -34,12 +34,11 @@ def check_damaged_files(importer: Importer) -> None:
 
 def check_surface(case: Case, name: str) -> None:
     """The file of a case is read by the importer, twice to the same surface, of which a building can be made."""
-    importer = make_importer(case)
-    if importer.name != name:
-        raise PluginError(
-            f"{case.title}: {case.mesh.name} is read by {importer.name!r}; give a case that uses {name!r}"
-        )
-    one, other = (checked(case.mesh, read_surface(make_importer(case), case.mesh)) for _ in range(2))
+    used = make_importers(case)
+    if case.mesh is None or used[0].name != name:
+        what = f"its building is read by {used[0].name!r}" if used else "its building is not read from a file"
+        raise PluginError(f"{case.title}: {what}; give a case that uses {name!r}")
+    one, other = (checked(case.mesh, read_surface(make_importers(case)[0], case.mesh)) for _ in range(2))
     for what, first, second in (
         ("points", one.points, other.points),
         ("cells", one.triangles, other.triangles),

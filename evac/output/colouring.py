@@ -96,7 +96,7 @@ def colouring(trajectory: Trajectory, colour_by: str) -> Colouring:
         )
     quantity = QUANTITIES[colour_by](trajectory)
     chosen = np.unique(np.linspace(0, len(trajectory) - 1, SAMPLES).astype(int))
-    values = np.concatenate([quantity(trajectory.frame(k)) for k in chosen.tolist()])
+    values = np.concatenate([quantity(trajectory[k]) for k in chosen.tolist()])
     top = _round_up(float(np.percentile(values, 99.0)) if values.size else 0.0)
     scale = Colouring.scale()
 
@@ -132,9 +132,9 @@ def _density(trajectory: Trajectory) -> Callable[[Frame], FloatArray]:
 
 
 def _waiting(trajectory: Trajectory) -> Callable[[Frame], FloatArray]:
-    waited = np.zeros((len(trajectory), trajectory.people))
+    waited = np.zeros((len(trajectory), trajectory.number_of_people))
     for k in range(1, len(trajectory)):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         slow = frame["person"][frame["speed"] < WAITING_SPEED]
         waited[k] = waited[k - 1]
         waited[k, slow] += trajectory.time[k] - trajectory.time[k - 1]

@@ -122,7 +122,7 @@ def find_congestion(
     found = [_Exceeding(Grid(level, spacing, KERNEL_RADIUS), density) for level in building.levels]
     spans = np.append(np.diff(time), 0.0)
     for k, span in enumerate(spans.tolist()):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         for level in building.levels:
             found[level.index].add(frame["position"][frame["level"] == level.index], frame["time"], span)
     places = [place for level in building.levels for place in found[level.index].places(building, level, least_time)]

@@ -15,6 +15,9 @@ PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
 STATISTICS_NAME = "statistics.csv"
 CHECKPOINT_NAME = "checkpoint.evac"
+REPLAY_NAME = "replay.html"
+MEDIAN_REPLAY_NAME = "replay-median.html"
+WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 BUILDING_FOLDER = "building"
@@ -49,6 +52,9 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     RUNS_NAME,
+    REPLAY_NAME,
+    MEDIAN_REPLAY_NAME,
+    WORST_REPLAY_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
     BUILDING_PARTS,

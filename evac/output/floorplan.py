@@ -14,6 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building.model import Building, Exit, Level
@@ -56,6 +57,7 @@ def draw_plans(
     is_filled: bool = True,
     side: float = SIDE,
     has_scale_bar: bool = True,
+    has_widths: bool = False,
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
@@ -74,6 +76,8 @@ def draw_plans(
     side : float
         Room at the right for a legend or a colour bar [inches].
     has_scale_bar : bool
+    has_widths : bool
+        Whether the widths of portals and exits are written beside them.
     greatest : tuple of float
         Greatest width and height of all plans together [inches].
 
@@ -105,7 +109,7 @@ def draw_plans(
         panel.set_axis_off()
         panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
         panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
-        _draw_levels(panel, building, found, is_filled)
+        _draw_levels(panel, building, found, is_filled, has_widths)
         axes.append(panel)
     if title is not None:
         _write_title(figure, title, size)
@@ -126,7 +130,7 @@ def _arrangement(count: int, width: float, height: float, greatest: tuple[float,
     return best
 
 
-def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool) -> None:
+def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool, has_widths: bool) -> None:
     """Draw floors, walls, portals, exits and the names of exits."""
     rows = [level.index for level in levels]
     if is_filled:
@@ -141,27 +145,37 @@ def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_fil
             style = {"colors": palette.PORTAL if is_open else palette.CLOSED, "linewidths": 0.8 if is_open else 2.5}
             dashes = (0, (2, 2)) if is_open else "solid"
             axes.add_collection(LineCollection(_ends(portal.segments), linestyles=dashes, zorder=3, **style))
+            if has_widths:
+                beside(axes, portal.segments, f"{portal.width:.2f} m", palette.EDGE, size=6.5)
     for exit_ in building.exits:
         if exit_.level in rows:
-            _draw_exit(axes, exit_, building.is_open(exit_))
+            _draw_exit(axes, exit_, building.is_open(exit_), has_widths)
 
 
-def _draw_exit(axes: Axes, exit_: Exit, is_open: bool) -> None:
+def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
     colour = palette.EXIT if is_open else palette.CLOSED
     axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
-    x1, y1, x2, y2 = exit_.segments[len(exit_.segments) // 2].tolist()
+    name = exit_.name if is_open else f"{exit_.name} (closed)"
+    beside(axes, exit_.segments, f"{name} {exit_.width:.2f} m" if has_width else name, colour, size=8.5, weight="bold")
+
+
+def beside(
+    axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
+) -> None:
+    """Write a text outside the middle of a line, whose inside is on its left."""
+    x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
     length = math.hypot(x2 - x1, y2 - y1)
     outward = (y2 - y1) / length, -(x2 - x1) / length
     axes.annotate(
-        exit_.name if is_open else f"{exit_.name} (closed)",
+        text,
         (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
         xytext=(6.0 * outward[0], 6.0 * outward[1]),
         textcoords="offset points",
         ha="left" if outward[0] > 0.5 else "right" if outward[0] < -0.5 else "center",
         va="bottom" if outward[1] > 0.5 else "top" if outward[1] < -0.5 else "center",
         color=colour,
-        fontsize=8.5,
-        fontweight="bold",
+        fontsize=size,
+        fontweight=weight,
         zorder=6,
         annotation_clip=False,
         parse_math=False,
@@ -174,9 +188,12 @@ def _ends(segments: FloatArray) -> list[FloatArray]:
 
 def outline(level: Level) -> Outline:
     """Return the plan of a level, holes included, as matplotlib clips and fills it."""
-    rings = [
-        ring for part in shapely.get_parts(level.polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))
-    ]
+    return outline_of(level.polygon)
+
+
+def outline_of(polygon: BaseGeometry) -> Outline:
+    """Return polygons with their holes as matplotlib clips and fills them."""
+    rings = [ring for part in shapely.get_parts(polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))]
     return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
 

@@ -13,6 +13,7 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IntArray
+from evac.building.findings import as_findings
 from evac.building.model import Area, Building, Exit, Level, Portal
 
 #: Coordinates lie between this and its negative [m]; far more than coordinates of any survey on Earth.
@@ -101,7 +102,7 @@ def building_from_json(data: Any) -> Building:
         walls=walls,
         wall_level=wall_level,
         stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
-        warnings=_words(data, "building", "warnings"),
+        findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
     )
 

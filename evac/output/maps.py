@@ -228,7 +228,7 @@ def _steps(trajectory: Trajectory, rows: IntArray) -> Iterator[tuple[Frame, Fram
         edges = np.concatenate([time[:1], 0.5 * (time[1:] + time[:-1]), time[-1:]])
         shares = np.diff(edges) / (time[-1] - time[0])
     after: Frame | None = None
-    later = (trajectory.frame(row) for row in rows.tolist())
+    later = (trajectory[row] for row in rows.tolist())
     now = next(later)
     for share in shares.tolist():
         after = next(later, None)

@@ -17,6 +17,17 @@ WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
 EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 
 
+#: Colour map of each quantity. All are perceptually uniform, safe for the colour-blind, and seen on light and dark.
+MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis"}
+
+#: Colours at equal distances along each map, of which the others are interpolated (those of matplotlib).
+STOPS = {
+    "viridis": ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"],
+    "cividis": ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"],
+    "plasma": ["#0d0887", "#4c02a1", "#7e03a8", "#aa2395", "#cc4778", "#e66c5c", "#f89540", "#fdc527", "#f0f921"],
+}
+
+
 def group_colours(count: int) -> list[str]:
     """Return one colour for each of `count` groups, and that of people of none last.
 

@@ -48,7 +48,7 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
     frames, frame_rate = regular_frames(trajectory)
     rows = []
     for number, k in enumerate(frames.tolist()):
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         here = frame["level"] == found.index
         person = frame["person"][here]
         rows.append(np.column_stack([person, np.full(len(person), number), frame["position"][here]]))

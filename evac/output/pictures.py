@@ -39,14 +39,14 @@ def draw_egress(results: Results, path: Path) -> None:
 
 def egress_figure(results: Results) -> Figure:
     """Return the egress curve of everybody, and of each group of several where there are not too many."""
-    note = f"{results.evacuated} of {results.people} out"
+    note = f"{results.evacuated} of {results.number_of_people} out"
     if results.last_out is not None:
-        which = "the last one" if results.evacuated == results.people else "the last of these"
+        which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
     groups = {group.name: results.egress(group.rows) for group in results.groups}
     sizes = {group.name: len(group.rows) for group in results.groups}
     title = f"{textwrap.fill(results.case.title, 90)}\n{note}"
-    return curves_figure(title, results.people, results.time, results.egress(), groups, sizes)
+    return curves_figure(title, results.number_of_people, results.time, results.egress(), groups, sizes)
 
 
 def curves_figure(

@@ -79,17 +79,17 @@ class Renderer:
     def image(self, k: int) -> NDArray[np.uint8]:
         """Return the picture of frame `k`, (height, width, 3)."""
         trajectory, view = self.trajectory, self._view
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         image = self._ground.copy()
         places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
         shown = np.isfinite(places[:, 0])
         radius = view.scale * trajectory.radius[frame["person"]]
         colours = self._colouring.of(frame)
         draw_people(image, places[shown], radius[shown], colours[shown], view.elevation, view.nearness)
-        out = trajectory.people - len(frame["person"])
+        out = trajectory.number_of_people - len(frame["person"])
         picture = Image.fromarray(image)
         picture.paste(self._names, (0, 0), self._names)
-        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.people} out")
+        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out")
         return np.array(picture)
 
     def _look(self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None) -> View:

@@ -44,7 +44,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     >>> import pandas as pd  # doctest: +SKIP
     >>> table = pd.DataFrame(motion_table(trajectory))  # doctest: +SKIP
     """
-    frames = [trajectory.frame(k) for k in range(len(trajectory))]
+    frames = [trajectory[k] for k in range(len(trajectory))]
     levels = np.array([level.name for level in trajectory.building.levels], dtype=object)
     groups = np.array([*trajectory.groups, ""], dtype=object)
 

@@ -56,7 +56,7 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
                 stale.unlink()
         _write_building(trajectory.building, folder)
         for k in range(len(trajectory)):
-            write_polydata(people_polydata(trajectory, trajectory.frame(k)), folder / frame_name(k))
+            write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
         path = folder / ANIMATION_NAME
         path.write_text(_pvd(trajectory.time), encoding="utf-8")
     return path

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import elevation
-from evac.building.model import DOWN, FLAT, UP, Building
+from evac.building.model import DOWN, FLAT, UP, Area, Building
 from evac.building.places import HEIGHT_REACH
 from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.errors import ScenarioError, naming
@@ -261,11 +261,20 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
     return found
 
 
+def _start(building: Building, people: "GroupSettings") -> tuple[Area, str]:
+    """Return the area that a group starts in, which may be a whole level, and its description for a message."""
+    named = building.level_named(people.level) if people.level is not None else None
+    if named is not None:
+        return Area(named.name, named.index, named.polygon), f"level {named.name!r}"
+    area = next(area for area in building.areas if area.name == people.area)
+    return area, f"area {area.name!r} on level {building.levels[area.level].name!r}"
+
+
 def _take_area(
     case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
 ) -> None:
-    """Put a group at random places of its area, clear of walls, portals, exits and whoever stands there."""
-    area = next(area for area in building.areas if area.name == people.area)
+    """Put a group at random places of its area or level, clear of walls, portals, exits and whoever stands there."""
+    area, what = _start(building, people)
     links = [
         *(portal.segments for portal in building.portals_of(area.level)),
         *(exit_.segments for exit_ in building.exits_of(area.level)),
@@ -277,6 +286,6 @@ def _take_area(
         np.concatenate([building.walls[building.wall_level == area.level], *links]),
         np.column_stack((crowd.position[there], crowd.radius[there])),
         generator_for(seed, "people", people.name, "position"),
-        f"{case.source}: people.{people.name}.number: area {area.name!r} on level {building.levels[area.level].name!r}",
+        f"{case.source}: people.{people.name}.number: {what}",
     )
     crowd.level[rows] = area.level

@@ -104,15 +104,18 @@ class Case(Section):
         """The folder that paths in the case are relative to."""
         return self._origin.source.parent
 
+    def __repr__(self) -> str:
+        return f"<Case {self.title or self.source.name!r}: {len(self.people)} groups, {self.contact.model}>"
+
     @property
     def table(self) -> Mapping[str, Any]:
         """The content of its case.toml, with overrides."""
         return self._origin.table
 
     @property
-    def mesh(self) -> Path:
-        """The building's file."""
-        return self.folder / self.building.mesh
+    def mesh(self) -> Path | None:
+        """The building's file; None if the case holds its plan."""
+        return self.folder / self.building.mesh if self.building.mesh is not None else None
 
     @property
     def plugin_files(self) -> tuple[Path, ...]:

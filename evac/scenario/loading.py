@@ -39,7 +39,8 @@ def load_case(
     ----------
     source : str, Path or mapping
         A case.toml, a folder that holds one, the name of a shipped case, or the content of a case.toml as a
-        dictionary; paths in a dictionary are relative to the current folder.
+        dictionary; paths in a dictionary are relative to the current folder. In a dictionary, the building, or its
+        key ``plan``, may be an `evac.Plan`.
     overrides : mapping, or iterable of str
         Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
         go by index or by name.
@@ -67,16 +68,12 @@ def load_case(
     if isinstance(source, Mapping):
         return case_from(source, Path.cwd() / DICTIONARY, overrides, plugin_files=files, registry=registry)
     path = _found(source, registry)
-    try:
-        table = read_table(path)
-    except ScenarioError as error:
-        if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
-            raise ScenarioError(
-                f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, and see what is in "
-                f"it with: evac check {source}"
-            ) from error
-        raise
-    return case_from(table, path, overrides, plugin_files=files, registry=registry)
+    if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
+        raise ScenarioError(
+            f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, or make a case of it "
+            f"with: evac import {source} --out FOLDER"
+        )
+    return case_from(read_table(path), path, overrides, plugin_files=files, registry=registry)
 
 
 def case_from(
@@ -94,8 +91,9 @@ def case_from(
         from evac.registry import Registry
 
         registry = Registry()
+    table = _with_plan(dict(table))
     _refuse(faults(table), table, source, [])
-    content: dict[str, Any] = copy.deepcopy(dict(table))
+    content: dict[str, Any] = copy.deepcopy(table)
     overridden, problems = apply(content, overrides)
     _refuse(faults(content), content, source, overridden)
     loaded = _added(plugin_files, registry)
@@ -128,6 +126,20 @@ def _refuse(problems: list[Problem], content: Mapping[str, Any], source: Path, o
         if len(problems) > MOST_TOLD:
             lines.append(f"{source}: and {len(problems) - MOST_TOLD:,} more")
         raise ScenarioError("\n".join(lines))
+
+
+def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
+    """Write a plan that was given in memory, as the building or as its plan, as the table that a file would hold."""
+    building = content.get("building")
+    plan = building.get("plan") if isinstance(building, dict) else building
+    if plan is None or isinstance(plan, dict | str):
+        return content
+    from evac.building.plan import Plan
+    from evac.building.plantable import table_of
+
+    if isinstance(plan, Plan):
+        content["building"] = {**(building if isinstance(building, dict) else {}), "plan": table_of(plan)}
+    return content
 
 
 def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:

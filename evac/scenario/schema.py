@@ -87,7 +87,8 @@ class Outline(Placed):
 class BuildingSettings(Section):
     """`[building]`: its file, and what the file does not hold."""
 
-    mesh: str = key("mesh file, relative to case.toml", min_length=1)
+    mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
+    plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
     weld: Real = key("vertices closer than this become one", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
@@ -99,7 +100,13 @@ class BuildingSettings(Section):
 
     def options(self) -> dict[str, Any]:
         """Return the keyword arguments of `evac.building.build.build_building`."""
-        return self.model_dump(exclude={"mesh"}, exclude_none=True)
+        return self.model_dump(exclude={"mesh", "plan"}, exclude_none=True)
+
+    @model_validator(mode="after")
+    def _given_one_way(self) -> Self:
+        if (self.mesh is None) == (self.plan is None):
+            raise wrong("mesh", "missing; name the file of the building, or give its plan, and not both")
+        return self
 
     @model_validator(mode="after")
     def _angles_in_order(self) -> Self:
@@ -178,15 +185,21 @@ class GroupSettings(PeopleSettings):
         "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
     )
     number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
-    area: str | None = key("area of the building they start in, at random places; this or `positions`", "", None)
+    area: str | None = key(
+        "area of the building they start in, at random places; this, `level` or `positions`", "", None
+    )
     positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this or `area`", "m", None, min_length=1
+        "where each one starts [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
     )
     velocity: tuple[Velocity, ...] | None = key(
         "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
     )
     z: Coordinate | None = key("height of the level that `positions` are on; this or `level`", "m", None)
-    level: str | None = key("name of the level that `positions` are on; this or `z`", "", None)
+    level: str | None = key(
+        "name of the level that `positions` are on; without positions, of the level they start on, at random places",
+        "",
+        None,
+    )
 
     @property
     def count(self) -> int:
@@ -195,10 +208,12 @@ class GroupSettings(PeopleSettings):
 
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
-        if (self.area is None) == (self.positions is None):
-            raise wrong("area", "say where they start: an area and a number, or positions, and not both")
+        if self.area is not None and self.positions is not None:
+            raise wrong("area", "people start in an area or at positions, not both; remove one")
+        if self.area is None and self.positions is None and self.level is None:
+            raise wrong("area", "missing: say where they start, by an area or a level and a number, or by positions")
         if self.positions is None:
-            self._check_area()
+            self._check_place()
         else:
             self._check_positions(len(self.positions))
         for quantity in ("radius", "mass", "tau", "speed", "speed_up", "speed_down"):
@@ -210,12 +225,13 @@ class GroupSettings(PeopleSettings):
                 )
         return self
 
-    def _check_area(self) -> None:
+    def _check_place(self) -> None:
+        place = "area" if self.area is not None else "level"
         if self.number is None:
-            raise wrong("number", "missing; how many people start in the area?")
-        for other in ("velocity", "z", "level"):
+            raise wrong("number", f"missing; how many people start in the {place}?")
+        for other in ("velocity", "z", *(("level",) if place == "area" else ())):
             if getattr(self, other) is not None:
-                raise wrong(other, "goes with positions, not with an area; remove it")
+                raise wrong(other, f"goes with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
@@ -296,13 +312,26 @@ class SimulationSettings(Section):
 
 
 class OutputSettings(Section):
-    """`[output]`: what is written to the result folder."""
+    """`[output]`: what is written to the result folder, beside summary.json."""
 
     every: Real = key(
         "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
     )
-    animation: Switch = key("whether the run can be played in ParaView (VTK files)", "", True)
-    picture: Switch = key("whether pictures of the run are drawn", "", True)
+    tables: Switch = key("whether egress.csv and people.csv are written", "", True)
+    picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
+    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
+    trajectory: Switch = key(
+        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "",
+        True,
+    )
+    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
+
+    @model_validator(mode="after")
+    def _animation_of_trajectory(self) -> Self:
+        if self.animation and not self.trajectory:
+            raise wrong("animation", "is made of the trajectory; set output.trajectory = true, or animation = false")
+        return self
 
 
 class PluginSettings(Section):

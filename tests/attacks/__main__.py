@@ -70,7 +70,7 @@ def attack(name: str, family: Family, cases: list[Any], how: str) -> int:
                 outcomes[outcome] += 1
     counts = ", ".join(f"{number} {outcome}" for outcome, number in outcomes.most_common())
     print(
-        f"{name}: {len(cases)} cases, {failures} failed ({counts}); slowest {slowest:.1f} s of processor time, most "
+        f"{name}: {len(cases)} cases, {failures} failed ({counts}); slowest {slowest:.1f} s of the processor, most "
         f"memory {peak / 1e9:.2f} GB, {time.perf_counter() - started:.0f} s in all",
         flush=True,
     )
@@ -135,7 +135,7 @@ def _run(family: Family, case: Any) -> str:
     """Run a case in an empty folder, which is removed."""
     folder = Path(tempfile.mkdtemp(prefix="evac-attack-"))
     try:
-        return family.run(case, folder)
+        return family.run(case, folder) or "held"
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -170,9 +170,9 @@ def run(case: Case, folder: Path) -> str:
     if status != 2:
         return "ran"
     words = [word for word in case.key.split(".") if not word.isdigit()][-2:]
-    # What a preset spoils is wrong with a group; a file that cannot be used is named itself.
-    words += ["people."] * case.key.startswith("presets.") + [case.value.strip('"')] * case.key.startswith(
-        "building.mesh"
-    )
+    # What a preset or another name spoils is wrong with a group; a file that cannot be used is named itself.
+    words += ["people"] * (case.key.startswith(("presets", "people.")) or case.key.endswith(".name")) + [
+        case.value.strip('"')
+    ] * case.key.startswith("building.mesh")
     assert any(word in said for word in words), said[-2000:]
     return "refused"

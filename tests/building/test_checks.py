@@ -133,10 +133,9 @@ def test_a_flight_through_a_floor_is_refused(mesh, read, z, is_refused):
 def test_walls_closer_than_any_wall_is_thick_are_warned_of(mesh, read, gap, weld, walls):
     building = read(mesh.rectangle(0, 0, 4, 3).rectangle(4 + gap, 0, 8, 3), need_exit=False, weld=weld)
     assert len(building.walls) == walls
-    notes = [
-        note for note in building.warnings if "(4.00, 1.50) of 'floor z=0.00' and 'floor z=0.00 (2)', by 2.0 mm" in note
-    ]
+    notes = [one for one in building.findings if one.place == (4.0, 1.5) and one.level == "floor z=0.00"]
     assert len(notes) == len(building.warnings) == (gap == 0.002 and walls == 8)
+    assert all("'floor z=0.00 (2)'" in one.text and "2.0 mm" in one.text for one in notes)
 
 
 def test_the_two_sides_of_a_slot_that_people_stand_in_are_no_missed_seam(mesh, read):

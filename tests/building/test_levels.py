@@ -111,7 +111,7 @@ def test_two_portals_where_two_levels_meet_twice(mesh, tmp_path):
 def test_equal_names_are_numbered(mesh, read):
     building = read(mesh.rectangle(0, 0, 4, 3).rectangle(10, 0, 14, 3), exits=[EXIT])
     assert [level.name for level in building.levels] == ["floor z=0.00", "floor z=0.00 (2)"]
-    assert building.warnings == ("no exit can be reached from 'floor z=0.00 (2)': nobody can leave from there",)
+    assert [one.level for one in building.findings] == ["floor z=0.00 (2)"]
 
 
 def test_cell_of_two_floors_is_refused(mesh, tmp_path):

@@ -29,8 +29,8 @@ def test_what_is_cut_off_is_warned_of(building):
     west = building.exits[0].name
     assert close_links(building, [west]).warnings == building.warnings
     assert close_links(building, ["stair 1"]).warnings == building.warnings
-    (note,) = close_links(building, [west, "stair 1"]).warnings
-    assert note.startswith("no exit can be reached from 'floor z=0.00'")
+    (note,) = close_links(building, [west, "stair 1"]).findings
+    assert note.level == "floor z=0.00"
 
 
 def test_unknown_names_are_refused(building):

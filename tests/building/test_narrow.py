@@ -63,9 +63,11 @@ def test_rooms_with_no_way_between_them_have_no_neck(mesh, read):
 def test_portals_and_exits(stair_mesh, read):
     building = read(stair_mesh, exits=[{"name": "hatch", "segment": [[0, 0.2], [0, 0.6]], "z": 0.0}])
     (hatch,) = narrow_places(building, 0.5)
-    assert "exit 'hatch' on level 'floor z=0.00' at (0.00, 0.40) is only 0.40 m wide" in hatch
+    assert (hatch.level, hatch.place) == ("floor z=0.00", (0.0, 0.4))
+    assert "'hatch'" in hatch.text
+    assert "0.40 m" in hatch.text
     notes = narrow_places(building, 2.2)
-    assert sum(note.startswith("portal ") for note in notes) == 2
+    assert sum(note.text.startswith("portal ") for note in notes) == 2
 
 
 def test_gaps_that_walls_leave_are_closed_and_steps_of_an_outline_are_not():

@@ -101,8 +101,10 @@ def test_area_is_clipped_to_its_level(room, read):
     square = {"name": "start", "polygon": [[5, 3], [8, 3], [8, 6], [5, 6]], "z": 0.0}
     building = read(room, exits=[way([6, 1], [6, 2])], areas=[square])
     (area,) = building.areas
-    (warning,) = building.warnings
-    assert "area 'start': 1.00 of its 9.00 m2 are on level" in warning
+    (warning,) = building.findings
+    assert warning.level == "floor z=0.00"
+    assert "area 'start': 1.00 of its 9.00 m2" in warning.text
+    assert building.levels[0].polygon.contains(shapely.Point(warning.place))
     assert (area.name, area.level) == ("start", 0)
     assert area.polygon.equals(shapely.box(5, 3, 6, 4))
     with pytest.raises(BuildingError, match=r"area 'start' .*\(0.00, 0.00\) to \(6.00, 4.00\)"):

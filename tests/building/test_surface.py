@@ -67,9 +67,11 @@ def test_degenerate_steep_and_double_cells_are_dropped(mesh, read):
     building = read(mesh, exits=[EXIT])
     assert building.levels[0].polygon.area == 12.0
     assert len(building.walls) == 4
-    degenerate, steep = building.warnings
-    assert "1 cell without extent dropped, the first at (0.00, 0.00, 0.00)" in degenerate
-    assert "4 cells steeper than 50 degrees dropped" in steep
+    degenerate, steep = building.findings
+    assert degenerate.place == (0.0, 0.0, 0.0)
+    assert "1 cell " in degenerate.text
+    assert "4 cells" in steep.text
+    assert "50 degrees" in steep.text
     with pytest.raises(BuildingError, match=r"stair 'stair 1'.*'floor z=0.00'"):
         read(mesh, exits=[EXIT], walkable_angle=50.5)
 

@@ -46,10 +46,20 @@ def plans(name, low=-np.inf, high=np.inf):
 @pytest.mark.parametrize("name", ["square_room", "classroom", "primary_school"])
 def test_shipped_mesh_is_what_the_script_draws(name, tmp_path):
     script(name).draw().write(tmp_path / "drawn.msh")
-    shipped, drawn = read(CASES / name / f"{name}.msh"), read(tmp_path / "drawn.msh")
-    assert shipped.field_data.keys() == drawn.field_data.keys()
-    assert np.array_equal(np.unique(shipped.points, axis=0), np.unique(drawn.points, axis=0))
-    assert [len(block.data) for block in shipped.cells] == [len(block.data) for block in drawn.cells]
+    shipped, drawn = read_building(CASES / name / f"{name}.msh"), read_building(tmp_path / "drawn.msh")
+    assert drawn.findings == shipped.findings == ()
+    for array in ("vertices", "walls", "wall_level"):
+        assert np.array_equal(getattr(shipped, array), getattr(drawn, array))
+    for one, other in zip(shipped.levels, drawn.levels, strict=True):
+        assert (one.name, one.kind, one.stair) == (other.name, other.kind, other.stair)
+        assert np.array_equal(one.triangles, other.triangles)
+        assert one.polygon.equals_exact(other.polygon, 0.0)
+    for one, other in zip((*shipped.portals, *shipped.exits), (*drawn.portals, *drawn.exits), strict=True):
+        assert one.name == other.name
+        assert np.array_equal(one.segments, other.segments)
+    for one, other in zip(shipped.areas, drawn.areas, strict=True):
+        assert (one.name, one.level) == (other.name, other.level)
+        assert one.polygon.equals_exact(other.polygon, 0.0)
 
 
 def test_square_room_is_that_of_the_paper():

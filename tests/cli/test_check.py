@@ -56,7 +56,7 @@ def test_a_mesh_alone_has_no_keys_to_change(evac, capsys):
 
 def test_warns_of_doors_narrower_than_the_widest_person(evac, capsys):
     assert evac("check", "square_room", "--set", "people.people.radius=0.45") == 0
-    assert "exit 'door' on level 'room'" in capsys.readouterr().err
+    assert "level 'room' at (5.00, 2.50): exit 'door'" in capsys.readouterr().err
 
 
 def test_an_importer_of_a_plugin_reads_the_file(evac, tmp_path, capsys):
@@ -67,8 +67,8 @@ from evac import Importer, SurfaceMesh, hookimpl
 
 evac_interface = 2
 
-class PlanImporter(Importer):
-    name = "plan"
+class RectangleImporter(Importer):
+    name = "rectangle"
     suffixes = (".plan",)
 
     def read(self, path):
@@ -78,7 +78,7 @@ class PlanImporter(Importer):
 
 @hookimpl
 def evac_importers():
-    return [PlanImporter]
+    return [RectangleImporter]
 """
     )
     assert evac("check", "room.plan", "--plugin", "reader.py") == 0

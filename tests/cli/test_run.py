@@ -25,7 +25,11 @@ FILES = {
     "building",
     "building.vtm",
     "frames",
+    "replay.html",
 }
+
+#: Without picture and animation.
+BARE = {"summary.json", "egress.csv", "people.csv", "replay.html"}
 
 
 def test_writes_a_result_folder(result):
@@ -43,7 +47,7 @@ def test_writes_a_result_folder(result):
 def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
     assert evac("run", "square_room", "--set", "output.animation=false", "output.picture=false") == 0
     folder = tmp_path / "square_room-result"
-    assert {path.name for path in folder.iterdir()} == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME}
+    assert {path.name for path in folder.iterdir()} == {*BARE, TRAJECTORY_NAME}
     out = capsys.readouterr().out
     for word in ("last out", "greatest overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
         assert word in out
@@ -121,7 +125,7 @@ def test_a_result_folder_is_overwritten_and_nothing_else(evac, tmp_path):
     quiet = ["output.animation=false", "output.picture=false"]
     assert evac("run", "square_room", "--out", "r", "--set", "simulation.duration=2", *quiet) == 3
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", TRAJECTORY_NAME, "frames", "notes.txt"}
+    assert names == {*BARE, TRAJECTORY_NAME, "frames", "notes.txt"}
     assert [path.name for path in (tmp_path / "r" / "frames").iterdir()] == ["own.vtp"]
 
 
@@ -141,7 +145,7 @@ evac_interface = 2
 
 @hookimpl
 def evac_metrics(results):
-    return {"twice": 2 * results.people}
+    return {"twice": 2 * results.number_of_people}
 """
     )
     assert evac("run", "square_room", "--out", "r", "--plugin", plugin) == 0

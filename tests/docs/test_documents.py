@@ -1,5 +1,6 @@
 """What the documents say is there, is there; what they show, runs."""
 
+import json
 import re
 import subprocess
 import sys
@@ -98,23 +99,31 @@ def test_the_reference_of_a_case_is_the_generated_one(text):
     assert text("docs/buildings.md").endswith("\n\n" + reference())
 
 
-def test_the_building_drawn_in_the_guide_is_read(text, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_plan_of_the_guide_is_evacuated(text, capsys):
     (block,) = fenced(text("docs/buildings.md"), "python")
-    exec(compile(block, "draw.py", "exec"), {})
-    building = evac.read_building("hall.msh")
-    assert [level.name for level in building.levels] == ["hall"]
-    assert [area.name for area in building.areas] == ["stage"]
-    assert [(way_out.name, way_out.width) for way_out in building.exits] == [("door", 1.0)]
+    exec(compile(block, "two_storeys.py", "exec"), {})
+    assert capsys.readouterr().out == "20 of 20 out\n"
+
+
+def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
+    plan, *_ = fenced(text("docs/buildings.md"), "toml")
+    (tmp_path / "house.plan.toml").write_text(plan, encoding="utf-8")
+    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))", encoding="utf-8")
+    corners = [[[0, 0], [9000, 0], [9000, 6000], [0, 6000], [0, 0]]]
+    shape = {"type": "Polygon", "coordinates": corners}
+    (tmp_path / "first.geojson").write_text(json.dumps(shape), encoding="utf-8")
+    building = evac.read_building(tmp_path / "house.plan.toml")
+    assert [level.name for level in building.levels if level.kind == "floor"] == ["ground", "first"]
+    assert len(building.portals) == 2
 
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
-    case, _ = fenced(text("docs/buildings.md"), "toml")
+    _, case, _ = fenced(text("docs/buildings.md"), "toml")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
-    assert results.evacuated == results.people == 10
+    assert results.evacuated == results.number_of_people == 10
     assert [level.kind for level in results.building.levels] == ["floor", "flight", "floor"]
     assert len(results.building.portals) == 2
     flight = results.building.levels[1]
@@ -124,7 +133,7 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
 def test_the_presets_of_the_guide_are_taken(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")), encoding="utf-8")
+    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[1:]), encoding="utf-8")
     simulation = Simulation(evac.load(tmp_path))
     rows = {group.name: group.rows for group in simulation.population.groups}
     crowd = simulation.population.crowd

@@ -229,7 +229,7 @@ def test_evac_metrics(plugin):
         """
         @hookimpl
         def evac_metrics(results):
-            return {"people": results.people}
+            return {"people": results.number_of_people}
         """
     )
     case = evac.load("square_room", {"simulation.duration": 0.5}, plugin_files=[path])

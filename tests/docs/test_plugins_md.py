@@ -148,9 +148,7 @@ def test_personal_space_keeps_people_apart(plugin_files):
 
 def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
     (tmp_path / "a.rooms").write_text(
-        "floor:hall 0.0 POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (2 2, 3 2, 3 3, 2 3, 2 2))\n"
-        "area:stage 0.0 POLYGON ((8 0, 10 0, 10 4, 8 4, 8 0))\n"
-        "exit:door 0.0 LINESTRING (0 1, 0 2)\n"
+        "room hall 0 0 8 4\ntable a 2 2 3 3\nroom stage 8 0 10 4\nexit door 0 1 0 2\nlamp b 1 1 2 2\n"
     )
     case = evac.load(
         "square_room",
@@ -161,7 +159,12 @@ def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
     results = evac.run(case)
     assert results.evacuated == 20
     assert [level.polygon.area for level in results.building.levels] == [pytest.approx(39.0)]
-    (tmp_path / "a.rooms").write_text("floor:hall 0.0 POLYGON ((0 0, 8 0\n")
+    assert [(one.kind, one.level, one.place) for one in results.building.findings] == [
+        ("left out", "floor", (1.0, 1.0))
+    ]
+    made = evac.import_building([tmp_path / "a.rooms"], tmp_path / "case", people=6, registry=case.registry)
+    assert (made.fault, [room.name for room in made.rooms]) == ("", ["hall", "stage"])
+    (tmp_path / "a.rooms").write_text("room hall 0 0 8\n")
     with pytest.raises(evac.BuildingError, match=r"a\.rooms: cannot be read: line 1: "):
         evac.Simulation(case)
 
@@ -176,7 +179,7 @@ def test_an_exporter_is_found_on_the_command_line(plugin_files, tmp_path, capsys
     path = tmp_path / "result/export/trajectory.txt"
     assert capsys.readouterr().out.strip() == str(path)
     table = np.loadtxt(path)
-    frame = evac.read_trajectory(tmp_path / "result").frame(0)
+    frame = evac.read_trajectory(tmp_path / "result")[0]
     np.testing.assert_allclose(table[:20, 2:4], frame["position"], atol=0.051)
 
 

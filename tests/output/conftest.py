@@ -12,7 +12,8 @@ from evac.directions.routes import Route
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.results import Results
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 from evac.physics.state import Crowd
 
 

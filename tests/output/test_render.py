@@ -14,7 +14,8 @@ from evac.output.colouring import COLOURINGS, colouring
 from evac.output.header import building_to_json
 from evac.output.pawns import HIDDEN, draw_people
 from evac.output.render import Renderer, render_animation, render_picture
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 from tests.output.conftest import crowd_at
 
 SIZE = (320, 240)
@@ -59,7 +60,7 @@ def test_a_quantity_colours_the_people(trajectory, name):
     image = Renderer(trajectory, (640, 480), "plan", colour_by=name).image(2)
     assert share_of_hue(image, ODD) < 1e-4
     found = colouring(trajectory, name)
-    frame = trajectory.frame(2)
+    frame = trajectory[2]
     values = {"speed": frame["speed"], "contact_force": frame["contact_force"] / 1e3}.get(name)
     if values is not None:
         expected = found.scale()[np.clip(255 * values / found.top, 0, 255).astype(int)]
@@ -74,7 +75,7 @@ def test_waiting_counts_the_time_at_which_people_stood(written):
     scale = waiting.scale()
     for k in range(5):
         expected = scale[[int(255 * 2.0 * k / 8.0), 0]]
-        np.testing.assert_array_equal(waiting.of(trajectory.frame(k)), expected)
+        np.testing.assert_array_equal(waiting.of(trajectory[k]), expected)
 
 
 def test_levels_are_drawn_alone(trajectory):

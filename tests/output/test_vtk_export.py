@@ -5,7 +5,8 @@ import pyvista
 from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.header import building_to_json
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 from evac.output.vtk_export import KINDS, building_blocks, export_vtk
 
 
@@ -31,7 +32,7 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
     trajectory, path = exported
     for k in range(len(trajectory)):
         people = pyvista.read(path.parent / "frames" / f"frame_{k:05d}.vtp")
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         assert people.points.dtype == np.float64
         np.testing.assert_array_equal(people.points[:, :2], frame["position"])
         np.testing.assert_array_equal(people.points[:, 2], frame["z"])

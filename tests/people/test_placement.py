@@ -101,10 +101,10 @@ def test_more_than_fit_are_refused_with_the_number_that_would():
 def test_ten_thousand_people_are_placed_in_a_second():
     radius = np.random.default_rng(0).uniform(0.2, 0.25, 10_000)
     placed(shapely.box(0, 0, 2, 2), radius[:14])
-    start = time.perf_counter()
+    start = time.process_time()
     for side in (100, 50):
         placed(shapely.box(0, 0, side, side), radius)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 def test_clearance_is_the_distance_to_the_nearest_segment():

@@ -96,8 +96,8 @@ def test_tables_hold_everybody_at_every_time(trajectory, tmp_path):
     (path,) = export(trajectory, EXPORTERS["csv"](), tmp_path / "motion.csv")
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 5 * trajectory.people
-    frame, last = trajectory.frame(4), rows[-1]
+    assert len(rows) == 5 * trajectory.number_of_people
+    frame, last = trajectory[4], rows[-1]
     assert (last["group"], last["level"]) == ("teacher_2b", "second")
     for name, value in {"x": frame["position"][-1, 0], "z": frame["z"][-1], "speed": frame["speed"][-1]}.items():
         assert float(last[name]) == value

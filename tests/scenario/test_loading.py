@@ -108,7 +108,7 @@ def test_plugins_are_made_with_their_parameters_in_the_order_of_the_file(case_fi
         ("people.teacher.number=2", "people.teacher.number: 2 people at 1 positions; remove number or correct it"),
         ("people.teacher.velocity=[[1,0],[0,1]]",
          "people.teacher.velocity: 2 velocities for 1 positions; give one for each"),
-        ("people.pupils.level=ground", "people.pupils.level: goes with positions, not with an area; remove it"),
+        ("people.pupils.level=ground", "people.pupils.level: goes with positions, not with area and number; remove it"),
         ("people.teacher.name=pupils", "people.1.name: 'pupils' names two groups; rename one"),
         ("people=[]", "people: must have at least 1 item, not 0, got []"),
         ("people=3", "people: must be a list, got 3"),
@@ -169,7 +169,7 @@ def test_one_velocity_is_not_for_everybody(case_file, registry):
     [
         (
             "people.pupils.positions=[[0,0]]",
-            "people.pupils.area: say where they start: an area and a number, or positions, and not both",
+            "people.pupils.area: people start in an area or at positions, not both; remove one",
         ),
         (
             "people.teacher.z=0.0",
@@ -222,7 +222,7 @@ def test_missing_files_are_named(case_file, registry):
 def test_a_building_in_place_of_a_case_is_told(tmp_path, registry, content):
     path = tmp_path / "house.obj"
     path.write_bytes(content)
-    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac check .*house\.obj"):
+    with pytest.raises(ScenarioError, match=r"house\.obj: .* evac import .*house\.obj"):
         load_case(path, registry=registry)
 
 
@@ -341,3 +341,38 @@ def test_a_preset_that_does_not_fit_a_group_is_a_fault_of_the_group(case_file, r
 def test_an_unknown_solver_is_refused_with_its_key():
     with pytest.raises(ScenarioError, match=r"contact\.nsm2\.solver: unknown solver 'uzava'; did you mean 'uzawa'\?"):
         load_case("square_room", {"contact.nsm2.solver": "uzava"})
+
+
+def test_a_plan_in_memory_becomes_data_of_the_case():
+    import pickle
+
+    import shapely
+
+    from evac.building.plan import Plan
+
+    plan = Plan()
+    plan.storey("room", shapely.box(0, 0, 6, 4))
+    plan.exit("door", "room", [(0, 1), (0, 2)])
+    people = [{"name": "people", "level": "room", "number": 3}]
+    table = {"building": plan, "people": people, "contact": {"model": "nsm2"}}
+    case = load_case(table)
+    assert case.mesh is None
+    assert case.building.plan["exits"] == [{"name": "door", "storey": "room", "segment": [[0.0, 1.0], [0.0, 2.0]]}]
+    assert pickle.loads(pickle.dumps(case)).to_dict() == case.to_dict()
+    closed = load_case({**table, "building": {"plan": plan, "weld": 0.002}})
+    assert (closed.building.plan, closed.building.weld) == (case.building.plan, 0.002)
+    assert isinstance(table["building"], Plan)
+
+
+@pytest.mark.parametrize("building", [{}, {"mesh": "a.msh", "plan": {}}])
+def test_a_building_is_given_in_one_way(building):
+    with pytest.raises(ScenarioError, match=r"building\.mesh"):
+        load_case({"building": building, "people": [], "contact": {"model": "nsm2"}})
+
+
+def test_a_level_alone_is_where_people_start():
+    people = [{"name": "people", "level": "room", "number": 20}]
+    case = load_case("square_room", {"people": people})
+    assert (case.people[0].level, case.people[0].count) == ("room", 20)
+    with pytest.raises(ScenarioError, match=r"people\.people\.number"):
+        case.change({"people": [{"name": "people", "level": "room"}]})

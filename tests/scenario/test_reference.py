@@ -30,7 +30,7 @@ def test_every_key_stands_in_the_reference_with_its_meaning():
         "### `[[building.exits]]`",
         "| `step` | number | s | `0.01` | time step h of the physics |",
         "| `radius` | number or distribution | m | `{ uniform = [0.2, 0.25] }` | body radius, at least 0.01 m |",
-        "| `mesh` | text |  | required | mesh file, relative to case.toml |",
+        "| `mesh` | text |  | none | file of the building, relative to case.toml; this or `plan` |",
         "| `order` | `1` or `2` |  | `2` | order of the fast marching scheme |",
     ],
 )

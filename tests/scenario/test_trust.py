@@ -187,13 +187,13 @@ def test_check_lists_the_files_and_runs_them_only_if_they_are_given(folder, caps
 
 @pytest.mark.parametrize(
     ("change", "shown"),
-    [("contact.model=soft", ["mesh", "Levels"]), ("importers={obj=false,meshio=false,off=false,ply=false}", [])],
+    [("contact.model=soft", ["building", "Levels"]), ("importers={obj=false,meshio=false,off=false,ply=false}", [])],
 )
 def test_check_shows_what_can_be_read_without_the_files(folder, capsys, change, shown):
     assert main(["check", str(folder), "--set", change]) == 0
     out, _ = capsys.readouterr()
     assert [
-        line.split()[0] for line in out.splitlines() if line.split()[:1] in (["mesh"], ["Levels"], ["People:"])
+        line.split()[0] for line in out.splitlines() if line.split()[:1] in (["building"], ["Levels"], ["People:"])
     ] == shown
     assert not _has_run(folder)
 

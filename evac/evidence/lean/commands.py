@@ -89,6 +89,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac explain square_room": [],
         "evac run square_room": ["--out", result],
         "evac repeat square_room --runs 2 --jobs 1": ["--out", str(folder / "runs")],
+        "evac replay": [result, "--out", str(folder / "replay.html")],
         "evac export": [result],
         "evac render": [result, "--out", str(folder / "picture.png")],
         "evac evidence --help": [],
@@ -109,7 +110,7 @@ def report_commands(evidence: Evidence) -> None:
             evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
     evidence.heading(section)
     evidence.text(
-        """Run, repeat, export and render include the work that they are called for, on the square room with its
+        """Run, repeat, replay, export and render include the work that they are called for, on the square room with its
         picture and animation as shipped; render draws one picture."""
     )
     evidence.table(

@@ -7,24 +7,19 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-import shapely
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evac.arrays import FloatArray
-from evac.building.model import Area, Building, Exit, Portal
+from evac.building.model import Building
 from evac.output import palette
+from evac.output.annotated import levels_figure
 from evac.output.congestion import Place
-from evac.output.floorplan import draw_plans
 from evac.output.map_pictures import draw_map
 from evac.output.maps import LevelMaps
 from evac.output.pictures import Curve, curves_figure, new_axes
 from evac.output.report.html import Html, picture
 from evac.output.storeys import storeys
 from evac.output.trajectory import Trajectory
-
-#: Smaller areas have no name on plans, where there is no room for it [m2].
-LEAST_NAMED = 4.0
 
 #: Greatest width and height of all plans together, so that they are printed about as large as they are drawn [inches].
 PLANS = (6.8, 7.6)
@@ -43,57 +38,13 @@ def drawing(figure: Figure, caption: str, words: str) -> Html:
 
 def plans(building: Building) -> Html:
     """Return the plans of all storeys, with the names and widths of exits, portals and areas."""
-    drawn = draw_plans(building, None, side=0.3, greatest=PLANS)
-    for axes, levels in zip(drawn.axes, drawn.levels, strict=True):
-        rows = {level.index for level in levels}
-        for portal in building.portals:
-            if rows & set(portal.levels):
-                _write_width(axes, portal)
-        for exit_ in building.exits:
-            if exit_.level in rows:
-                _write_width(axes, exit_)
-        for area in building.areas:
-            if area.level in rows:
-                _draw_area(axes, area)
+    figure = levels_figure(building, title=None, greatest=PLANS)
     caption = (
-        "Plans of the storeys at one scale. Green: exits with their names; dashed lines: portals between levels; the"
-        " numbers at both are clear widths in metres; dotted outlines: areas in which people can start, with the names"
-        f" of those of {LEAST_NAMED:g} m² or more. Flights and landings are drawn with the floor below them."
-        " Red: closed."
+        "Plans of the storeys at one scale, with coordinates [m]. Green: exits with their names and clear widths;"
+        " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
+        " Flights, with an arrow up, and landings are drawn with the floor below them. Red: closed."
     )
-    return drawing(drawn.figure, caption, "plans of the storeys")
-
-
-def _write_width(axes: Axes, link: Portal | Exit) -> None:
-    x1, y1, x2, y2 = link.segments[len(link.segments) // 2].tolist()
-    length = math.hypot(x2 - x1, y2 - y1)
-    inward = (y1 - y2) / length, (x2 - x1) / length
-    axes.annotate(
-        f"{link.width:.2f}",
-        (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
-        xytext=(11.0 * inward[0], 11.0 * inward[1]) if isinstance(link, Exit) else (0.0, 0.0),
-        textcoords="offset points",
-        ha="center",
-        va="center",
-        fontsize=8,
-        color=palette.TEXT,
-        bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
-        zorder=7,
-    )
-
-
-def _draw_area(axes: Axes, area: Area) -> None:
-    for part in shapely.get_parts(area.polygon):
-        x, y = shapely.get_coordinates(part.exterior).T
-        axes.plot(x, y, color=palette.EDGE, linewidth=0.7, linestyle=":", zorder=2)
-    if area.polygon.area < LEAST_NAMED:
-        return
-    largest = max(shapely.get_parts(area.polygon), key=lambda part: float(part.area))
-    outline = shapely.Polygon(largest.exterior)
-    at = outline.centroid if outline.contains(outline.centroid) else outline.point_on_surface()
-    box = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "color": palette.TEXT, "parse_math": False}
-    axes.text(at.x, at.y, area.name, zorder=6, bbox=box, **style)
+    return drawing(figure, caption, "plans of the storeys")
 
 
 def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve], sizes: Mapping[str, int]) -> Html:

@@ -183,10 +183,10 @@ def read_run(folder: Path) -> Run:
         )
     recorded = folder / TRAJECTORY_NAME
     trajectory = read_trajectory(recorded) if recorded.is_file() else None
-    if trajectory is not None and trajectory.people != summary.people:
+    if trajectory is not None and trajectory.number_of_people != summary.people:
         raise ResultError(
-            f"{recorded}: {trajectory.people} people, but {SUMMARY_NAME} has {summary.people}; the files are not of "
-            "one run: run the case again"
+            f"{recorded}: {trajectory.number_of_people} people, but {SUMMARY_NAME} has {summary.people}; the files are "
+            "not of one run: run the case again"
         )
     names = (SUMMARY_NAME, PEOPLE_NAME, EGRESS_NAME, TRAJECTORY_NAME)
     run = Run(folder, summary, data["case"], people, trajectory, digests(folder, names))

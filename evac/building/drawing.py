@@ -1,0 +1,359 @@
+"""Plan to surface mesh: rooms joined by doors, floors cut for obstacles and stairs, exits put on outlines."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building import stairs
+from evac.building.conforming import Height
+from evac.building.findings import Finding
+from evac.building.outlines import (
+    Strip,
+    along,
+    covered,
+    is_on,
+    nearest,
+    normal,
+    overlaps,
+    strip,
+    with_walls,
+    written,
+)
+from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
+from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
+from evac.building.surfacemesh import SurfaceMesh
+from evac.errors import BuildingError
+from evac.parameters import did_you_mean
+
+if TYPE_CHECKING:
+    from evac.building.plan import Plan
+
+#: A surface: its tags, its plan and its height.
+Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
+
+#: How far beside a segment it is asked whether there is floor [m].
+BESIDE = 0.05
+#: A part of an exit or a stair's edge without floor beside it that is not worth a warning [m].
+UNCOVERED = 0.01
+
+
+def draw(plan: "Plan") -> SurfaceMesh:
+    """Return the tagged surface of a plan; see `evac.building.plan.Plan.surface`."""
+    return _Drawing(plan).mesh()
+
+
+class _Drawing:
+    """The floors of a plan while they are cut and joined."""
+
+    def __init__(self, plan: "Plan") -> None:
+        self.plan = plan
+        self.findings = list(plan.findings)
+        self.floors: dict[str, BaseGeometry] = {}
+        self.pieces: dict[str, list[stairs.Piece]] = {}
+        self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
+        self.openings: list[tuple[str, FloatArray]] = []
+
+    def mesh(self) -> SurfaceMesh:
+        """Do everything in its order."""
+        plan = self.plan
+        if not plan.storeys:
+            raise BuildingError(f"{plan.source}: there is no storey; add one with its polygons")
+        for kind in ("door", "exit", "opening", "area", "obstacle"):
+            for item in getattr(plan, f"{kind}s"):
+                self._check_storey(f"{kind} {item.name!r}", item.storey)
+        for name in plan.storeys:
+            self._make_floor(name)
+        for door in plan.doors:
+            with self._naming(f"door {door.name!r}"):
+                self._open_door(door)
+        obstacles = [self._place_obstacle(item) for item in plan.obstacles]
+        for item in (item for item in plan.exits if item.polygons):
+            self.floors[item.storey] = cut(self.floors[item.storey], united(item.polygons))
+        self._make_stairs()
+        for item in plan.exits:
+            with self._naming(f"exit {item.name!r}"):
+                self._open_exit(item)
+        for item in plan.openings:
+            self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
+        surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
+        for name, pieces in self.pieces.items():
+            surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
+        edges = []
+        for tag, storey, ends in self.edges:
+            z = plan.storeys[storey].z
+            edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
+        try:
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings)
+        except ValueError as error:
+            raise BuildingError(f"{plan.source}: {error}") from error
+        return mesh
+
+    def _check_storey(self, what: str, name: str) -> None:
+        if name not in self.plan.storeys:
+            hint = did_you_mean(name, list(self.plan.storeys))
+            raise BuildingError(f"{self.plan.source}: {what}: no storey is named {name!r}; {hint}")
+
+    @contextmanager
+    def _naming(self, what: str) -> Iterator[None]:
+        """Put plan and part before an error of geometry."""
+        try:
+            yield
+        except ValueError as error:
+            raise BuildingError(f"{self.plan.source}: {what}: {error}") from error
+
+    def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
+        """Note a finding on a storey, at a geometry or in the middle of a segment."""
+        place = place_of(at) if isinstance(at, BaseGeometry) else tuple(np.reshape(at, (-1, 2)).mean(axis=0).tolist())
+        self.findings.append(Finding(kind, text, storey, place))
+
+    def _make_floor(self, name: str) -> None:
+        """Join the polygons of a storey, or put walls between them."""
+        storey = self.plan.storeys[name]
+        if storey.file is not None:
+            raise BuildingError(f"{self.plan.source}: storey {name!r}: {storey.file} has not been read")
+        rooms = list(storey.polygons)
+        double = overlaps(rooms)
+        if double:
+            area = united(double).area
+            text = f"polygons overlap on {area:.2f} m2 and are joined, the largest overlap here"
+            self._find("assumed", text, name, max(double, key=lambda part: part.area))
+        if storey.wall > 0.0:
+            rooms = with_walls(rooms, storey.wall)
+        self.floors[name] = united(rooms)
+
+    def _open_door(self, door: Item) -> None:
+        """Add the ground between a door and the rooms on both its sides."""
+        assert door.segment is not None
+        floor = self.floors[door.storey]
+        ways = [normal(door.segment), -normal(door.segment)]
+        middle = door.segment.mean(axis=0)
+        if all(is_on(floor, middle + BESIDE * way) for way in ways) and is_on(floor, middle):
+            self._find("warning", f"door {door.name!r} lies inside a room and opens nothing", door.storey, door.segment)
+            return
+        found = [strip(floor, door.segment, way, door.reach) for way in ways]
+        if all(found):
+            self._add(door.storey, [one for one in found if one is not None])
+            return
+        if not any(found):
+            raise ValueError(
+                f"there is no room within {door.reach:g} m of {written(door.segment)} on storey {door.storey!r}; "
+                f"{nearest(floor, door.segment)}: move it there, or set reach"
+            )
+        if door.outside == "refuse":
+            raise ValueError(
+                f"{written(door.segment)} on storey {door.storey!r} has a room on one side only; move it, set reach if "
+                "the wall is thicker, or make it an exit"
+            )
+        self._add(door.storey, [one for one in found if one is not None])
+        ends = np.concatenate([*door.segment])[None]
+        if door.outside == "exit":
+            self.edges.append((f"exit:{door.name}", door.storey, ends))
+        else:
+            self.openings.append((door.storey, ends[0]))
+
+    def _add(self, storey: str, strips: list[Strip]) -> None:
+        """Add strips of ground to a floor."""
+        parts = [one.polygon for one in strips if not one.polygon.is_empty]
+        if parts:
+            self.floors[storey] = united([self.floors[storey], *parts])
+
+    def _place_obstacle(self, item: Item) -> tuple[tuple[str, ...], BaseGeometry, float] | None:
+        """Cut an obstacle out of its floor; return its surface, if any of it is on the floor."""
+        floor, storey = self.floors[item.storey], self.plan.storeys[item.storey]
+        outline = united(item.polygons)
+        inside = common(floor, outline)
+        if inside.is_empty:
+            self._find("left out", f"obstacle {item.name!r} is not on the floor", item.storey, outline)
+            return None
+        self.floors[item.storey] = cut(floor, outline)
+        return (f"obstacle:{item.name}",), inside, storey.z
+
+    def _make_stairs(self) -> None:
+        """Make flights and landings, cut the floors away from them, and join them to the floors."""
+        plan = self.plan
+        ends: list[tuple[str, str, str, FloatArray, FloatArray]] = []
+        for stair in plan.stairs:
+            what = f"stair {stair.name!r}"
+            for storey in (stair.lower, stair.upper):
+                self._check_storey(what, storey)
+            with self._naming(what):
+                pieces, upper, ways = self._stair_pieces(stair)
+            self.pieces[stair.name] = pieces
+            ends.append((what, "lower", stair.lower, stair.lower_edge, ways[0]))
+            ends.append((what, "upper", stair.upper, upper, ways[1]))
+        for name, kind, values in plan.pieces:
+            with self._naming(f"stair {name!r}"):
+                made = stairs.flight(*values) if kind == "flight" else [stairs.landing(united(values[0]), values[1])]
+            self.pieces.setdefault(name, []).extend(made)
+        if plan.headroom > 0.0:
+            for name, pieces in self.pieces.items():
+                for storey in plan.storeys:
+                    self._cut_for_headroom(name, pieces, storey)
+        for what, end, storey, edge, way in ends:
+            with self._naming(what):
+                self._join(what, end, storey, edge, way)
+
+    def _stair_pieces(self, stair: Stair) -> tuple[list[stairs.Piece], FloatArray, list[FloatArray]]:
+        """Return the pieces of a stair, its upper edge, and the directions from both its ends into their floors."""
+        low, high = self.plan.storeys[stair.lower].z, self.plan.storeys[stair.upper].z
+        if low >= high:
+            raise ValueError(
+                f"the lower storey {stair.lower!r} (z = {low:g}) must be below the upper one {stair.upper!r} "
+                f"(z = {high:g}); swap them, or correct z"
+            )
+        foot, head = stair.lower_edge, stair.upper_edge
+        width = float(np.hypot(*(foot[1] - foot[0])))
+        depth = stair.landing
+        if stair.turn is None and stair.length is None:
+            assert head is not None
+            pieces = stairs.straight(foot, low, head, high, depth or 0.0, stair.landings)
+            way = _across(head, head.mean(axis=0) - foot.mean(axis=0))
+            return pieces, head, [-_across(foot, head.mean(axis=0) - foot.mean(axis=0)), way]
+        way = self._way(stair)
+        assert stair.length is not None or stair.turn is not None
+        if stair.length is None:
+            raise ValueError("a stair that turns needs the length of its first flight")
+        if stair.turn is None and head is None:
+            head = np.round(foot + stair.length * way, 6) + 0.0
+            return stairs.straight(foot, low, head, high, depth or 0.0, stair.landings), head, [-way, way]
+        if head is None:
+            aside = np.array([-way[1], way[0]]) * (1.0 if stair.turn == "left" else -1.0)
+            head = np.round(foot + (width + stair.gap) * aside, 6) + 0.0
+        pieces = stairs.switchback(foot, low, head, high, way, stair.length, width if depth is None else depth)
+        return pieces, head, [-way, -way]
+
+    def _way(self, stair: Stair) -> FloatArray:
+        """Return the unit vector in which the first flight leaves the lower edge."""
+        edge, floor = stair.lower_edge, self.floors[stair.lower]
+        if stair.direction is not None:
+            return _across(edge, stair.direction)
+        middle, left = edge.mean(axis=0), normal(edge)
+        has_floor = [is_on(floor, middle + BESIDE * way) for way in (left, -left)]
+        if has_floor[0] == has_floor[1]:
+            where = "both sides" if has_floor[0] else "neither side"
+            raise ValueError(
+                f"storey {stair.lower!r} has floor on {where} of its lower edge {written(edge)}; set direction = [x, y]"
+            )
+        return -left if has_floor[0] else left
+
+    def _cut_for_headroom(self, name: str, pieces: list[stairs.Piece], storey: str) -> None:
+        """Cut away the part of a floor that is too close above or below a stair."""
+        z, floor = self.plan.storeys[storey].z, self.floors[storey]
+        low = [stairs.too_low(piece, z, self.plan.headroom) for piece in pieces]
+        away = [part for part in low if not part.is_empty and common(floor, part).area > LEAST_AREA]
+        if away:
+            self.floors[storey] = cut(floor, united(away))
+            area = floor.area - self.floors[storey].area
+            text = f"{area:.2f} m2 of floor cut away for {self.plan.headroom:g} m of headroom at stair {name!r}"
+            self._find("assumed", text, storey, max(away, key=lambda part: part.area))
+
+    def _join(self, what: str, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
+        """See that an end of a stair lies on the outline of its floor; a small gap between them is closed."""
+        length = float(np.hypot(*(edge[1] - edge[0])))
+        beside = covered(along(self.floors[storey], edge, 2e-6), edge)
+        if beside < length - LEAST_LENGTH:
+            gap = strip(self.floors[storey], edge, way, SNAP)
+            if gap is not None and not gap.polygon.is_empty:
+                self._add(storey, [gap])
+                self._find("repaired", f"gap of {gap.depth:.3f} m at the {end} end of {what} closed", storey, edge)
+                beside = length
+        if beside < LEAST_LENGTH:
+            raise ValueError(
+                f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; "
+                f"{nearest(self.floors[storey], edge)}: move the edge there, or extend the floor"
+            )
+        if beside < length - UNCOVERED:
+            text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} have floor before them"
+            self._find("warning", text, storey, edge)
+
+    def _open_exit(self, item: Item) -> None:
+        """Put an exit on the outline of its floor; where the floor ends inside a wall's thickness, extend it."""
+        tag = f"exit:{item.name}"
+        if item.segment is None:
+            rings = [ring for part in item.polygons for ring in shapely.get_rings(part)]
+            lines = [shapely.get_coordinates(ring) for ring in rings]
+            ends = [line[k : k + 2] for line in lines for k in range(len(line) - 1)]
+            pieces = [piece for side in ends for piece in self._outline(item, side)]
+            if not pieces:
+                raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
+            self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
+            return
+        floor, segment = self.floors[item.storey], item.segment
+        pieces = self._outline(item, segment)
+        length = float(np.hypot(*(segment[1] - segment[0])))
+        if covered(np.array(pieces), segment) < 0.9 * length:
+            pieces = self._recess(item, floor, segment)
+        self.edges.append((tag, item.storey, np.array(pieces)))
+
+    def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
+        """Return the pieces (4,) of a floor's outline along a segment; those exactly on it if there are any."""
+        assert segment is not None
+        floor, length = self.floors[item.storey], float(np.hypot(*(segment[1] - segment[0])))
+        exact = along(floor, segment, 2e-6)
+        if covered(exact, segment) > length - LEAST_LENGTH:
+            return [*exact]
+        return [*along(floor, segment, SNAP)]
+
+    def _recess(self, item: Item, floor: BaseGeometry, segment: FloatArray) -> list[FloatArray]:
+        """Extend the floor to an exit on the outer face of a wall."""
+        middle, left = segment.mean(axis=0), normal(segment)
+        if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
+            raise ValueError(
+                f"{written(segment)} runs through the floor of storey {item.storey!r}; {nearest(floor, segment)}: draw "
+                "it there"
+            )
+        found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
+        inward = [one for one in found if one is not None and not one.polygon.is_empty]
+        if len(inward) != 1:
+            raise ValueError(
+                f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {nearest(floor, segment)}"
+            )
+        self._add(item.storey, inward)
+        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}"
+        self._find("assumed", text, item.storey, segment)
+        return [segment.ravel()]
+
+    def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:
+        """Return the floors, divided by the areas on them, with their tags."""
+        surfaces = []
+        for name, floor in self.floors.items():
+            if floor.is_empty:
+                raise BuildingError(f"{self.plan.source}: storey {name!r}: nothing is left of its floor")
+            parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((f"floor:{name}",), floor)]
+            for item in (item for item in self.plan.areas if item.storey == name):
+                outline = united(item.polygons)
+                inside = common(floor, outline)
+                if inside.is_empty:
+                    raise BuildingError(
+                        f"{self.plan.source}: area {item.name!r} has no part on the floor of storey {name!r}; move it"
+                    )
+                parts = [part for tags, one in parts for part in _divided(tags, one, f"area:{item.name}", outline)]
+            surfaces += [(tags, one, self.plan.storeys[name].z) for tags, one in parts]
+        return surfaces
+
+
+def _divided(
+    tags: tuple[str, ...], ground: BaseGeometry, tag: str, outline: BaseGeometry
+) -> list[tuple[tuple[str, ...], BaseGeometry]]:
+    """Return the parts of a piece of ground outside and inside an outline, the latter with one tag more."""
+    parts: list[tuple[tuple[str, ...], BaseGeometry]] = []
+    make: Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
+    for own, make in ((tags, cut), ((*tags, tag), common)):
+        part = make(ground, outline)
+        if not part.is_empty:
+            parts.append((own, part))
+    return parts
+
+
+def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the unit vector across an edge, on the side of a direction."""
+    across = normal(edge)
+    side = float(across @ direction)
+    if abs(side) < 0.1 * float(np.hypot(*direction)):
+        raise ValueError(f"direction [{direction[0]:g}, {direction[1]:g}] runs along its edge {written(edge)}")
+    return across if side > 0.0 else -across

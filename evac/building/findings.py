@@ -1,0 +1,67 @@
+"""What is worth knowing about a building, and where: one class from importers to warnings and pictures."""
+
+from dataclasses import dataclass
+
+#: Kinds of findings, in the order of a report. Warnings are shown at every run, the others when a file is imported.
+KINDS = ("found", "assumed", "repaired", "left out", "warning")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found in, assumed about, repaired in or left out of a building, or that is warned of.
+
+    As text it begins with its place, if it has one.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    text : str
+        What it is and, where something has to be done, what; without its place.
+    level : str, optional
+        Name of the level or storey that it concerns.
+    place : tuple of float, optional
+        Where it is: (x, y) on the level, or (x, y, z) [m].
+
+    Raises
+    ------
+    ValueError
+        The kind is not known, or the place is neither (x, y) nor (x, y, z).
+
+    Examples
+    --------
+    >>> print(Finding("repaired", "a gap of 3 mm closed", "ground", (1.0, 2.0)))
+    level 'ground' at (1.00, 2.00): a gap of 3 mm closed
+    """
+
+    kind: str
+    text: str
+    level: str | None = None
+    place: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"a finding is of one of the kinds {', '.join(KINDS)}, not {self.kind!r}")
+        if self.place is not None and len(self.place) not in (2, 3):
+            raise ValueError(f"the place of a finding is (x, y) or (x, y, z), not {self.place!r}")
+
+    @property
+    def where(self) -> str:
+        """Level and place as text; empty for what concerns the whole building."""
+        at = "" if self.place is None else f"({', '.join(f'{value:z.2f}' for value in self.place)})"
+        if self.level is None:
+            return at
+        return f"level {self.level!r} at {at}" if at else f"level {self.level!r}"
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.text}" if self.where else self.text
+
+
+def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
+    """Return findings as they are, and texts as warnings."""
+    return tuple(one if isinstance(one, Finding) else Finding("warning", one) for one in given)
+
+
+def warnings_of(findings: tuple[Finding, ...] | list[Finding]) -> tuple[str, ...]:
+    """Return the texts of the warnings among findings."""
+    return tuple(str(one) for one in findings if one.kind == "warning")

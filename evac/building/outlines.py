@@ -1,0 +1,156 @@
+"""Outlines of floors: pieces along a segment, strips that close the gap to a segment, walls between rooms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building.edges import segment_lengths
+from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut
+
+#: Pieces of an outline lie along a segment if their directions differ by less than 25 degrees.
+ALONG = 0.9
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Ground between a segment and a floor, and how deep it is [m]."""
+
+    polygon: BaseGeometry
+    depth: float
+
+
+def sides(polygon: BaseGeometry) -> FloatArray:
+    """Return the sides (s, 4) of a polygon or multipolygon, its inside on their left [m]."""
+    rings = []
+    for part in shapely.get_parts(polygon):
+        oriented = shapely.orient_polygons(part)
+        rings += [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
+    if not rings:
+        return np.empty((0, 4))
+    return np.concatenate([np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def along(polygon: BaseGeometry, ends: FloatArray, reach: float) -> FloatArray:
+    """Return the pieces (p, 4) of a polygon's outline that lie along a segment, no farther than `reach` from it [m].
+
+    Pieces shorter than 1 mm are left out. Where the outline is on the segment, a piece ends exactly where it does.
+    """
+    own = sides(polygon)
+    length = segment_lengths(own)
+    own, length = own[length > 0.0], length[length > 0.0]
+    start, step = own[:, :2], (own[:, 2:] - own[:, :2]) / length[:, None]
+    direction = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    share = np.stack([((point - start) * step).sum(axis=1) for point in ends], axis=1)
+    low = np.maximum(share.min(axis=1), 0.0)
+    high = np.minimum(share.max(axis=1), length)
+    low, high = np.where(low < LEAST_LENGTH, 0.0, low), np.where(length - high < LEAST_LENGTH, length, high)
+    is_along = (high - low > LEAST_LENGTH) & (np.abs(step @ direction) > ALONG)
+    pieces = np.concatenate([start + low[:, None] * step, start + high[:, None] * step], axis=1)[is_along]
+    line = shapely.LineString(ends)
+    middle = shapely.points((pieces[:, :2] + pieces[:, 2:]) / 2)
+    off = [shapely.distance(shapely.points(pieces[:, k : k + 2]), line) for k in (0, 2)]
+    is_near = (np.maximum(*off) <= reach) & (shapely.distance(middle, line) <= reach)
+    rounded: FloatArray = np.round(pieces[is_near], 6) + 0.0
+    return rounded
+
+
+def covered(pieces: FloatArray, ends: FloatArray) -> float:
+    """Return how much of a segment has a piece beside it [m]."""
+    length = float(np.hypot(*(ends[1] - ends[0])))
+    direction = (ends[1] - ends[0]) / length
+    spans = np.sort(((pieces.reshape(-1, 2, 2) - ends[0]) @ direction).clip(0.0, length), axis=1)
+    total, reached = 0.0, 0.0
+    for low, high in spans[np.argsort(spans[:, 0])].tolist():
+        total += max(high - max(low, reached), 0.0)
+        reached = max(reached, high)
+    return total
+
+
+def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float) -> Strip | None:
+    """Return the ground between a segment and a floor that begins within `reach` of it in one direction.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    ends : (2, 2) float64 [m]
+    way : (2,) float64
+        Unit vector across the segment.
+    reach : float [m]
+
+    Returns
+    -------
+    Strip or None
+        None if there is no floor all along the segment within reach. A segment on the floor has an empty strip.
+    """
+    far = ends + (reach + LEAST_LENGTH) * way
+    corridor = shapely.set_precision(shapely.Polygon([*ends, *far[::-1]]), GRID)
+    line, end = shapely.LineString(ends).buffer(2 * GRID), shapely.LineString(far).buffer(2 * GRID)
+    gaps = [part for part in shapely.get_parts(cut(corridor, polygon)) if part.intersects(line)]
+    gap = shapely.union_all(gaps)
+    if gap.is_empty:
+        return Strip(gap, 0.0)
+    if any(part.intersection(end).area > LEAST_AREA for part in gaps):
+        return None
+    depth = float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())
+    return Strip(gap, depth)
+
+
+def normal(ends: FloatArray) -> FloatArray:
+    """Return the unit vector to the left of a segment."""
+    along_it = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    return np.array([-along_it[1], along_it[0]])
+
+
+def is_on(polygon: BaseGeometry, point: FloatArray) -> bool:
+    """Return whether a point is inside a polygon."""
+    return bool(shapely.intersects_xy(polygon, *point))
+
+
+def nearest(polygon: BaseGeometry, ends: FloatArray) -> str:
+    """Describe for a message the side of an outline nearest to a segment, and its distance."""
+    own = sides(polygon)
+    if not len(own):
+        return "nothing is left of its floor"
+    line = shapely.LineString(ends)
+    middle = shapely.points(ends.mean(axis=0))
+    lines = shapely.linestrings(own.reshape(-1, 2, 2))
+    row = np.lexsort((shapely.distance(lines, middle), shapely.distance(lines, line)))[0]
+    x1, y1, x2, y2 = own[row]
+    return (
+        f"the nearest side of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
+        f"{shapely.distance(lines[row], line):.2f} m away"
+    )
+
+
+def written(ends: FloatArray) -> str:
+    """Describe a segment for a message."""
+    (x1, y1), (x2, y2) = ends
+    return f"({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f})"
+
+
+def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeometry]:
+    """Return rooms that touch with walls of a thickness between them; their outer sides stay where they are."""
+    tree = shapely.STRtree(rooms)
+    divided = []
+    for index, room in enumerate(rooms):
+        others = [rooms[other] for other in tree.query(room, "intersects").tolist() if other != index]
+        shared = shapely.intersection(room.boundary, shapely.union_all([other.boundary for other in others]))
+        lines = [part for part in shapely.get_parts(shared) if part.geom_type == "LineString"]
+        if not lines:
+            divided.append(room)
+            continue
+        walls = shapely.line_merge(shapely.union_all(lines))
+        divided.append(cut(room, walls.buffer(thickness / 2, cap_style="square", join_style="mitre")))
+    return [room for room in divided if not room.is_empty]
+
+
+def overlaps(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return what each two polygons have in common, if it counts."""
+    one, other = shapely.STRtree(polygons).query(polygons, "intersects")
+    both = [common(polygons[a], polygons[b]) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a < b]
+    return [part for part in both if part.area > LEAST_AREA]

@@ -1,0 +1,363 @@
+"""Plans: a building given storey by storey as polygons, with stairs, doors, exits, areas and obstacles."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building.findings import Finding
+from evac.building.planparts import DOOR_REACH, HEADROOM, OUTSIDE, Item, Stair, Storey
+from evac.building.shapes import Shape, polygons_of, segment_of
+from evac.errors import BuildingError
+
+if TYPE_CHECKING:
+    from evac.building.model import Building
+    from evac.building.surfacemesh import SurfaceMesh
+
+
+class Plan:
+    """A building in plan, from which its surface, and so a `Building` and a case, is made.
+
+    Shapes are shapely geometries, WKT, GeoJSON, lists of corners [x, y], or lists of these; lengths are in metres.
+    Things may be added in any order. What is wrong with them together is found by `surface`.
+
+    Parameters
+    ----------
+    source : str or Path
+        What messages call it.
+    headroom : float [m]
+        Floors are cut away where they leave less height above or below a stair; 0 cuts nothing.
+
+    Attributes
+    ----------
+    storeys : dict of str to Storey
+        By name, in the order in which they were added.
+    stairs : list of Stair
+    doors, exits, openings, areas, obstacles : list of Item
+    pieces : list of (str, str, tuple)
+        Flights and landings that are given one by one: the stair, the kind and its shape.
+    findings : list of Finding
+        What was repaired or left out when shapes were added; importers add what they have found.
+
+    Examples
+    --------
+    >>> plan = Plan()
+    >>> plan.storey("ground", "POLYGON ((0 0, 10 0, 10 6, 0 6, 0 0))")
+    >>> plan.storey("first", "POLYGON ((14 0, 24 0, 24 6, 14 6, 14 0))", z=3.0)
+    >>> plan.stair("main", "ground", [(10, 2), (10, 4)], "first", [(14, 2), (14, 4)])
+    >>> plan.exit("door", "ground", [(0, 2), (0, 3)])
+    >>> [level.name for level in plan.building().levels]
+    ['ground', 'main flight z=0.00..3.00', 'first']
+    """
+
+    def __init__(self, source: str | Path = "<plan>", *, headroom: float = HEADROOM) -> None:
+        self.source = Path(source)
+        self.headroom = self._number("plan", "headroom", headroom, least=0.0)
+        self.storeys: dict[str, Storey] = {}
+        self.stairs: list[Stair] = []
+        self.doors: list[Item] = []
+        self.exits: list[Item] = []
+        self.openings: list[Item] = []
+        self.areas: list[Item] = []
+        self.obstacles: list[Item] = []
+        self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
+        self.findings: list[Finding] = []
+
+    def storey(
+        self,
+        name: str,
+        polygons: Shape | None = None,
+        z: float = 0.0,
+        *,
+        wall: float = 0.0,
+        file: str | Path | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Add a storey.
+
+        Parameters
+        ----------
+        name : str
+        polygons : shape
+            The ground that can be walked on; its holes are obstacles. Polygons that overlap or touch are joined.
+        z : float [m]
+            Height of its floor.
+        wall : float [m]
+            If greater than 0, polygons that touch are rooms with walls of this thickness between them.
+        file : str or Path
+            Instead of polygons: a file with one storey in any format that an importer reads as a plan. What else is in
+            it, such as exits, comes with it.
+        options : mapping
+            Parameters of the importer of that file.
+
+        Raises
+        ------
+        BuildingError
+            The name is taken, or the shape is none.
+        """
+        what = f"storey {name!r}"
+        if name in self.storeys:
+            raise BuildingError(f"{self.source}: there are two storeys named {name!r}; rename one")
+        if (polygons is None) == (file is None):
+            raise BuildingError(f"{self.source}: {what}: give either its polygons or a file")
+        self._number(what, "z", z)
+        self._number(what, "wall", wall, least=0.0)
+        found = () if polygons is None else self._polygons(what, name, polygons)
+        self.storeys[name] = Storey(
+            name, float(z), found, Path(file) if file is not None else None, float(wall), dict(options or {})
+        )
+
+    def stair(
+        self,
+        name: str,
+        lower: str,
+        lower_edge: Shape,
+        upper: str,
+        upper_edge: Shape | None = None,
+        *,
+        length: float | None = None,
+        direction: Sequence[float] | None = None,
+        landing: float | None = None,
+        landings: int | None = None,
+        turn: str | None = None,
+        gap: float = 0.1,
+    ) -> None:
+        """Add a stair between two storeys: straight, straight with landings, or U-shaped with a half landing.
+
+        - Straight between two edges: both edges; of one edge: `length`, and `direction` if it is not clear.
+        - With landings on the way: `landing` as well, and `landings` if there are several.
+        - U-shaped: two edges side by side and the `length` of the first flight; or one edge, `length` and `turn`.
+
+        Parameters
+        ----------
+        name : str
+        lower, upper : str
+            Names of the storeys.
+        lower_edge, upper_edge : segments
+            Where the stair begins and ends; their length is the width of the stair.
+        length : float [m]
+            Length in plan: of the whole stair, or of the first flight of a U-shaped one.
+        direction : (x, y)
+            Into which the first flight leaves the lower edge. By default away from the lower floor.
+        landing : float [m]
+            Depth of each landing in plan; the half landing of a U-shaped stair is as deep as the stair is wide unless
+            this says otherwise.
+        landings : int
+            How many there are on a straight stair, 1 unless given.
+        turn : "left" or "right"
+            Where the second flight of a U-shaped stair is, seen upwards, if `upper_edge` is not given.
+        gap : float [m]
+            Between the two flights, if `turn` is given.
+
+        Raises
+        ------
+        BuildingError
+            The name is taken, or the arguments do not make a stair.
+        """
+        what = f"stair {name!r}"
+        if any(one.name == name for one in self.stairs):
+            raise BuildingError(f"{self.source}: there are two stairs named {name!r}; rename one")
+        if upper_edge is None and length is None:
+            raise BuildingError(f"{self.source}: {what}: give its upper_edge, or its length")
+        if turn not in (None, "left", "right") or (turn is not None and upper_edge is not None):
+            raise BuildingError(f"{self.source}: {what}: turn is 'left' or 'right', and replaces upper_edge")
+        for key, value in (("length", length), ("landing", landing), ("gap", gap)):
+            if value is not None:
+                self._number(what, key, value, least=0.0)
+        if direction is not None and (np.shape(direction) != (2,) or not np.linalg.norm(direction) > 0.0):
+            raise BuildingError(f"{self.source}: {what}: direction is a vector [x, y], not {direction!r}")
+        edge = None if upper_edge is None else self._segment(what, "upper_edge", upper_edge)
+        way = None if direction is None else np.asarray(direction, np.float64)
+        count = 1 if landing is not None and landings is None else landings or 0
+        if count and landing is None:
+            raise BuildingError(f"{self.source}: {what}: landings need the depth of one: landing = 1.5")
+        foot = self._segment(what, "lower_edge", lower_edge)
+        self.stairs.append(Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap))
+
+    def flight(self, stair: str, lower_edge: Shape, lower_z: float, upper_edge: Shape, upper_z: float) -> None:
+        """Add one flight of a stair of any shape, between two edges at their heights [m]; see `landing`."""
+        what = f"a flight of stair {stair!r}"
+        ends = [self._segment(what, "lower_edge", lower_edge), self._segment(what, "upper_edge", upper_edge)]
+        heights = [self._number(what, key, z) for key, z in (("lower_z", lower_z), ("upper_z", upper_z))]
+        self.pieces.append((stair, "flight", (ends[0], heights[0], ends[1], heights[1])))
+
+    def landing(self, stair: str, polygon: Shape, z: float) -> None:
+        """Add one landing of a stair of any shape, at its height [m]; flights must end at its outline."""
+        what = f"a landing of stair {stair!r}"
+        found = self._polygons(what, None, polygon)
+        self.pieces.append((stair, "landing", (found, self._number(what, "z", z))))
+
+    def door(
+        self, name: str, storey: str, segment: Shape, *, reach: float = DOOR_REACH, outside: str = "refuse"
+    ) -> None:
+        """Join two rooms by an opening in the wall between them.
+
+        Parameters
+        ----------
+        name, storey : str
+        segment : segment
+            Along the wall, as long as the opening is wide, anywhere in the thickness of the wall.
+        reach : float [m]
+            How far from the segment the rooms may begin.
+        outside : "refuse", "exit" or "opening"
+            What it is if there is a room on one side only: an error, an exit, or an opening that `evac import` offers
+            as an exit.
+
+        Raises
+        ------
+        BuildingError
+            An argument is not as it must be.
+        """
+        what = f"door {name!r}"
+        if outside not in OUTSIDE:
+            raise BuildingError(f"{self.source}: {what}: outside is one of {', '.join(OUTSIDE)}, not {outside!r}")
+        self._number(what, "reach", reach, least=0.0)
+        self.doors.append(Item(name, storey, self._segment(what, "segment", segment), (), float(reach), outside))
+
+    def exit(self, name: str, storey: str, segment: Shape | None = None, *, polygon: Shape | None = None) -> None:
+        """Add an exit: whoever's centre crosses it is out.
+
+        Parameters
+        ----------
+        name, storey : str
+        segment : segment
+            Along the outline of the floor, at most 0.15 m off it; or on the outer face of a wall at most 0.6 m thick,
+            through which a recess of its width is then made.
+        polygon : shape
+            Instead of a segment: ground that is outside. It is cut out of the floor, and every edge that it then shares
+            with the floor is exit.
+
+        Raises
+        ------
+        BuildingError
+            The name is taken, or the shape is none.
+        """
+        what = f"exit {name!r}"
+        if any(one.name == name for one in self.exits):
+            raise BuildingError(f"{self.source}: there are two exits named {name!r}; rename one")
+        if (segment is None) == (polygon is None):
+            raise BuildingError(f"{self.source}: {what}: give either its segment or a polygon")
+        ends = None if segment is None else self._segment(what, "segment", segment)
+        found = () if polygon is None else self._polygons(what, storey, polygon)
+        self.exits.append(Item(name, storey, ends, found))
+
+    def opening(self, storey: str, segment: Shape, name: str = "") -> None:
+        """Note where an exit may be, for `evac import` to offer: an opening to the outside that nothing calls an exit.
+
+        Raises
+        ------
+        BuildingError
+            The segment is none.
+        """
+        self.openings.append(Item(name, storey, self._segment("an opening", "segment", segment)))
+
+    def area(self, name: str, storey: str, polygon: Shape) -> None:
+        """Add an area in which people can start: the part of a polygon that is on the floor of its storey.
+
+        Raises
+        ------
+        BuildingError
+            The name is taken, or the shape is none.
+        """
+        if any(one.name == name for one in self.areas):
+            raise BuildingError(f"{self.source}: there are two areas named {name!r}; rename one")
+        self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
+
+    def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
+        """Add an obstacle: it is cut out of the floor of its storey, and its outline is a wall.
+
+        Raises
+        ------
+        BuildingError
+            The shape is none.
+        """
+        self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacle {name!r}", storey, polygon)))
+
+    def take(self, name: str, other: "Plan") -> None:
+        """Take polygons and everything on them from a plan of one storey, for a storey that was given as a file.
+
+        Raises
+        ------
+        BuildingError
+            The other plan has not one storey, or what it names is there already.
+        """
+        if len(other.storeys) != 1 or other.stairs or other.pieces:
+            raise BuildingError(
+                f"{other.source}: has {len(other.storeys)} storeys ({', '.join(other.storeys)}); the file of a storey "
+                "holds one storey and no stair"
+            )
+        (taken,) = other.storeys.values()
+        own = self.storeys[name]
+        self.storeys[name] = replace(own, polygons=taken.polygons, file=None, wall=own.wall or taken.wall, options={})
+        for kind in ("doors", "exits", "openings", "areas", "obstacles"):
+            items, names = getattr(self, kind), {one.name for one in getattr(self, kind)}
+            for item in getattr(other, kind):
+                if kind in ("exits", "areas") and item.name in names:
+                    raise BuildingError(
+                        f"{self.source}: two {kind} are named {item.name!r}, one of them in {other.source}; rename one"
+                    )
+                items.append(replace(item, storey=name))
+        self.findings += [replace(one, level=name if one.level == taken.name else one.level) for one in other.findings]
+
+    def note(self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None) -> None:
+        """Add a finding; importers say with it what they have found, assumed, repaired or left out."""
+        self.findings.append(Finding(kind, text, storey, place))
+
+    def surface(self) -> "SurfaceMesh":
+        """Return the tagged surface: a floor for each storey, with areas, obstacles and exits, and the stairs.
+
+        Raises
+        ------
+        BuildingError
+            Parts do not fit together; names them and the place.
+        """
+        from evac.building.drawing import draw
+
+        return draw(self)
+
+    def building(self, **options: Any) -> "Building":
+        """Return the building, without a file; the options are those of `evac.building.build.build_building`.
+
+        Raises
+        ------
+        BuildingError
+            As `surface`, or the building cannot be used.
+        """
+        from evac.building.build import build_building
+
+        return build_building(self.surface(), self.source, **options)
+
+    def write(self, path: str | Path) -> None:
+        """Write the surface to a Gmsh 2.2 file, its tags as physical groups; the same plan gives the same bytes.
+
+        Raises
+        ------
+        BuildingError
+            As `surface`.
+        """
+        from evac.building.meshfile import write_surface
+
+        write_surface(self.surface(), Path(path))
+
+    def _polygons(self, what: str, storey: str | None, given: Shape) -> tuple[BaseGeometry, ...]:
+        try:
+            return tuple(polygons_of(given, storey, self.findings))
+        except ValueError as error:
+            raise BuildingError(f"{self.source}: {what}: {error}") from error
+
+    def _segment(self, what: str, key: str, given: Shape) -> FloatArray:
+        try:
+            return segment_of(given)
+        except ValueError as error:
+            raise BuildingError(f"{self.source}: {what}: {key}: {error}") from error
+
+    def _number(self, what: str, key: str, value: Any, least: float = -np.inf) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            raise BuildingError(f"{self.source}: {what}: {key} must be a finite number, not {value!r}")
+        if value < least:
+            raise BuildingError(f"{self.source}: {what}: {key} must be at least {least:g}, not {value:g}")
+        return float(value)

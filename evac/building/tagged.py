@@ -1,0 +1,44 @@
+"""A clean surface as a tagged mesh in which every level has its name."""
+
+import numpy as np
+
+from evac.arrays import BoolArray
+from evac.building.model import Building
+from evac.building.surface import Surface
+from evac.building.surfacemesh import SurfaceMesh
+
+
+def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
+    """Return a surface with a tag for each floor and stair of the building that was made of it.
+
+    Read again, it gives a building of the same levels, areas, tagged exits and obstacles.
+
+    Parameters
+    ----------
+    surface : Surface
+    building : Building
+        Made of it by `evac.building.build.building_of`.
+
+    Returns
+    -------
+    SurfaceMesh
+        In metres.
+    """
+    row_of = {tuple(cell): row for row, cell in enumerate(surface.triangles.tolist())}
+    tags: dict[str, BoolArray] = {}
+    for level in building.levels:
+        tag = f"floor:{level.name}" if level.stair is None else f"stair:{level.stair}"
+        mask = tags.setdefault(tag, np.zeros(len(row_of), dtype=bool))
+        mask[[row_of[tuple(cell)] for cell in level.triangles.tolist()]] = True
+    tags |= {tag: mask for tag, mask in surface.cell_tags.items() if tag.startswith("area:")}
+    points, cells = surface.vertices, surface.triangles
+    obstacles = [corners for corners in surface.obstacles.values() if len(corners)]
+    more = np.arange(len(points), len(points) + 3 * sum(map(len, obstacles))).reshape(-1, 3)
+    tags = {tag: np.append(mask, np.zeros(len(more), dtype=bool)) for tag, mask in tags.items()}
+    first = len(cells)
+    for tag, corners in surface.obstacles.items():
+        tags[tag] = np.zeros(len(cells) + len(more), dtype=bool)
+        tags[tag][first : first + len(corners)] = True
+        first += len(corners)
+    points = np.concatenate([points, *(corners.reshape(-1, 3) for corners in obstacles)])
+    return SurfaceMesh(points, np.concatenate([cells, more]), tags, surface.exit_edges)

@@ -1,0 +1,125 @@
+"""evac import: make a case of a building's files.
+
+Writes to --out the surface as a tagged mesh (building.msh), a case.toml with people to fill in, a picture of every
+level (levels.png) and a report of each thing found, assumed, repaired or left out (report.md). Several files are the
+storeys of one building, from the lowest up. Where the files name no exit, the outer openings are listed and numbered,
+widest first, and --exit takes them.
+"""
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.cli.cases import declare_plugin
+from evac.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from evac.importing import Imported
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("files", metavar="FILE", nargs="+", type=Path, help="file of the building, or of each storey")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="new folder for the case")
+    parser.add_argument(
+        "--exit", dest="exits", default="", metavar="N,N", help="numbers of the openings that become exits"
+    )
+    many = parser.add_mutually_exclusive_group()
+    many.add_argument("--people", type=int, metavar="N", help="how many people, divided among the rooms by their area")
+    many.add_argument("--density", type=float, metavar="D", help="people on a square metre of every room (0.1)")
+    parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
+    parser.add_argument(
+        "--option",
+        dest="options",
+        metavar="KEY=VALUE",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="parameters of the importer (`evac plugins` lists them), and scale, weld, flat_angle, walkable_angle",
+    )
+    declare_plugin(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Import, and show what came of it; 0 even if the case lacks an exit."""
+    for key, least in (("people", 1), ("density", 0.0)):
+        value = getattr(arguments, key)
+        if value is not None and not value >= least:
+            raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
+    options = dict(_option(text) for text in arguments.options)
+    exits = [int(one) for one in _numbers("--exit", arguments.exits)]
+    z = None if arguments.z is None else _numbers("--z", arguments.z)
+    from evac.display import Display
+
+    with Display(has_lines=False) as display:
+        display.phase("reading the building")
+        from evac.importing import import_building
+        from evac.registry import Registry
+
+        made = import_building(
+            arguments.files,
+            arguments.out,
+            exits=exits,
+            people=arguments.people,
+            density=arguments.density,
+            z=z,
+            options=options,
+            registry=Registry(arguments.plugins),
+        )
+    _show(made)
+    return 0
+
+
+def _option(text: str) -> tuple[str, Any]:
+    """Return the key and value of KEY=VALUE; a value that is no TOML is a word."""
+    key, equals, value = text.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"--option {text}: write KEY=VALUE")
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key, value
+
+
+def _numbers(what: str, text: str) -> list[float]:
+    try:
+        return [float(one) for one in text.split(",") if one.strip()]
+    except ValueError as error:
+        raise ScenarioError(f"{what} {text}: write numbers with commas between them, such as 1,3") from error
+
+
+def _show(made: "Imported") -> None:
+    """Show what was found in short, the openings if there is no exit, the warnings, and what comes next."""
+    from collections import Counter
+
+    from evac.building.findings import KINDS
+    from evac.cli.screen import show_facts, show_table, show_warnings
+    from evac.importing.report import MOST_OPENINGS, opening_row
+
+    building = made.building
+    floors = [level for level in building.levels if level.kind == "floor"]
+    count = Counter(one.kind for one in made.findings)
+    show_facts(
+        {
+            "imported": ", ".join(str(file) for file in made.files),
+            "floors": f"{len(floors)}, {sum(level.polygon.area for level in floors):.1f} m2",
+            "stairs": ", ".join(building.stairs) or "none",
+            "exits": ", ".join(way.name for way in building.exits) or "none",
+            "people": f"{sum(room.number for room in made.rooms)} in {len(made.rooms)} rooms",
+            "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
+            "case": made.folder,
+        }
+    )
+    if not building.exits and made.openings:
+        shown = min(len(made.openings), MOST_OPENINGS)
+        more = f", the first {shown} of {len(made.openings)} (all in report.md)" if shown < len(made.openings) else ""
+        rows = [opening_row(made, k) for k in range(shown)]
+        show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
+    show_warnings(str(one) for one in made.findings if one.kind in ("warning", "left out"))
+    if not building.exits:
+        show_warnings(["there is no exit yet: choose openings with --exit, such as --exit 1"])
+    elif made.fault:
+        show_warnings([f"the case does not run yet: {made.fault}"])
+    else:
+        show_facts({"next": f"evac run {made.folder}"})

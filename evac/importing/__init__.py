@@ -1,0 +1,5 @@
+"""Files of buildings to cases that run: `evac import`."""
+
+from evac.importing.importer import Imported, import_building
+
+__all__ = ["Imported", "import_building"]

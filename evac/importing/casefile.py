@@ -1,0 +1,140 @@
+"""The case.toml that an import writes, and the folder that it is written to."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from evac.importing.importer import Imported
+
+#: How report.md knows whether the case has been changed since.
+DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16})")
+
+PEOPLE = """
+# People are to be filled in: how many there are in each room, and what they are like.
+[presets.person]
+speed = { normal = [1.34, 0.26], minimum = 0.5, maximum = 2.2 }
+speed_up = { uniform = [0.5, 0.9] }
+speed_down = { uniform = [0.5, 1.0] }
+radius = { uniform = [0.2, 0.25] }
+"""
+
+REST = """
+[contact]
+model = "nsm2"
+
+# People keep their distance; without it they walk at full speed until bodies touch.
+[behaviours.headway]
+
+# Seconds until they set off.
+[behaviours.response_time]
+time = { uniform = [0.0, 10.0] }
+per = "person"
+
+[simulation]
+duration = 1200.0
+seed = 1
+"""
+
+
+def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str, Any]) -> str:
+    """Return the text of case.toml.
+
+    Parameters
+    ----------
+    made : Imported
+    exits : list of dict
+        Openings that have become exits.
+    building : dict
+        Keys of ``[building]`` that differ from their defaults.
+    """
+    names = ", ".join(file.name for file in made.files)
+    lines = [f"title = {quoted(made.files[0].stem)}", "", f"# Made by evac import of {names}, with these options:"]
+    lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items()]
+    assumed = [one for one in made.findings if one.kind == "assumed"]
+    if assumed:
+        lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
+    lines += [
+        "",
+        "[building]",
+        'mesh = "building.msh"',
+        *(f"{key} = {_value(value)}" for key, value in building.items()),
+    ]
+    for exit_ in exits:
+        lines += ["", "[[building.exits]]", *(f"{key} = {_value(value)}" for key, value in exit_.items())]
+    if not made.building.exits and made.openings:
+        lines += ["", "# There is no exit yet. The widest opening:"]
+        first = made.openings[0].exit(made.building)
+        lines += ["# [[building.exits]]", *(f"# {key} = {_value(value)}" for key, value in first.items())]
+    lines += PEOPLE.rstrip().splitlines()
+    for room in made.rooms:
+        comment = "" if room.number else "# "
+        ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people on a square metre"
+        group = ["[[people]]", f"name = {quoted(room.name)}", 'preset = "person"', f"{room.key} = {quoted(room.name)}"]
+        lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
+    return "\n".join(lines) + "\n" + REST
+
+
+def check_folder(folder: Path, case: str, report: str) -> None:
+    """Refuse a folder that holds anything but an import whose case is as it was written.
+
+    Raises
+    ------
+    ScenarioError
+        Naming the folder.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")
+    if not folder.exists() or not any(folder.iterdir()):
+        return
+    try:
+        written = DIGEST.search((folder / report).read_text(encoding="utf-8"))
+        current = digest(folder / case)
+    except OSError:
+        written, current = None, ""
+    if written is None:
+        raise ScenarioError(f"{folder}: holds files that are no import; choose a new or empty folder (--out)")
+    if written[1] != current:
+        raise ScenarioError(f"{folder / case}: has been changed since it was imported; choose another folder (--out)")
+
+
+def digest(path: Path) -> str:
+    """Return what a file is known by."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file.
+
+    Raises
+    ------
+    ScenarioError
+        It cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be written: {error.strerror}; choose another folder (--out)") from error
+
+
+def quoted(text: str) -> str:
+    """Return a text as TOML writes it."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return quoted(value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(one) for one in value) + "]"
+    return repr(value)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

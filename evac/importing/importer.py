@@ -1,0 +1,219 @@
+"""From files of a building to a folder with a case: surface, people to fill in, picture and report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.assembly import draw_plan, read_building, read_file
+from evac.building.build import building_of, clean
+from evac.building.findings import Finding
+from evac.building.meshfile import write_surface
+from evac.building.model import Building
+from evac.building.plan import Plan
+from evac.building.surfacemesh import SurfaceMesh
+from evac.building.tagged import tagged_surface
+from evac.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
+from evac.errors import BuildingError, EvacError, ScenarioError
+from evac.importing.casefile import case_text, check_folder, write_text
+from evac.importing.openings import Opening, find_openings
+from evac.importing.report import report_text
+from evac.importing.rooms import Room, fill, find_rooms
+from evac.parameters import did_you_mean
+from evac.registry import Registry
+
+if TYPE_CHECKING:
+    from evac.building.importer import Importer
+
+#: People on a square metre of every room, unless something else is asked for [1/m2].
+DENSITY = 0.1
+#: Height from one file's storey to the next [m].
+STOREY_HEIGHT = 3.0
+#: Options of the building itself, beside those of importers.
+BUILDING_OPTIONS = {"weld": WELD, "flat_angle": FLAT_ANGLE, "walkable_angle": WALKABLE_ANGLE, "scale": SCALE}
+#: Names of the files in the folder.
+CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import has come to.
+
+    Attributes
+    ----------
+    files : tuple of Path
+    folder : Path
+        Where case.toml, building.msh, levels.png and report.md are.
+    building : Building
+    findings : tuple of Finding
+        Of the importer, of the building, and of the case.
+    openings : tuple of Opening
+        Where exits may be.
+    rooms : tuple of Room
+        Where people start.
+    options : dict
+        Every option with its value, for the importers and the building.
+    fault : str
+        Why the case does not run yet; empty if it does.
+    """
+
+    files: tuple[Path, ...]
+    folder: Path
+    building: Building
+    findings: tuple[Finding, ...]
+    openings: tuple[Opening, ...]
+    rooms: tuple[Room, ...]
+    options: dict[str, Any]
+    fault: str
+
+
+def import_building(
+    files: Sequence[str | Path],
+    folder: str | Path,
+    *,
+    exits: Sequence[int] = (),
+    people: int | None = None,
+    density: float | None = None,
+    z: Sequence[float] | None = None,
+    options: Mapping[str, Any] | None = None,
+    registry: Registry | None = None,
+) -> Imported:
+    """Make a case of files of a building: one file, or one for each storey, from the lowest up.
+
+    Parameters
+    ----------
+    files : sequence of path
+    folder : path
+        New, empty, or that of an earlier import whose case has not been changed.
+    exits : sequence of int
+        Numbers of the openings that become exits.
+    people : int, optional
+        How many, divided among the rooms by their ground.
+    density : float, optional
+        People on a square metre, if `people` is not given; 0.1 by default.
+    z : sequence of float, optional
+        Heights of the storeys of several files [m]; 3 m from one to the next by default.
+    options : mapping
+        Parameters of the importers, and ``scale``, ``weld``, ``flat_angle`` and ``walkable_angle`` of the building.
+    registry : Registry, optional
+        Whose importers read the files; by default the built-in and the installed ones.
+
+    Returns
+    -------
+    Imported
+
+    Raises
+    ------
+    BuildingError
+        A file cannot be read, or what is in it does not make a building.
+    ScenarioError
+        An option or the number of an exit is not known, or the folder holds something else.
+    """
+    registry = registry or Registry()
+    paths, place = tuple(Path(file) for file in files), Path(folder)
+    check_folder(place, CASE, REPORT)
+    importers, values = _options(paths, dict(options or {}), registry)
+    own = {key: values[key] for key in BUILDING_OPTIONS}
+    mesh, notes = _surface(paths, importers, z, registry)
+    surface = clean(mesh, paths[0], **own)
+    building = building_of(surface, paths[0], need_exit=False)
+    place.mkdir(parents=True, exist_ok=True)
+    write_surface(tagged_surface(surface, building), place / MESH)
+    angles = {key: own[key] for key in ("flat_angle", "walkable_angle") if own[key] != BUILDING_OPTIONS[key]}
+    written = read_building(place / MESH, registry=registry, need_exit=False, **angles)
+    openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
+    chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
+    if chosen:
+        written = read_building(place / MESH, registry=registry, need_exit=False, exits=chosen, **angles)
+    findings = [*notes, *building.findings]
+    findings += [one for one in written.findings if one not in findings]
+    if people is None and density is None:
+        findings.append(Finding("assumed", f"{DENSITY:g} people on a square metre of every room (--density, --people)"))
+    rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
+    findings += left_out
+    made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
+    write_text(place / CASE, case_text(made, chosen, angles))
+    fault = _fault(place, registry) if written.exits else "there is no exit"
+    made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, fault)
+    write_text(place / REPORT, report_text(made, place / CASE))
+    _draw(made)
+    return made
+
+
+def _array(ends: Any) -> Any:
+    import numpy as np
+
+    return np.asarray(ends, dtype=np.float64)
+
+
+def _options(
+    paths: Sequence[Path], given: dict[str, Any], registry: Registry
+) -> "tuple[list[Importer], dict[str, Any]]":
+    """Return the importer of each file, and every option with its value."""
+    classes = [registry.importer_for(path) for path in paths]
+    declared = {name: one for cls in classes for name, one in cls.declared().items()}
+    for key in given:
+        if key not in declared and key not in BUILDING_OPTIONS:
+            names = [*declared, *BUILDING_OPTIONS]
+            raise ScenarioError(f"option {key!r}: unknown; {did_you_mean(key, names)} (of {', '.join(names)})")
+    for key in given.keys() & (BUILDING_OPTIONS.keys() - declared.keys()):
+        if isinstance(given[key], bool) or not isinstance(given[key], int | float):
+            raise ScenarioError(f"option {key!r}: must be a number, not {given[key]!r}")
+    importers = [cls(**{key: given[key] for key in given if key in cls.declared()}) for cls in classes]
+    values = {key: value for importer in importers for key, value in importer.values().items()}
+    return importers, values | {key: given.get(key, default) for key, default in BUILDING_OPTIONS.items()}
+
+
+def _surface(
+    paths: Sequence[Path], importers: "Sequence[Importer]", z: Sequence[float] | None, registry: Registry
+) -> tuple[SurfaceMesh, list[Finding]]:
+    """Return the surface of one file, or of storeys of several files, and what was assumed of these."""
+    if len(paths) == 1:
+        if z is not None:
+            raise ScenarioError("heights z are for several files, one for each storey; leave them out")
+        read = read_file(importers[0], paths[0])
+        return (draw_plan(read, registry) if isinstance(read, Plan) else read), []
+    heights = [STOREY_HEIGHT * k for k in range(len(paths))] if z is None else list(z)
+    if len(heights) != len(paths):
+        raise ScenarioError(f"{len(heights)} heights z for {len(paths)} files; give one for each")
+    plan, notes = Plan(paths[0].parent), []
+    for path, importer, height in zip(paths, importers, heights, strict=True):
+        read = read_file(importer, path)
+        if not isinstance(read, Plan):
+            raise BuildingError(f"{path}: is a mesh; of several files, each is the plan of one storey")
+        plan.storey(path.stem, file=path, z=height)
+        plan.take(path.stem, read)
+        if z is None:
+            text = f"z = {height:g} m, {STOREY_HEIGHT:g} m from one file to the next (--z)"
+            notes.append(Finding("assumed", text, path.stem))
+    return plan.surface(), notes
+
+
+def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening]:
+    """Return the openings of some numbers."""
+    for number in numbers:
+        if not 1 <= number <= len(openings):
+            raise ScenarioError(f"exit {number}: the openings have the numbers 1 to {len(openings)}")
+    return [openings[number - 1] for number in sorted(set(numbers))]
+
+
+def _fault(folder: Path, registry: Registry) -> str:
+    """Return why a case does not run; empty if it does."""
+    from evac.scenario.loading import load_case
+    from evac.simulation import Simulation
+
+    try:
+        Simulation(load_case(folder, registry=registry), will_run=False)
+    except EvacError as error:
+        return str(error)
+    return ""
+
+
+def _draw(made: Imported) -> None:
+    """Draw every level; openings are numbered where there is no exit."""
+    from evac.importing.report import MOST_OPENINGS
+    from evac.output.annotated import Mark, draw_levels
+
+    offered = () if made.building.exits else made.openings[:MOST_OPENINGS]
+    marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]
+    draw_levels(made.building, made.folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))

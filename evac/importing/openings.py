@@ -1,0 +1,111 @@
+"""Where exits may be in a building whose file names none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from evac.arrays import FloatArray
+from evac.building.edges import segment_lengths
+from evac.building.elevation import level_elevation
+from evac.building.model import Building, Level
+
+#: Narrower ones are not offered [m].
+LEAST_WIDTH = 0.5
+#: An opening is on a level whose outline is so close [m].
+REACH = 0.05
+#: Behind a wall so thick there may be another room [m].
+THICKEST = 1.0
+#: Where along a wall it is looked for.
+LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A piece of an outline that may become an exit.
+
+    Attributes
+    ----------
+    number : int
+        As it is listed, from 1.
+    level : int
+    segment : (4,) float64
+        x1, y1, x2, y2 [m].
+    width : float [m]
+    """
+
+    number: int
+    level: int
+    segment: FloatArray
+    width: float
+
+    def exit(self, building: Building) -> dict[str, Any]:
+        """Return it as an exit of a case."""
+        x1, y1, x2, y2 = np.round(self.segment, 3).tolist()
+        name = f"exit {self.number}"
+        return {"name": name, "segment": [[x1, y1], [x2, y2]], "level": building.levels[self.level].name}
+
+
+def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) -> list[Opening]:
+    """Return the openings of a building, the widest first.
+
+    Parameters
+    ----------
+    building : Building
+    given : sequence of (level, (4,) array [m])
+        Openings that the file has; if there are none, the outer edges of all floors are taken.
+
+    Returns
+    -------
+    list of Opening
+    """
+    found: list[tuple[int, FloatArray]] = []
+    for name, ends in given:
+        segment = np.asarray(ends, dtype=np.float64)
+        on = _level_of(building, name, segment)
+        if on is not None:
+            found.append((on, segment))
+    for level in building.levels if not found else ():
+        if level.kind == "floor":
+            found += [(level.index, wall) for wall in _outer(building, level)]
+    width = segment_lengths(np.array([segment for _, segment in found]).reshape(-1, 4))
+    order = sorted(range(len(found)), key=lambda k: (-round(float(width[k]), 3), found[k][0], *found[k][1].tolist()))
+    kept = [k for k in order if width[k] >= LEAST_WIDTH]
+    return [Opening(number, *found[k], float(width[k])) for number, k in enumerate(kept, start=1)]
+
+
+def _outer(building: Building, level: Level) -> FloatArray:
+    """Return the walls (w, 4) of a floor with no ground of about its height close behind them, as inner walls have."""
+    walls = building.walls[building.wall_level == level.index]
+    rings = shapely.union_all([part.exterior for part in shapely.get_parts(level.polygon)])
+    middle = (walls[:, :2] + walls[:, 2:]) / 2
+    step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
+    outward = np.column_stack([step[:, 1], -step[:, 0]])
+    near = [one.polygon for one in building.levels if one.kind == "floor" and abs(one.z_min - level.z_min) < THICKEST]
+    ground = shapely.union_all(near)
+    is_outer = shapely.dwithin(shapely.points(middle), rings, 1e-6)
+    for share in LOOKS:
+        start = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])
+        behind = shapely.linestrings(np.stack([start + REACH * outward, start + THICKEST * outward], axis=1))
+        is_outer &= ~shapely.intersects(behind, ground)
+    outer: FloatArray = walls[is_outer]
+    return outer
+
+
+def _level_of(building: Building, name: str, segment: FloatArray) -> int | None:
+    """Return the level of a name, whose parts may be numbered, on whose outline a segment lies."""
+    middle = shapely.points((segment[:2] + segment[2:]) / 2)
+    for level in building.levels:
+        is_named = level.name == name or level.name.startswith(f"{name} (")
+        if is_named and level.polygon.boundary.distance(middle) <= REACH:
+            return level.index
+    return None
+
+
+def height_of(building: Building, opening: Opening) -> float:
+    """Return the height of an opening [m]."""
+    middle = ((opening.segment[:2] + opening.segment[2:]) / 2)[None]
+    return float(level_elevation(building.vertices, building.levels[opening.level], middle)[0])

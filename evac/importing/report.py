@@ -1,0 +1,71 @@
+"""The report of an import: what is there, and each thing found, assumed, repaired or left out, with its place."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from evac.building.findings import KINDS
+from evac.importing.casefile import digest
+from evac.importing.openings import height_of
+
+if TYPE_CHECKING:
+    from evac.importing.importer import Imported
+
+#: So many openings are numbered on the picture and listed on the screen; the report has all.
+MOST_OPENINGS = 20
+TITLES = {
+    "found": "Found in the file",
+    "assumed": "Assumed",
+    "repaired": "Repaired",
+    "left out": "Left out",
+    "warning": "Warnings",
+}
+
+
+def report_text(made: "Imported", case: Path) -> str:
+    """Return the text of report.md."""
+    building = made.building
+    names = ", ".join(f"`{file.name}`" for file in made.files)
+    runs = "runs" if not made.fault else f"does not run yet: {made.fault}"
+    text = [f"# Import of {names}", "", f"The case {runs}.", "", "![every level](levels.png)", "", "## Levels", ""]
+    number = {room.name: room.number for room in made.rooms}
+    rows = [
+        (level.name, level.kind, f"{level.z_min:z.2f}", f"{level.polygon.area:.2f}", f"{math.degrees(level.slope):.1f}")
+        for level in building.levels
+    ]
+    text += table(("level", "kind", "z [m]", "area in plan [m2]", "slope [deg]"), rows)
+    exits = [(way.name, building.levels[way.level].name, f"{way.width:.2f}") for way in building.exits]
+    text += ["## Exits", "", *(table(("exit", "level", "width [m]"), exits) if exits else ["None.", ""])]
+    openings = [opening_row(made, k) for k in range(len(made.openings))]
+    if openings and not exits:
+        text += ["## Openings that may be exits", "", "`--exit 1,2` takes them by their numbers.", ""]
+        text += table(("number", "level", "width [m]", "from", "to", "z [m]"), openings)
+    text += ["## People", ""]
+    rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
+    text += table(("room", "is", "ground [m2]", "people"), rooms) if rooms else ["None.", ""]
+    marked = [one for one in made.findings if one.kind != "found"]
+    for kind in KINDS:
+        own = [one for one in made.findings if one.kind == kind]
+        if own:
+            label = [marked.index(one) + 1 if kind != "found" else "" for one in own]
+            listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
+            text += [f"## {TITLES[kind]}", "", *table(("on the picture", "what", "where"), listed)]
+    text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
+    return "\n".join([*text, f"case.toml as written: {digest(case)}", ""])
+
+
+def opening_row(made: "Imported", row: int) -> tuple[object, ...]:
+    """Return one opening as it is listed."""
+    opening = made.openings[row]
+    x1, y1, x2, y2 = opening.segment.tolist()
+    level = made.building.levels[opening.level].name
+    ends = (f"({x1:z.2f}, {y1:z.2f})", f"({x2:z.2f}, {y2:z.2f})")
+    return opening.number, level, f"{opening.width:.2f}", *ends, f"{height_of(made.building, opening):z.2f}"
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
+    """Return the lines of a table in Markdown, and an empty one."""
+    written = [[" ".join(str(value).replace("|", "\\|").split()) for value in row] for row in rows]
+    lines = [f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
+    return [*lines, *(f"| {' | '.join(row)} |" for row in written), ""]

@@ -1,0 +1,69 @@
+"""The rooms of a building, and how many people start in each."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from evac.building.components import connected_components
+from evac.building.findings import Finding
+from evac.building.model import Building
+
+
+@dataclass(frozen=True)
+class Room:
+    """An area, or a floor without areas: its key in a case, its name, level, ground [m2] and number of people."""
+
+    key: str
+    name: str
+    level: int
+    ground: float
+    number: int = 0
+
+
+def find_rooms(building: Building) -> list[Room]:
+    """Return the areas of a building, and the floors on which there is none."""
+    rooms = [Room("area", area.name, area.level, float(area.polygon.area)) for area in building.areas]
+    taken = {room.level for room in rooms}
+    floors = [level for level in building.levels if level.kind == "floor" and level.index not in taken]
+    rooms += [Room("level", level.name, level.index, float(level.polygon.area)) for level in floors]
+    return sorted(rooms, key=lambda room: (room.level, room.name))
+
+
+def connected_to_exits(building: Building) -> set[int]:
+    """Return the levels from which an exit can be reached."""
+    pairs = np.array([portal.levels for portal in building.portals], dtype=np.int64).reshape(-1, 2)
+    part = connected_components(len(building.levels), pairs)
+    left = {int(part[way.level]) for way in building.exits}
+    return {level.index for level in building.levels if int(part[level.index]) in left}
+
+
+def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
+    """Return the rooms with their numbers of people, and those that nobody starts in as findings.
+
+    Parameters
+    ----------
+    building : Building
+    rooms : list of Room
+    people : int, optional
+        All together, divided by the ground of the rooms.
+    density : float [1/m2]
+        If `people` is not given.
+    """
+    open_levels = connected_to_exits(building) if building.exits else {level.index for level in building.levels}
+    used = [room for room in rooms if room.level in open_levels]
+    notes = []
+    for room in rooms:
+        if room not in used:
+            x, y = building.levels[room.level].polygon.representative_point().coords[0]
+            name = building.levels[room.level].name
+            notes.append(Finding("left out", f"no people in {room.name!r}: no way leads to an exit", name, (x, y)))
+    ground = np.array([room.ground for room in used])
+    if people is None:
+        number = np.maximum(np.floor(density * ground + 0.5), 1.0)
+    else:
+        # Largest remainders: the numbers add up to what was asked for.
+        share = people * ground / max(ground.sum(), 1e-9)
+        number = np.floor(share)
+        rest = int(people - number.sum()) if len(used) else 0
+        number[np.argsort(-(share - number), kind="stable")[:rest]] += 1.0
+    return [replace(room, number=int(count)) for room, count in zip(used, number, strict=True)], notes

@@ -1,0 +1,168 @@
+"""Importer of GeoJSON files: storeys, exits, doors, areas and obstacles as features, see docs/buildings.md."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.building.importer import Importer
+from evac.building.plan import Plan
+from evac.building.shapes import geometries, place_of
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter, did_you_mean
+
+#: What a feature can be, as its property ``kind`` says.
+KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
+#: A file whose coordinates are degrees has no building larger than this [degrees].
+MOST_DEGREES = 0.05
+#: Axes of the ellipsoid of WGS 84 [m].
+MAJOR, MINOR = 6378137.0, 6356752.314245
+
+
+class GeojsonImporter(Importer):
+    """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
+
+    Without `kind`, polygons are ground of their storey and lines are exits.
+    """
+
+    name = "geojson"
+    suffixes = (".geojson", ".json")
+
+    storey = Parameter("floor", "name of the storey of features that name none")
+    z = Parameter(0.0, "height of storeys that give none: the lowest; the next ones are `height` above", unit="m")
+    height = Parameter(3.0, "height from one storey to the next where features give no z", unit="m", above=0.0)
+    unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
+    wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
+    coordinates = Parameter("auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees"))
+
+    def read(self, path: Path) -> Plan:
+        """Read the features; raise ValueError if it is no GeoJSON."""
+        try:
+            data = json.loads(path.read_text(encoding="utf-8-sig"))
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise ValueError(f"no JSON: {error}") from error
+        features = [_feature(number, one) for number, one in enumerate(_objects(data), start=1)]
+        if not features:
+            raise ValueError("there is no feature with a geometry in it")
+        plan = Plan(path)
+        place = self._placing(plan, [feature.shape for feature in features])
+        self._add_storeys(plan, [replace(feature, shape=place(feature.shape)) for feature in features])
+        return plan
+
+    def _placing(self, plan: Plan, shapes: list[BaseGeometry]) -> Callable[[BaseGeometry], BaseGeometry]:
+        """Return what turns coordinates of the file into metres."""
+        corners = shapely.get_coordinates(shapes)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        is_small = bool((high - low).max() < MOST_DEGREES and np.abs(corners).max() <= 180.0)
+        if self.coordinates == "plane" or (self.coordinates == "auto" and not (is_small and self.unit == 1.0)):
+            return lambda shape: shapely.transform(shape, lambda xy: self.unit * xy)
+        metres = _metres_per_degree(math.radians(0.5 * (low[1] + high[1])))
+        text = f"coordinates are longitude and latitude; the origin is {low[0]:.7f}, {low[1]:.7f} (coordinates)"
+        plan.note("assumed", text)
+        return lambda shape: shapely.transform(shape, lambda xy: (xy - low) * metres)
+
+    def _add_storeys(self, plan: Plan, features: "list[Feature]") -> None:
+        """Add the features to the plan, storey by storey."""
+        names = list(dict.fromkeys(feature.storey or self.storey for feature in features))
+        ground = {name: [one for one in features if (one.storey or self.storey) == name] for name in names}
+        for index, name in enumerate(names):
+            polygons = [one.shape for one in ground[name] if one.kind == "storey"]
+            given = sorted({one.z for one in ground[name] if one.z is not None})
+            if not polygons:
+                raise ValueError(f"storey {name!r} has no ground: no polygon of the kind 'storey'")
+            if len(given) > 1:
+                raise ValueError(f"storey {name!r} has several heights z: {', '.join(f'{z:g}' for z in given)}")
+            z = given[0] if given else self.z + index * self.height
+            plan.storey(name, polygons, z, wall=self.wall)
+            plan.note("found", f"{len(polygons)} polygons of ground", name)
+            if not given and len(names) > 1:
+                plan.note("assumed", f"z = {z:g} m, because the storey gives none (z, height)", name)
+            for number, one in enumerate((one for one in ground[name] if one.kind != "storey"), start=1):
+                self._add(plan, one, name, one.name or f"{one.kind} {number}")
+
+    def _add(self, plan: Plan, feature: "Feature", storey: str, name: str) -> None:
+        """Add one feature that is no ground."""
+        is_line = feature.shape.geom_type == "LineString"
+        if feature.kind in ("door", "opening") and not is_line:
+            raise ValueError(f"feature {feature.number}: a {feature.kind} must be a LineString of two points")
+        if feature.kind == "exit" and is_line:
+            plan.exit(name, storey, feature.shape)
+        elif feature.kind == "exit":
+            plan.exit(name, storey, polygon=feature.shape)
+        elif feature.kind == "door":
+            plan.door(name, storey, feature.shape, outside="opening")
+        elif feature.kind == "opening":
+            plan.opening(storey, feature.shape, name)
+        else:
+            getattr(plan, feature.kind)(name, storey, feature.shape)
+        plan.note("found", f"{feature.kind} {name!r}", storey, place_of(feature.shape))
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A feature: its number in the file, shape, kind, name, storey and height, where given."""
+
+    number: int
+    shape: BaseGeometry
+    kind: str
+    name: str
+    storey: str
+    z: float | None
+
+
+def _objects(data: Any) -> list[Mapping[str, Any]]:
+    """Return the features of a document, or the geometry that it is alone as one."""
+    if not isinstance(data, dict) or "type" not in data:
+        raise ValueError("no GeoJSON: there is no object with a type")
+    if data["type"] == "FeatureCollection":
+        features = data.get("features")
+        if not isinstance(features, list):
+            raise ValueError("no GeoJSON: the collection has no list of features")
+        return [one for one in features if not isinstance(one, dict) or one.get("geometry") is not None]
+    return [data if data["type"] == "Feature" else {"type": "Feature", "geometry": data, "properties": {}}]
+
+
+def _feature(number: int, given: Any) -> Feature:
+    """Return one feature, checked."""
+    if not isinstance(given, dict) or given.get("type") != "Feature":
+        raise ValueError(f"feature {number}: no GeoJSON feature")
+    properties = given.get("properties") or {}
+    try:
+        shapes = list(geometries(given))
+    except ValueError as error:
+        raise ValueError(f"feature {number}: {error}") from error
+    if not shapes or not np.isfinite(shapely.get_coordinates(shapes)).all():
+        raise ValueError(f"feature {number}: it has no coordinates, or one is not finite")
+    shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
+    kind = str(properties.get("kind") or ("exit" if shape.geom_type == "LineString" else "storey")).lower()
+    if kind not in KINDS:
+        raise ValueError(f"feature {number}: unknown kind {kind!r}; {did_you_mean(kind, KINDS)}")
+    z = properties.get("z")
+    if z is not None and (isinstance(z, bool) or not isinstance(z, int | float)):
+        raise ValueError(f"feature {number}: z must be a number, not {z!r}")
+    storey = properties.get("storey", properties.get("level"))
+    name = properties.get("name")
+    return Feature(number, shape, kind, "" if name is None else str(name), "" if storey is None else str(storey), z)
+
+
+def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the lengths (2,) of a degree of longitude and of latitude on the ellipsoid of WGS 84 [m]."""
+    square = 1.0 - (MINOR / MAJOR) ** 2
+    flattened = 1.0 - square * math.sin(latitude) ** 2
+    across, along = MAJOR / math.sqrt(flattened), MAJOR * (1.0 - square) / flattened**1.5
+    return np.radians([across * math.cos(latitude), along])
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [GeojsonImporter]

@@ -1,0 +1,34 @@
+"""Importer of plan files: TOML with storeys, stairs, doors, exits, areas and obstacles, see docs/buildings.md."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+from evac.building.importer import Importer
+from evac.building.plan import Plan
+from evac.building.plantable import plan_of
+from evac.hookspecs import hookimpl
+
+
+class PlanImporter(Importer):
+    """Plan files (.plan.toml): the shape of each storey in the file or in one of its own, and what joins them."""
+
+    name = "plan"
+    suffixes = (".plan.toml",)
+
+    def read(self, path: Path) -> Plan:
+        """Read a plan; raise ValueError if it is no TOML."""
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"no TOML: {error}") from error
+        return plan_of(table, path, path.parent)
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [PlanImporter]

@@ -1,0 +1,65 @@
+"""Importer of WKT files: polygons of one storey, as JuPedSim, PostGIS, QGIS and shapely write them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import shapely
+
+from evac.building.importer import Importer
+from evac.building.plan import Plan
+from evac.building.shapes import from_wkt
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter
+
+
+class WktImporter(Importer):
+    """Well-known text (.wkt): polygons and collections of them, nested or overlapping, are the floor of one storey.
+
+    Holes are obstacles. Exits and areas are not in such files.
+    """
+
+    name = "wkt"
+    suffixes = (".wkt",)
+
+    storey = Parameter("floor", "name of the storey")
+    z = Parameter(0.0, "height of the storey's floor", unit="m")
+    unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
+    wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
+
+    def read(self, path: Path) -> Plan:
+        """Read the geometries; raise ValueError if a text is none."""
+        text = path.read_text(encoding="utf-8-sig", errors="replace").strip()
+        if "\0" in text:
+            raise ValueError("the text is not UTF-8; save it as UTF-8")
+        shapes = shapely.transform(shapely.GeometryCollection(_geometries(text)), lambda xy: self.unit * xy)
+        plan = Plan(path)
+        plan.storey(self.storey, shapes, self.z, wall=self.wall)
+        count = len(plan.storeys[self.storey].polygons)
+        plan.note("found", f"{count} polygon{'s' if count > 1 else ''}", self.storey)
+        return plan
+
+
+def _geometries(text: str) -> list[shapely.Geometry]:
+    """Return the geometries of a text: one that may fill several lines, or one on each line."""
+    try:
+        return [from_wkt(" ".join(text.split()))]
+    except ValueError as error:
+        first = error
+    found = []
+    lines = [line.strip().rstrip(";") for line in text.splitlines()]
+    for number, line in enumerate(lines, start=1):
+        if line and not line.startswith("#"):
+            try:
+                found.append(from_wkt(line.partition(";")[2] if line.startswith("SRID=") else line))
+            except ValueError as error:
+                raise ValueError(f"line {number}: {error}" if len(lines) > 1 else str(first)) from error
+    return found
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [WktImporter]

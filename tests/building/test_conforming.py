@@ -1,0 +1,82 @@
+"""Polygons become conforming, tagged meshes."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from shapely import LineString, Polygon, box
+
+from evac.building.surfacemesh import SurfaceMesh
+
+
+def sides_of(triangles):
+    return Counter(tuple(sorted((t[i], t[i - 2]))) for t in triangles for i in range(3))
+
+
+def cells_of(mesh, tag):
+    """Return the cells of a tag, corners as rows of the points."""
+    return np.array(mesh.cells)[np.array(mesh.cell_tags[tag])]
+
+
+def area_of(mesh, tag):
+    """Return the area of a surface on its slope."""
+    a, b, c = np.moveaxis(np.array(mesh.points)[cells_of(mesh, tag)], 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+@pytest.fixture
+def flight_beside_floor():
+    """A floor 6 m wide with a hole, and a flight 2 m wide that rises 3 m over 4 m from its northern side."""
+    surfaces = [
+        ("floor:hall", box(0, 0, 6, 4).difference(box(1, 1, 2, 2)), 0.0),
+        ("stair:main", box(2, 4, 4, 8), lambda x, y: 0.75 * (y - 4)),
+    ]
+    return SurfaceMesh.of_polygons(surfaces, [("exit:door", (2.5, 0, 0), (3.5, 0, 0))])
+
+
+def test_surfaces_keep_their_areas(flight_beside_floor):
+    assert area_of(flight_beside_floor, "floor:hall") == pytest.approx(23.0)
+    assert area_of(flight_beside_floor, "stair:main") == pytest.approx(2.0 * 5.0)
+
+
+def test_neighbours_share_their_edge(flight_beside_floor):
+    floor, flight = (sides_of(cells_of(flight_beside_floor, tag)) for tag in ("floor:hall", "stair:main"))
+    points = np.array(flight_beside_floor.points)
+    ends = [sorted(map(tuple, points[list(side)].tolist())) for side in floor.keys() & flight.keys()]
+    assert ends == [[(2.0, 4.0, 0.0), (4.0, 4.0, 0.0)]]
+
+
+def test_an_edge_lies_on_the_side_of_one_cell(flight_beside_floor):
+    sides = sides_of(cells_of(flight_beside_floor, "floor:hall"))
+    assert [sides[tuple(sorted(line))] for line in flight_beside_floor.edge_tags["exit:door"]] == [1]
+
+
+def test_an_edge_is_cut_where_a_corner_lies_on_it():
+    surfaces = [("floor:west", box(0, 0, 2, 2), 0.0), ("floor:east", box(2, 0, 4, 2), 0.0)]
+    mesh = SurfaceMesh.of_polygons(surfaces, [("exit:wide", (1, 0, 0), (3, 0, 0))])
+    assert np.array(mesh.points)[mesh.edge_tags["exit:wide"]][:, :, 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+
+
+def test_surfaces_at_different_heights_share_nothing():
+    mesh = SurfaceMesh.of_polygons([("floor:a", box(0, 0, 4, 4), 0.0), ("floor:b", box(0, 0, 2, 4), 3.0)])
+    assert len(mesh.points) == 8
+    assert not set(cells_of(mesh, "floor:a").ravel()) & set(cells_of(mesh, "floor:b").ravel())
+
+
+def test_a_surface_may_carry_several_tags():
+    mesh = SurfaceMesh.of_polygons([(("floor:a", "area:b"), box(0, 0, 2, 2), 0.0), ("floor:a", box(2, 0, 4, 2), 0.0)])
+    assert (np.sum(mesh.cell_tags["floor:a"]), np.sum(mesh.cell_tags["area:b"])) == (4, 2)
+
+
+@pytest.mark.parametrize(
+    ("plan", "place"),
+    [(Polygon([(0, 0), (2, 2), (2, 0), (0, 2)]), r"1 1"), (Polygon(), "empty"), (LineString([(0, 0), (1, 1)]), "Line")],
+)
+def test_what_is_no_polygon_is_refused(plan, place):
+    with pytest.raises(ValueError, match=rf"'floor:a'.*{place}"):
+        SurfaceMesh.of_polygons([("floor:a", plan, 0.0)])
+
+
+def test_an_edge_on_no_surface_is_refused():
+    with pytest.raises(ValueError, match=r"'exit:a'.*\(5.00, 0.00, 0.00\)"):
+        SurfaceMesh.of_polygons([("floor:a", box(0, 0, 2, 2), 0.0)], [("exit:a", (5, 0, 0), (5, 1, 0))])

@@ -1,0 +1,74 @@
+"""`evac import`, `evac new` and the picture of `evac check`, as a user calls them."""
+
+import tomllib
+
+import pytest
+
+ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
+
+
+@pytest.fixture
+def room(tmp_path):
+    (tmp_path / "room.wkt").write_text(ROOM, encoding="utf-8")
+    return "room.wkt"
+
+
+def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
+    assert evac("import", room, "--out", "case") == 0
+    out, err = capsys.readouterr()
+    assert "Openings" in out
+    assert "--exit" in err
+    assert evac("import", room, "--out", "case", "--exit", "1,3", "--people", "7") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "evac run case" in out
+    assert evac("run", "case") == 0
+    assert {path.name for path in (tmp_path / "case").iterdir()} == {
+        "building.msh", "case.toml", "levels.png", "report.md",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--exit", "one"], "--exit one"),
+        (["--people", "0"], "--people"),
+        (["--option", "unit"], "--option unit"),
+        (["--option", "unit=-1"], "unit"),
+        (["--z", "0,3"], "heights"),
+        (["--exit", "9"], "exit 9"),
+    ],
+)
+def test_wrong_arguments_are_named(evac, room, words, message, capsys):
+    assert evac("import", room, "--out", "case", *words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_new_case_runs_at_once_and_is_not_overwritten(evac, capsys, tmp_path):
+    assert evac("new", "mine") == 0
+    assert evac("check", "mine") == 0
+    assert evac("check", "mine/house.plan.toml") == 0
+    assert capsys.readouterr().err == ""
+    assert evac("run", "mine", "--set", "output.animation=false", "output.picture=false") == 0
+    case = tomllib.loads((tmp_path / "mine" / "case.toml").read_text(encoding="utf-8"))
+    assert {group["name"] for group in case["people"]} == {"visitors", "staff"}
+    capsys.readouterr()
+    assert evac("new", "mine") == 2
+    assert "mine" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+def test_check_draws_the_levels(evac, ending, tmp_path):
+    assert evac("check", "square_room", "--picture", f"levels{ending}") == 0
+    assert (tmp_path / f"levels{ending}").stat().st_size > 1000
+
+
+def test_a_picture_of_another_kind_is_refused(evac, capsys):
+    assert evac("check", "square_room", "--picture", "levels.bmp") == 2
+    assert ".svg" in capsys.readouterr().err
+
+
+def test_the_picture_of_a_case_that_is_refused_is_drawn(evac, tmp_path):
+    changes = ["people.people.number=2000"]
+    assert evac("check", "square_room", "--picture", "levels.png", "--set", *changes) == 2
+    assert (tmp_path / "levels.png").exists()

@@ -1,0 +1,153 @@
+"""Files become cases that run, with a report of everything assumed; folders that are not ours are left alone."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+import shapely
+
+import evac
+from evac import BuildingError, ScenarioError, import_building, read_building
+from evac.importing.openings import find_openings
+
+ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
+#: Three rooms along a corridor, with walls of 0.1 m.
+ROOMS = shapely.union_all([shapely.box(0, 0, 9, 2), *(shapely.box(3.05 * k, 2.1, 3.05 * k + 2.9, 6) for k in range(3))])
+
+
+@pytest.fixture
+def room(tmp_path):
+    (tmp_path / "room.wkt").write_text(ROOM, encoding="utf-8")
+    return tmp_path / "room.wkt"
+
+
+@pytest.fixture
+def house(tmp_path):
+    plan = evac.Plan()
+    plan.storey("ground", shapely.box(0, 0, 12, 6))
+    plan.storey("first", shapely.box(0, 0, 12, 6), z=3.0)
+    plan.storey("attic", shapely.box(0, 0, 4, 4), z=6.0)
+    plan.exit("door", "ground", [(0, 3), (0, 4)])
+    plan.area("office", "first", shapely.box(9, 0, 12, 6))
+    plan.area("store", "first", shapely.box(9, 0, 9.5, 0.5))
+    plan.obstacle("table", "first", shapely.box(10, 1, 11, 2))
+    plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
+    plan.write(tmp_path / "house.msh")
+    return tmp_path / "house.msh"
+
+
+def text_of(made, name):
+    return (made.folder / name).read_text(encoding="utf-8")
+
+
+def test_without_an_exit_openings_are_offered(room, tmp_path):
+    made = import_building([room], tmp_path / "case")
+    assert "exit" in made.fault
+    assert [(one.number, one.width) for one in made.openings] == [(1, 6.0), (2, 6.0), (3, 4.0), (4, 4.0)]
+    assert "| 3 | floor | 4.00 |" in text_of(made, "report.md")
+    assert "# [[building.exits]]" in text_of(made, "case.toml")
+    assert (made.folder / "levels.png").stat().st_size > 1000
+    with pytest.raises(BuildingError, match="exit"):
+        evac.run(evac.load(made.folder))
+
+
+def test_the_chosen_openings_become_exits_and_the_case_runs(room, tmp_path):
+    import_building([room], tmp_path / "case")
+    made = import_building([room], tmp_path / "case", exits=[3], people=5)
+    assert made.fault == ""
+    results = evac.run(evac.load(made.folder))
+    assert (results.evacuated, list(results.exits)) == (5, ["exit 3"])
+    case = tomllib.loads(text_of(made, "case.toml"))
+    assert "headway" in case["behaviours"]
+    with pytest.raises(ScenarioError, match="1 to 4"):
+        import_building([room], tmp_path / "case", exits=[5])
+
+
+def test_inner_walls_are_no_openings():
+    plan = evac.Plan()
+    plan.storey("floor", list(ROOMS.geoms))
+    for k in range(3):
+        plan.door(f"{k}", "floor", [(3.05 * k + 1, 2), (3.05 * k + 2, 2)])
+    openings = find_openings(plan.building(need_exit=False), ())
+    assert len(openings) == 8
+    hull = shapely.box(0, 0, 9, 6).exterior
+    middles = [shapely.Point((one.segment[:2] + one.segment[2:]) / 2) for one in openings]
+    assert all(hull.distance(middle) < 0.01 for middle in middles)
+
+
+def test_everything_in_a_file_is_kept(house, tmp_path):
+    made = import_building([house], tmp_path / "case", density=0.05)
+    one, other = read_building(house), read_building(made.folder / "building.msh")
+    assert [(level.name, level.kind) for level in one.levels] == [(level.name, level.kind) for level in other.levels]
+    assert [way.name for way in other.exits] == ["door"]
+    assert {area.name: area.polygon.area for area in other.areas} == {
+        area.name: area.polygon.area for area in one.areas
+    }
+    assert np.allclose(one.walls, other.walls)
+    assert {room.name: room.number for room in made.rooms} == {"ground": 3, "office": 1, "store": 1}
+    (left,) = [finding for finding in made.findings if finding.kind == "left out"]
+    assert (left.level, "attic" in left.text) == ("attic", True)
+    assert made.fault.startswith(str(made.folder)) or made.fault == ""
+
+
+def test_people_are_divided_by_the_ground_of_the_rooms(house, tmp_path):
+    made = import_building([house], tmp_path / "case", people=101)
+    assert sum(one.number for one in made.rooms) == 101
+
+
+def test_several_files_are_storeys(tmp_path):
+    for name in ("ground", "first"):
+        (tmp_path / f"{name}.wkt").write_text(ROOM, encoding="utf-8")
+    files = [tmp_path / "ground.wkt", tmp_path / "first.wkt"]
+    made = import_building(files, tmp_path / "case", exits=[1], people=4)
+    assert [(level.name, level.z_min) for level in made.building.levels] == [("ground", 0.0), ("first", 3.0)]
+    assert [one.kind for one in made.findings if one.level == "first"].count("assumed") == 1
+    made = import_building(files, tmp_path / "other", z=[-1.0, 2.5], exits=[1], people=4)
+    assert [level.z_min for level in made.building.levels] == [-1.0, 2.5]
+    with pytest.raises(ScenarioError, match="heights"):
+        import_building(files, tmp_path / "third", z=[1.0])
+
+
+def test_options_reach_importer_and_building_and_are_written_down(tmp_path):
+    (tmp_path / "mm.wkt").write_text("POLYGON ((0 0, 6000 0, 6000 4000, 0 4000, 0 0))", encoding="utf-8")
+    options = {"unit": 0.001, "storey": 'ground "0"', "weld": 0.002}
+    made = import_building([tmp_path / "mm.wkt"], tmp_path / "case", options=options, exits=[1], people=3)
+    assert made.building.levels[0].polygon.area == pytest.approx(24.0)
+    assert "unit = 0.001" in text_of(made, "case.toml")
+    assert "weld = 0.002" in text_of(made, "case.toml")
+    assert evac.run(evac.load(made.folder)).evacuated == 3
+    with pytest.raises(ScenarioError, match=r"'untit'.*'unit'"):
+        import_building([tmp_path / "mm.wkt"], tmp_path / "case", options={"untit": 1})
+
+
+def test_the_scale_of_a_mesh_is_applied_once(tmp_path):
+    lines = ["v 0 0 0", "v 6000 0 0", "v 6000 4000 0", "v 0 4000 0", "f 1 2 3 4"]
+    (tmp_path / "mm.obj").write_text("\n".join(lines), encoding="utf-8")
+    made = import_building([tmp_path / "mm.obj"], tmp_path / "case", options={"scale": 0.001}, exits=[1], people=3)
+    assert made.building.levels[0].polygon.area == pytest.approx(24.0)
+    assert made.fault == ""
+
+
+def test_folders_that_are_not_ours_or_changed_are_left_alone(room, tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "thesis.txt").write_text("years of work", encoding="utf-8")
+    with pytest.raises(ScenarioError, match="own"):
+        import_building([room], tmp_path / "own")
+    made = import_building([room], tmp_path / "case")
+    (made.folder / "case.toml").write_text("title = 'mine'", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"case\.toml: has been changed"):
+        import_building([room], tmp_path / "case")
+    assert text_of(made, "case.toml") == "title = 'mine'"
+
+
+def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path):
+    line = {"type": "LineString", "coordinates": [[6.0, 1.0], [6.0, 2.0]]}
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(shapely.from_wkt(ROOM))},
+        {"type": "Feature", "properties": {"kind": "opening"}, "geometry": line},
+    ]
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    made = import_building([tmp_path / "a.geojson"], tmp_path / "case", exits=[1], people=2)
+    assert [one.width for one in made.openings] == [1.0]
+    assert (made.fault, made.building.exits[0].width) == ("", 1.0)

@@ -1,0 +1,59 @@
+"""Pictures of levels: each storey has a panel, and each finding a mark on the right one."""
+
+import pytest
+import shapely
+
+from evac import Plan
+from evac.building.findings import Finding
+from evac.output.floorplan import Mark, draw_levels, panel_of, storeys
+
+
+@pytest.fixture
+def building():
+    plan = Plan()
+    plan.storey("ground", shapely.box(0, 0, 12, 6))
+    plan.storey("first", shapely.box(0, 0, 12, 6), z=3.0)
+    plan.storey("gallery", shapely.box(14, 0, 16, 6), z=3.4)
+    plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
+    plan.exit("door", "ground", [(0, 3), (0, 4)])
+    return plan.building()
+
+
+def test_floors_at_about_one_height_are_a_storey_with_the_stairs_up_from_it(building):
+    names = [[building.levels[index].name for index in own] for own in storeys(building)]
+    assert names == [["ground", "main flight z=0.00..3.00"], ["first", "gallery"]]
+
+
+@pytest.mark.parametrize(
+    ("level", "place", "panel"),
+    [("first", (1.0, 1.0), 1), (None, (1.0, 5.0, 0.1), 0), (None, (1.0, 5.0, 2.9), 1), (None, (15.0, 1.0), 1)],
+)
+def test_a_finding_is_marked_on_its_storey(building, level, place, panel):
+    assert panel_of(building, storeys(building), Finding("warning", "odd", level, place)) == panel
+
+
+def test_marks_and_findings_are_in_the_picture(building, tmp_path):
+    findings = [
+        Finding("warning", "a narrow place", "ground", (10.0, 3.0)),
+        Finding("found", "a door", "ground", (0.0, 3.5)),
+        Finding("repaired", "a gap", place=(11.0, 3.0, 3.0)),
+        Finding("left out", "nothing of note"),
+    ]
+    marks = [Mark("7: 6.00 m", 0, building.walls[0])]
+    import matplotlib as mpl
+
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        draw_levels(building, tmp_path / "a.svg", findings, marks, "a title")
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    for word in (
+        "a title",
+        "ground, z = 0.00 m",
+        "door 1.00 m",
+        "main",
+        "7: 6.00 m",
+        "1  warning",
+        "2  repaired",
+        "3  left",
+    ):
+        assert word in text, word
+    assert "a door" not in text

@@ -1,0 +1,179 @@
+"""Importers that return plans: WKT, GeoJSON and plan files."""
+
+import json
+
+import numpy as np
+import pytest
+
+import evac
+from evac import BuildingError, read_building
+from evac.conformance import check_plugin
+from evac.registry import BUILTIN_IMPORTERS, Registry
+
+REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+
+
+def building_of(path, text, importer=None, **parameters):
+    path.write_text(text, encoding="utf-8")
+    if not parameters:
+        return read_building(path, need_exit=False)
+    return REGISTRY.importer_for(path)(**parameters).read(path).building(need_exit=False)
+
+
+ROOM = "POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))"
+
+
+@pytest.mark.parametrize(
+    ("text", "area"),
+    [
+        (ROOM, 12.0),
+        ("POLYGON\n((0 0, 4 0,\n4 3, 0 3,\n0 0))\n", 12.0),
+        ("GEOMETRYCOLLECTION (GEOMETRYCOLLECTION (POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0))), POINT (1 1))", 12.0),
+        (f"{ROOM}\n# a comment\nPOLYGON ((2 0, 6 0, 6 3, 2 3, 2 0))\n", 18.0),
+        (f"SRID=25832;{ROOM}", 12.0),
+        ("MULTIPOLYGON (((0 0, 4 0, 4 3, 0 3, 0 0), (1 1, 2 1, 2 2, 1 2, 1 1)))", 11.0),
+        ("POLYGON Z ((0 0 5, 4 0 5, 4 3 5, 0 3 5, 0 0 5))", 12.0),
+    ],
+)
+def test_wkt(tmp_path, text, area):
+    building = building_of(tmp_path / "a.wkt", text)
+    assert [(level.name, level.polygon.area) for level in building.levels] == [("floor", area)]
+
+
+def test_options_of_wkt(tmp_path):
+    text = "MULTIPOLYGON (((0 0, 4000 0, 4000 3000, 0 3000, 0 0)), ((4000 0, 8000 0, 8000 3000, 4000 3000, 4000 0)))"
+    building = building_of(tmp_path / "a.wkt", text, unit=0.001, storey="ground", z=-3.5, wall=0.2)
+    assert {level.z_min for level in building.levels} == {-3.5}
+    assert [level.name for level in building.levels] == ["ground", "ground (2)"]
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(24.0 - 0.6)
+
+
+@pytest.mark.parametrize(
+    "text", ["POLYGON ((0 0, 1", "POINT (1 1)", "GEOMETRYCOLLECTION EMPTY", "POLYGON ((0 0, 1 nan, 2 2, 0 0))"]
+)
+def test_wkt_without_ground_is_refused(tmp_path, text):
+    with pytest.raises(BuildingError, match=r"a\.wkt"):
+        building_of(tmp_path / "a.wkt", text)
+
+
+def feature(kind, coordinates, of="Polygon", **properties):
+    properties = {"kind": kind, **properties} if kind else properties
+    return {"type": "Feature", "properties": properties, "geometry": {"type": of, "coordinates": coordinates}}
+
+
+def rectangle(x1, y1, x2, y2):
+    return [[[x1, y1], [x2, y1], [x2, y2], [x1, y2], [x1, y1]]]
+
+
+def collection(*features):
+    return json.dumps({"type": "FeatureCollection", "features": list(features)})
+
+
+def test_features_of_geojson(tmp_path):
+    text = collection(
+        feature("", rectangle(0, 0, 6, 4), name="hall"),
+        feature("storey", rectangle(6.2, 0, 9, 4), level=0),
+        feature("door", [[6.1, 1], [6.1, 2]], "LineString"),
+        feature("", [[0, 1], [0, 2]], "LineString", name="main"),
+        feature("area", rectangle(1, 1, 3, 3), name="stage"),
+        feature("obstacle", rectangle(4, 1, 5, 2)),
+        feature("storey", rectangle(0, 0, 9, 4), level=1, z=3.5),
+    ).replace('"level": 0', '"level": "floor"')
+    building = building_of(tmp_path / "a.geojson", text)
+    assert [(level.name, level.z_min) for level in building.levels] == [("floor", 0.0), ("1", 3.5)]
+    assert building.levels[0].polygon.area == pytest.approx(24.0 + 11.2 + 0.2 - 1.0)
+    assert [way.name for way in building.exits] == ["main"]
+    assert [area.name for area in building.areas] == ["stage"]
+
+
+def test_degrees_become_metres(tmp_path):
+    corners = np.array(rectangle(0, 0, 1, 1)[0]) * [1e-4, 2e-4] + [13.4, 52.5]
+    building = building_of(tmp_path / "a.geojson", collection(feature("", [corners.tolist()])))
+    # The length of a degree on the ellipsoid at 52.5 degrees: 67,906 m of longitude, 111,277 m of latitude.
+    width, depth = np.ptp(building.vertices[:, :2], axis=0)
+    assert (width, depth) == pytest.approx((6.7906, 22.2554), rel=1e-3)
+    assert any(one.kind == "assumed" and "longitude" in one.text for one in building.findings)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "JSON"),
+        ("[]", "GeoJSON"),
+        ('{"type": "FeatureCollection"}', "features"),
+        ('{"type": "FeatureCollection", "features": []}', "feature"),
+        (collection(feature("stoory", rectangle(0, 0, 1, 1))), "feature 1: .*'stoory'.*'storey'"),
+        (collection(feature("", [[0, 0], [0, 1]], "LineString")), "ground"),
+        (collection(feature("", rectangle(0, 0, 1, 1), z=1), feature("", rectangle(0, 0, 1, 1), z=2)), "heights z"),
+        (collection(feature("", rectangle(0, 0, 1, 1), z="high")), "feature 1: z"),
+        (collection(feature("", [[0, 0]])), "feature 1"),
+    ],
+)
+def test_wrong_geojson_is_refused(tmp_path, text, message):
+    with pytest.raises(BuildingError, match=rf"a\.geojson: .*{message}"):
+        building_of(tmp_path / "a.geojson", text)
+
+
+PLAN = """
+[[storeys]]
+name = "ground"
+file = "ground.wkt"
+
+[[storeys]]
+name = "first"
+z = 3.0
+file = "first.geojson"
+options = { unit = 0.001 }
+
+[[stairs]]
+name = "main"
+lower = "ground"
+lower_edge = [[4, 1], [4, 2.5]]
+upper = "first"
+length = 5
+"""
+
+
+@pytest.fixture
+def plan_file(tmp_path):
+    (tmp_path / "ground.wkt").write_text(ROOM, encoding="utf-8")
+    shapes = feature("", rectangle(9000, 0, 14000, 3000)), feature("", [[14000, 1000], [14000, 2000]], "LineString")
+    (tmp_path / "first.geojson").write_text(collection(*shapes), encoding="utf-8")
+    (tmp_path / "house.plan.toml").write_text(PLAN, encoding="utf-8")
+    return tmp_path / "house.plan.toml"
+
+
+def test_a_plan_file_with_a_file_for_each_storey(plan_file):
+    building = read_building(plan_file)
+    assert [(level.name, round(level.polygon.area, 6)) for level in building.levels] == [
+        ("ground", 12.0), ("main flight z=0.00..3.00", 7.5), ("first", 15.0),
+    ]  # fmt: skip
+    assert [(way.name, way.level) for way in building.exits] == [("exit 1", 2)]
+
+
+def test_a_plan_in_a_case_reads_its_files_beside_it(plan_file):
+    text = PLAN.replace("\n[[", "\n[[building.plan.")
+    case = f'{text}\n[[people]]\nname = "people"\nlevel = "ground"\nnumber = 3\n[contact]\nmodel = "nsm2"\n'
+    (plan_file.parent / "case.toml").write_text(case, encoding="utf-8")
+    assert evac.run(evac.load(plan_file.parent)).evacuated == 3
+
+
+def test_what_is_wrong_with_the_file_of_a_storey_is_told_with_both(plan_file):
+    (plan_file.parent / "ground.wkt").write_text("POLYGON ((0 0", encoding="utf-8")
+    with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt"):
+        read_building(plan_file)
+    (plan_file.parent / "ground.wkt").unlink()
+    with pytest.raises(BuildingError, match=r"house\.plan\.toml: storey 'ground': .*ground\.wkt: no such file"):
+        read_building(plan_file)
+
+
+@pytest.mark.parametrize("name", ["plan", "wkt", "geojson"])
+def test_importers_keep_to_the_contract(name, plan_file, tmp_path):
+    (tmp_path / "a.geojson").write_text(collection(feature("", rectangle(0, 0, 4, 3))), encoding="utf-8")
+    mesh = {"plan": plan_file, "wkt": tmp_path / "ground.wkt", "geojson": tmp_path / "a.geojson"}[name]
+    level = "ground" if name == "plan" else "floor"
+    exits = [{"name": "door", "segment": [[0, 1], [0, 2]], "level": level}]
+    people = [{"name": "people", "level": level, "number": 3}]
+    building = {"mesh": str(mesh), "exits": exits}
+    case = evac.load({"title": name, "building": building, "people": people, "contact": {"model": "nsm2"}})
+    check_plugin(type(REGISTRY.importers[name]()), case)
