@@ -13,9 +13,10 @@ from rich.console import Console
 if TYPE_CHECKING:
     from evac.phases import Progress
 
-#: Wall time between two updates of the bar, and between two plain lines [s].
+#: Wall time between two updates of the bar, and between two plain lines of a run and of several [s].
 BAR_EVERY = 0.1
 LINE_EVERY = 10.0
+RUNS_EVERY = 2.0
 
 #: Wall time between two updates of the line in a notebook [s].
 NOTEBOOK_EVERY = 0.5
@@ -107,12 +108,13 @@ class Display:
             self._print(numbers)
 
     def runs(self, done: int, runs: int) -> None:
-        """Show how many of several runs are done; a line for each where there is no terminal."""
+        """Show how many of several runs are done; where there is no terminal a line for the first, and now and then."""
         if self._is_bar:
             self._bar.update(
                 self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
             )
-        else:
+        elif done in (1, runs) or time.perf_counter() - self._shown >= RUNS_EVERY:
+            self._shown = time.perf_counter()
             self._print(f"{done}/{runs} runs")
 
 

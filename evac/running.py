@@ -23,13 +23,13 @@ from evac.output.resultfolder import ResultFolder
 from evac.output.results import Results
 from evac.output.trajectory import read_trajectory
 from evac.phases import Phases, Progress
-from evac.scenario.case import Case
-from evac.scenario.loading import load_case
+from evac.scenario.loading import as_case
 from evac.scenario.overrides import parsed
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
     from evac.registry import Registry
+    from evac.scenario.case import Case
 
 
 def run(
@@ -71,8 +71,7 @@ def run(
     --------
     >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
     """
-    if not isinstance(case, Case):
-        case = load_case(case)
+    case = as_case(case)
     if folder is None:
         if checkpoint is not None:
             raise ScenarioError("checkpoints need a result folder; give one")

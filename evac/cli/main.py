@@ -24,6 +24,7 @@ COMMANDS = {
     "run": "evac.cli.run",
     "resume": "evac.cli.resume",
     "repeat": "evac.cli.repeat",
+    "sweep": "evac.cli.sweep",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
     "import": "evac.cli.importing",

@@ -13,7 +13,12 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+RUNS_STREAM_NAME = "runs.arrows"
+RUNS_PARQUET_NAME = "runs.parquet"
 STATISTICS_NAME = "statistics.csv"
+CONVERGENCE_NAME = "convergence.csv"
+SWEEP_PICTURE_NAME = "statistics.png"
+STUDY_NAME = "study.json"
 CHECKPOINT_NAME = "checkpoint.evac"
 REPLAY_NAME = "replay.html"
 MEDIAN_REPLAY_NAME = "replay-median.html"
@@ -52,6 +57,12 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     RUNS_NAME,
+    RUNS_STREAM_NAME,
+    RUNS_PARQUET_NAME,
+    "runs.new",
+    STATISTICS_NAME,
+    CONVERGENCE_NAME,
+    SWEEP_PICTURE_NAME,
     REPLAY_NAME,
     MEDIAN_REPLAY_NAME,
     WORST_REPLAY_NAME,
@@ -63,6 +74,7 @@ WRITTEN = (
     *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
+    STUDY_NAME,
     REPORT_NAME,
     f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",

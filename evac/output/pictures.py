@@ -89,15 +89,22 @@ def curves_figure(
 
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
+    figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))
+    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
+    axes.set_ylim(0.0, 1.06 * people)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    return figure, axes
+
+
+def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure, Axes]:
+    """Return a figure and axes with a title and names of the axes, and room for these: `left` [inches] for numbers."""
     figure = Figure(figsize=SIZE, dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     # Room for the writing, since the layouts of matplotlib take as long as drawing does.
-    left, top = 0.37 + 0.09 * len(str(people)), 0.12 + 0.18 * (1 + title.count("\n"))
+    top = 0.12 + 0.18 * (1 + title.count("\n"))
     figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
-    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
-    axes.set(xlabel="time [s]", ylabel="people out", ylim=(0.0, 1.06 * people))
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    axes.set(xlabel=along, ylabel=up)
     axes.set_title(title, fontsize=11, loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

@@ -107,6 +107,8 @@ class Case(Section):
     def __repr__(self) -> str:
         return f"<Case {self.title or self.source.name!r}: {len(self.people)} groups, {self.contact.model}>"
 
+    __str__ = __repr__
+
     @property
     def table(self) -> Mapping[str, Any]:
         """The content of its case.toml, with overrides."""

@@ -264,6 +264,14 @@ class SimulationSettings(Section):
         "when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
     )
     seed: Whole = key("seed of everything random", "", 1, ge=0, le=2**63 - 1)
+    population_seed: Whole | None = key(
+        "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
+        "elsewhere; if not given, `seed`",
+        "",
+        None,
+        ge=0,
+        le=2**63 - 1,
+    )
     driving: Literal["exponential", "explicit"] = key(
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
