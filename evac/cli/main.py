@@ -36,6 +36,7 @@ COMMANDS = {
     "export": "evac.cli.export",
     "render": "evac.cli.render",
     "map": "evac.cli.map",
+    "report": "evac.cli.write_report",
     "evidence": "evac.cli.evidence",
 }
 

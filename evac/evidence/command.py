@@ -1,14 +1,26 @@
 """How a kind of evidence is recomputed."""
 
+import csv
 import importlib
 import json
 from pathlib import Path
+from typing import Any
 
+import evac
 from evac.errors import ResultError, ScenarioError
 from evac.evidence import KINDS
 from evac.evidence.report import Evidence
 from evac.evidence.verdicts import verdict_table
+from evac.output.report.verification import EVIDENCE_NAME
 from evac.parameters import did_you_mean
+
+#: What the reports of runs show of each kind.
+SHOWN = ("title", "examined", "verdicts", "command", "commit", "versions")
+
+#: The evidence of a checkout, and the copy of its verdicts that is installed with evac, for reports.
+PACKAGE = Path(evac.__file__).parent
+COMMITTED = PACKAGE.parent / "docs" / "evidence"
+INSTALLED = PACKAGE / "output" / "report" / EVIDENCE_NAME
 
 
 def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> Path:
@@ -19,7 +31,8 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
     kind : str
         One of `evac.evidence.KINDS`.
     folder : Path
-        The page, tables and plots go to ``folder / kind``; ``folder / README.md`` lists the kinds there.
+        The page, tables and plots go to ``folder / kind``; ``folder / README.md`` lists the kinds there. For
+        docs/evidence of a checkout, the verdicts that reports show are written as well.
     quick : bool
         Seconds instead of minutes.
     seed : int
@@ -39,6 +52,8 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
         evidence = Evidence(kind, folder / kind, quick, seed, page_only)
         importlib.import_module(f"evac.evidence.{kind}.page").run(evidence)
         write_index(folder)
+        if COMMITTED.is_dir() and folder.samefile(COMMITTED):
+            INSTALLED.write_text(json.dumps(shown_in_reports(folder), indent=1) + "\n")
     except OSError as error:
         raise ResultError(f"{folder}: cannot write evidence there: {error.strerror}; choose another --out") from error
     return evidence.folder / "README.md"
@@ -55,3 +70,12 @@ def write_index(folder: Path) -> None:
             lines += [f"## [{found['title']}]({page})", found["examined"], verdict_table(found["verdicts"], page)]
             lines.append(f"`{found['command']}`, commit {found['commit']}, {found['wall time [s]']} s.")
     (folder / "README.md").write_text("\n\n".join(lines) + "\n")
+
+
+def shown_in_reports(folder: Path) -> dict[str, Any]:
+    """Return the verdicts of an evidence folder as `evac.output.report.verification.evidence` has them."""
+    found = {kind: folder / kind / "run.json" for kind in KINDS}
+    kinds = {kind: json.loads(path.read_text()) for kind, path in found.items() if path.is_file()}
+    with (folder / "validation" / "verdicts.csv").open(newline="", encoding="utf-8") as file:
+        tests = list(csv.DictReader(file))
+    return {"kinds": {kind: {key: one[key] for key in SHOWN} for kind, one in kinds.items()}, "tests": tests}

@@ -20,7 +20,7 @@ from evac.building.model import Building, Level
 from evac.errors import ResultError
 from evac.output import palette
 from evac.output.files import writing
-from evac.output.floorplan import beside, draw_plans, outline_of
+from evac.output.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 
 #: Endings of pictures that can be written.
 PICTURES = (".png", ".svg", ".pdf")
@@ -64,7 +64,11 @@ def draw_levels(
 
 
 def levels_figure(
-    building: Building, findings: Sequence[Finding] = (), marks: Sequence[Mark] = (), title: str = ""
+    building: Building,
+    findings: Sequence[Finding] = (),
+    marks: Sequence[Mark] = (),
+    title: str | None = "",
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
     """Return the plan of every storey: walls, portals, exits, areas and stairs, with names, widths and coordinates.
 
@@ -77,9 +81,11 @@ def levels_figure(
     findings : sequence of Finding
     marks : sequence of Mark
         Segments to number.
-    title : str
+    title : str or None
+    greatest : tuple of float
+        As for `draw_plans`.
     """
-    plans = draw_plans(building, title, has_widths=True)
+    plans = draw_plans(building, title, has_widths=True, greatest=greatest)
     listed = list(enumerate((one for one in findings if one.kind != "found"), start=1))
     panels = [[level.index for level in levels] for levels in plans.levels]
     for number, (axes, levels) in enumerate(zip(plans.axes, plans.levels, strict=True)):

@@ -45,6 +45,9 @@ MAPS = "map_*.png"
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
+#: The report to hand in.
+REPORT_NAME = "report.html"
+
 #: Key of a summary that lists the files of plugins, relative to the folder.
 PLUGIN_FILES = "plugin_files"
 
@@ -72,6 +75,8 @@ WRITTEN = (
     PICTURE_NAME,
     FILM_NAME,
     STUDY_NAME,
+    REPORT_NAME,
+    f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",
     CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's

@@ -50,7 +50,7 @@ class Plans:
 
 def draw_plans(
     building: Building,
-    title: str,
+    title: str | None,
     levels: Sequence[str | int] | None = None,
     *,
     dpi: int = 120,
@@ -58,14 +58,15 @@ def draw_plans(
     side: float = SIDE,
     has_scale_bar: bool = True,
     has_widths: bool = False,
+    greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Plans:
     """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
     Parameters
     ----------
     building : Building
-    title : str
-        Its first line is bold.
+    title : str or None
+        Its first line is bold. None leaves no room for one.
     levels : sequence of str or int, optional
         Levels by name or row, each in a plan of its own; by default all levels, storey by storey
         (`evac.output.storeys.storeys`).
@@ -77,6 +78,8 @@ def draw_plans(
     has_scale_bar : bool
     has_widths : bool
         Whether the widths of portals and exits are written beside them.
+    greatest : tuple of float
+        Greatest width and height of all plans together [inches].
 
     Raises
     ------
@@ -91,15 +94,16 @@ def draw_plans(
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, found in panels for level in found]).tolist()
     pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
     width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
-    columns, rows, scale = _arrangement(len(panels), width, height)
+    columns, rows, scale = _arrangement(len(panels), width, height, greatest)
+    above = TITLE if title is not None else 0.0
     cell = scale * float(width) + MARGIN, scale * float(height) + HEAD
-    size = MARGIN + columns * cell[0] + side, TITLE + rows * cell[1] + BAR
+    size = MARGIN + columns * cell[0] + side, above + rows * cell[1] + BAR
     figure = Figure(figsize=size, dpi=dpi)
     FigureCanvasAgg(figure)
     axes = []
     for k, (name, found) in enumerate(panels):
         column, row = k % columns, k // columns
-        left, top = MARGIN + column * cell[0], TITLE + row * cell[1] + HEAD
+        left, top = MARGIN + column * cell[0], above + row * cell[1] + HEAD
         box = left / size[0], 1.0 - (top + scale * height) / size[1], scale * width / size[0], scale * height / size[1]
         panel = figure.add_axes(box)
         panel.set_axis_off()
@@ -107,19 +111,20 @@ def draw_plans(
         panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
         _draw_levels(panel, building, found, is_filled, has_widths)
         axes.append(panel)
-    _write_title(figure, title, size)
+    if title is not None:
+        _write_title(figure, title, size)
     if has_scale_bar:
         _draw_scale_bar(figure, scale, size)
     room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
     return Plans(figure, tuple(axes), tuple(found for _, found in panels), room)
 
 
-def _arrangement(count: int, width: float, height: float) -> tuple[int, int, float]:
+def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:
     """Return columns, rows and inches per metre that show `count` plans largest."""
     best = (1, count, 0.0)
     for columns in range(1, count + 1):
         rows = math.ceil(count / columns)
-        scale = min((WIDTH / columns - MARGIN) / width, (HEIGHT / rows - HEAD) / height)
+        scale = min((greatest[0] / columns - MARGIN) / width, (greatest[1] / rows - HEAD) / height)
         if scale > best[2]:
             best = columns, rows, scale
     return best

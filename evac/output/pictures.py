@@ -1,16 +1,23 @@
 """The egress picture: people out over time."""
 
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
+from evac.arrays import FloatArray
 from evac.output.files import writing
 from evac.output.palette import TEXT, group_colours
 from evac.output.results import Results
+
+#: Times [s] and the number of people out at each.
+Curve = tuple[FloatArray, NDArray[np.int64]]
 
 #: Up to so many groups get a line of their own.
 MOST_GROUPS = 12
@@ -36,15 +43,41 @@ def egress_figure(results: Results) -> Figure:
     if results.last_out is not None:
         which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
-    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.number_of_people)
-    end = results.time
-    if 1 < len(results.groups) <= MOST_GROUPS:
-        for group, colour in zip(results.groups, group_colours(len(results.groups)), strict=False):
-            if len(group.rows) > 1:
-                time, number = results.egress(group.rows)
-                style = {"color": colour, "linewidth": 1.3}
-                axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)
-    time, number = results.egress()
+    groups = {group.name: results.egress(group.rows) for group in results.groups}
+    sizes = {group.name: len(group.rows) for group in results.groups}
+    title = f"{textwrap.fill(results.case.title, 90)}\n{note}"
+    return curves_figure(title, results.number_of_people, results.time, results.egress(), groups, sizes)
+
+
+def curves_figure(
+    title: str,
+    people: int,
+    end: float,
+    everybody: Curve,
+    groups: Mapping[str, Curve],
+    sizes: Mapping[str, int],
+) -> Figure:
+    """Return egress curves: of everybody, and of each group of several where there are not too many.
+
+    Parameters
+    ----------
+    title : str
+    people : int
+        Number of people, in or out.
+    end : float [s]
+        Where the curves end.
+    everybody : tuple of (m + 1,) [s], (m + 1,)
+        Times and people out at each, from zero on.
+    groups : mapping of str to such tuples
+    sizes : mapping of str to int
+        Number of people of each group.
+    """
+    figure, axes = new_axes(title, people)
+    if 1 < len(groups) <= MOST_GROUPS:
+        for (name, (time, number)), colour in zip(groups.items(), group_colours(len(groups)), strict=False):
+            if sizes[name] > 1:
+                axes.step([*time, end], [*number, number[-1]], where="post", label=name, color=colour, linewidth=1.3)
+    time, number = everybody
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:

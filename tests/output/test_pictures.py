@@ -59,7 +59,7 @@ def test_all_that_is_written_has_room(results, tmp_path, monkeypatch, people, wo
 def test_a_name_wider_than_the_picture_leaves_half_of_it_to_the_curve(results, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr("evac.output.pictures.save", lambda figure, path: drawn.append(figure))
-    long = [SimpleNamespace(name="n" * 300, rows=np.array([0, 1])) for _ in range(2)]
+    long = [SimpleNamespace(name=letter * 300, rows=np.array([0, 1])) for letter in "mn"]
     draw_egress(replace(results, groups=long), tmp_path / "egress.png")
     assert drawn[0].axes[0].get_position().x1 == 0.5
 

@@ -1,0 +1,93 @@
+"""evac report: write a report to hand in: one HTML file that prints well.
+
+It has the building and its plans, occupants and assumptions, the model with its parameters and versions, what has
+been verified and what failed, egress curve and times, congestion, maps, warnings and limits of use, and a checklist
+of what a documentation should hold. Fields that no option fills in are left to be filled in by hand.
+"""
+
+import argparse
+from pathlib import Path
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of a run or of a study")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RESULT/report.html)")
+    for name, what in {
+        "project": "name of the project",
+        "author": "who has made the analysis",
+        "reviewer": "who has checked it",
+        "date": "date of the report",
+    }.items():
+        parser.add_argument(f"--{name}", metavar="TEXT", help=what)
+    parser.add_argument(
+        "--congestion-density",
+        type=float,
+        metavar="N",
+        help="people per square metre above which a place is congested (4)",
+    )
+    parser.add_argument(
+        "--congestion-time",
+        type=float,
+        metavar="S",
+        help="if it lasts longer than this, in all [s] (a tenth of the evacuation time)",
+    )
+    parser.add_argument(
+        "--maps", metavar="MAP,...", help="maps to draw, as for evac map; all or none (six of them by default)"
+    )
+    parser.add_argument(
+        "--run",
+        dest="runs",
+        type=Path,
+        metavar="RESULT",
+        action="append",
+        default=[],
+        help="result of a run of the study, to show its plans, places and maps as well (may be repeated)",
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Write the report and name the file."""
+    from evac.errors import ResultError
+    from evac.output.congestion import DENSITY
+    from evac.output.files import REPORT_NAME
+    from evac.output.report.of_run import run_report
+    from evac.output.report.page import Labels, write_page
+    from evac.output.report.study import study_report
+    from evac.output.report.study_files import is_study
+    from evac.output.resultfolder import find_result
+
+    folder = find_result(arguments.result)
+    if not folder.is_dir():
+        raise ResultError(f"{folder}: no such folder; name the result folder of a run or of a study")
+    labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
+    density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
+    looks = {"density": density, "least_time": arguments.congestion_time, "maps": _maps(arguments.maps)}
+    if is_study(folder):
+        text = study_report(folder, arguments.runs, labels, **looks)
+    elif arguments.runs:
+        raise ResultError(f"{folder}: --run goes with the folder of a study, and this is that of a run; leave it out")
+    else:
+        text = run_report(folder, labels, **looks)
+    out = arguments.out or folder / REPORT_NAME
+    write_page(text, out)
+    print(out)
+    return 0
+
+
+def _maps(words: str | None) -> tuple[str, ...]:
+    """Return the maps that are asked for."""
+    from evac.errors import ResultError
+    from evac.output.maps import QUANTITIES
+    from evac.output.report.congestion import MAPS
+    from evac.parameters import did_you_mean
+
+    if words is None:
+        return MAPS
+    if words in ("all", "none"):
+        return tuple(QUANTITIES) if words == "all" else ()
+    names = tuple(words.split(","))
+    for name in names:
+        if name not in QUANTITIES:
+            raise ResultError(f"--maps {name}: there is no such map; {did_you_mean(name, list(QUANTITIES))}")
+    return names
