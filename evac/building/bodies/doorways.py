@@ -1,0 +1,140 @@
+"""Doors and openings in walls to doors of a plan: strips between two rooms, or exits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from evac.arrays import FloatArray
+from evac.building.bodies.body import Body
+from evac.building.bodies.floors import Floor
+from evac.building.findings import Finding
+from evac.building.outlines import normal, strip
+
+#: A door stands on a floor whose height differs from its foot by no more [m].
+SILL = 0.3
+#: An opening without a door is a passage if it is at least so high [m].
+LEAST_HEIGHT = 1.8
+#: It reaches down to the foot of its wall within this height [m].
+FOOT = 0.1
+#: A room may begin so far behind the face of a wall [m].
+BEHIND = 0.15
+#: What each end of a door is shortened by until rooms lie all along it [m].
+SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Narrowest door [m].
+NARROWEST = 0.5
+
+
+@dataclass(frozen=True)
+class Doorway:
+    """A segment (2, 2) in the middle of a wall, how far rooms are from it [m], and on how many sides there are some."""
+
+    name: str
+    floor: Floor
+    segment: FloatArray
+    reach: float
+    sides: int
+
+
+def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
+    """Return the bodies that passages go through, and the openings that close walls again: of passages and windows.
+
+    A passage goes through the opening that its door fills, through the door itself if it fills none, or through an
+    opening down to the floor that nothing fills. Walls have holes where openings are; rooms end there all the same, and
+    what joins them are doors.
+    """
+    openings = [body for body in bodies if body.kind == "opening"]
+    passages, taken, filled = [], set(), []
+    for body in bodies:
+        if body.kind in ("door", "window"):
+            row = _filled(body, openings)
+            taken.add(row)
+            shape = body if row is None else openings[row]
+            filled.append(Body("opening", body.name, shape.points, shape.triangles))
+            if body.kind == "door":
+                passages.append(filled[-1])
+    for row, opening in enumerate(openings):
+        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, bodies):
+            passages.append(opening)
+    return passages, [*filled, *(opening for opening in passages if opening not in filled)]
+
+
+def _is_in_wall(opening: Body, bodies: Sequence[Body]) -> bool:
+    """Return whether an opening is in a wall, and reaches down to its foot."""
+    low, high = opening.points.min(axis=0), opening.points.max(axis=0)
+    return any(
+        wall.kind == "wall"
+        and bool((wall.points.min(axis=0) - 0.01 < high).all() and (wall.points.max(axis=0) + 0.01 > low).all())
+        and opening.z_min - wall.z_min < FOOT
+        for wall in bodies
+    )
+
+
+def _filled(door: Body, openings: Sequence[Body]) -> int | None:
+    """Return the opening that a door or window is in: the one whose box has most in common with its own."""
+    low, high = door.points.min(axis=0), door.points.max(axis=0)
+    best, row = 0.3, None
+    for k, opening in enumerate(openings):
+        both = np.minimum(high, opening.points.max(axis=0)) - np.maximum(low, opening.points.min(axis=0))
+        size = np.ptp(opening.points, axis=0)
+        share = float(np.prod(np.maximum(both, 0.0))) / max(float(np.prod(size)), 1e-9)
+        if share > best:
+            best, row = share, k
+    return row
+
+
+def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
+    """Return the doors that rooms are joined by or left by, on each floor; those that join nothing are noted."""
+    found = []
+    for body in passages:
+        near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
+        if not near:
+            findings.append(Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place))
+            continue
+        floor = min(near, key=lambda one: abs(one.z - body.z_min))
+        way = _fit(body, floor)
+        if way is None:
+            findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
+        else:
+            found.append(way)
+    return found
+
+
+def _fit(body: Body, floor: Floor) -> Doorway | None:
+    """Return a door with as many rooms beside it and as wide as it can be: along the wall, or across where it is thick."""
+    corners = body.rectangle()
+    if corners is None:
+        return None
+    best: Doorway | None = None
+    for side in (0, 1):
+        a, b, c, d = np.roll(corners, -side, axis=0)
+        ends = np.array([(a + d) / 2, (b + c) / 2])
+        width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
+        for less in SHORTENED:
+            if width - 2 * less < NARROWEST:
+                break
+            along = (ends[1] - ends[0]) / width
+            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 6)
+            reach = depth / 2 + BEHIND
+            ways = (normal(segment), -normal(segment))
+            sides = sum(strip(floor.ground, segment, way, reach) is not None for way in ways)
+            if sides and (best is None or sides > best.sides):
+                best = Doorway(body.name, floor, segment, reach, sides)
+    return best
+
+
+def middle_of(way: Doorway) -> tuple[float, float]:
+    """Return where a door is, for findings."""
+    x, y = way.segment.mean(axis=0).tolist()
+    return x, y
+
+
+def opened(floor: Floor, ways: Sequence[Doorway]) -> shapely.Geometry:
+    """Return the ground of a floor with the strips of its doors."""
+    strips = [floor.ground]
+    for way in ways:
+        if way.floor is floor:
+            found = [strip(floor.ground, way.segment, side, way.reach) for side in (normal(way.segment), -normal(way.segment))]
+            strips += [one.polygon for one in found if one is not None and not one.polygon.is_empty]
+    return shapely.union_all(strips)
