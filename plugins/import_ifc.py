@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from evac.building.bodies import Body, Rules, plan_of_bodies
 from evac.building.findings import Finding
 from evac.building.importer import Importer
-from evac.building.plan import Plan
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter
+
+if TYPE_CHECKING:
+    from evac.building.bodies import Body
+    from evac.building.plan import Plan
 
 #: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and what they are.
 CLASSES = {
@@ -62,8 +64,10 @@ class IfcImporter(Importer):
     furniture = Parameter(False, "furniture is an obstacle")
     cut_slabs = Parameter(False, "slabs that close the way of a stair are cut, not the stair left out")
 
-    def read(self, path: Path) -> Plan:
+    def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is none, or the library is missing."""
+        from evac.building.bodies import Rules, plan_of_bodies
+
         elements, shapes = _read(path.read_bytes())
         findings: list[Finding] = []
         bodies = _bodies(elements, shapes, findings)
@@ -98,8 +102,10 @@ def _read(content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
     return elements, shapes
 
 
-def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> list[Body]:
+def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":
     """Return what is used of a file, in the order of its numbers; what has no shape, or is left out, is noted."""
+    from evac.building.bodies import Body
+
     bodies = []
     count: dict[str, int] = {}
     for number in sorted(elements):

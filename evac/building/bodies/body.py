@@ -14,8 +14,10 @@ from evac.building.shapes import GRID, flat_parts
 LEVEL = float(np.cos(np.radians(3.0)))
 #: Faces are at one height if they differ by no more [m].
 SAME_HEIGHT = 0.02
-#: Corners of sections that are so close are one [m].
-SNAPPED = 1e-4
+#: Plans of bodies are rounded to this grid [m]: corners that are closer would be welded.
+MILLIMETRE = 1e-3
+#: Notches in outlines up to this depth are smoothed [m].
+NOTCH = 2.5e-3
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ class Body:
             lines.append((start + share * (others - start))[:, :2])
         if not lines:
             return shapely.Polygon()
-        noded = shapely.union_all(shapely.linestrings(np.array(lines)), grid_size=SNAPPED)
+        noded = shapely.union_all(shapely.linestrings(np.array(lines)), grid_size=0.1 * MILLIMETRE)
         return flat_parts(shapely.build_area(noded))
 
     def rectangle(self) -> FloatArray | None:
@@ -139,3 +141,8 @@ def without_slivers(geometry: BaseGeometry, width: float) -> BaseGeometry:
     """Return the parts of polygons that are wider than a width [m] somewhere."""
     parts = shapely.get_parts(geometry)
     return flat_parts(shapely.multipolygons(parts[~shapely.is_empty(shapely.buffer(parts, -0.5 * width))]))
+
+
+def snapped(geometry: BaseGeometry) -> BaseGeometry:
+    """Return polygons with corners on the grid of bodies, and without notches of a few of its steps."""
+    return flat_parts(shapely.set_precision(shapely.simplify(geometry, NOTCH), MILLIMETRE))

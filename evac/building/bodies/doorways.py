@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
+from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
-from evac.building.bodies.body import Body
+from evac.building.bodies.body import Body, snapped
 from evac.building.bodies.floors import Floor
 from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
+from evac.building.shapes import united
 
 #: A door stands on a floor whose height differs from its foot by no more [m].
 SILL = 0.3
@@ -89,6 +90,8 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
     found = []
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
+        if not near and body.name.startswith("opening"):
+            continue
         if not near:
             findings.append(Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place))
             continue
@@ -115,7 +118,7 @@ def _fit(body: Body, floor: Floor) -> Doorway | None:
             if width - 2 * less < NARROWEST:
                 break
             along = (ends[1] - ends[0]) / width
-            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 6)
+            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 3)
             reach = depth / 2 + BEHIND
             ways = (normal(segment), -normal(segment))
             sides = sum(strip(floor.ground, segment, way, reach) is not None for way in ways)
@@ -130,11 +133,12 @@ def middle_of(way: Doorway) -> tuple[float, float]:
     return x, y
 
 
-def opened(floor: Floor, ways: Sequence[Doorway]) -> shapely.Geometry:
+def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
     """Return the ground of a floor with the strips of its doors."""
     strips = [floor.ground]
-    for way in ways:
-        if way.floor is floor:
-            found = [strip(floor.ground, way.segment, side, way.reach) for side in (normal(way.segment), -normal(way.segment))]
-            strips += [one.polygon for one in found if one is not None and not one.polygon.is_empty]
-    return shapely.union_all(strips)
+    for way in (way for way in ways if way.floor is floor):
+        for side in (normal(way.segment), -normal(way.segment)):
+            found = strip(floor.ground, way.segment, side, way.reach)
+            if found is not None and not found.polygon.is_empty:
+                strips.append(found.polygon)
+    return snapped(united(strips))

@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IndexArray
 from evac.building import stairs
-from evac.building.bodies.body import Body
+from evac.building.bodies.body import Body, snapped
 from evac.building.bodies.floors import Floor
 from evac.building.bodies.treads import Landing, Run, runs_of
 from evac.building.components import connected_components
@@ -17,7 +17,7 @@ from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
 from evac.building.plan import Plan
 from evac.building.planparts import HEADROOM
-from evac.building.shapes import GRID, common, cut, place_of, united
+from evac.building.shapes import common, cut, place_of, united
 from evac.errors import BuildingError
 
 #: A floor may begin so far from the end of a flight [m].
@@ -26,6 +26,8 @@ FAR = 0.6
 BESIDE = 0.3
 #: A floor may be so far below the first riser, or above the last one, as finishes are thick [m].
 OFF = 0.15
+#: A flight that overlaps the edge of its floor by no more is shortened to it [m].
+FIT = 0.05
 #: A landing no farther from a floor in height is part of it [m].
 SAME_FLOOR = 0.1
 #: What each side of a flight is narrowed by until there is a floor all along its end [m].
@@ -159,7 +161,7 @@ def _free_landings(landings: Sequence[Landing], floors: Sequence[Floor]) -> list
     for landing in landings:
         near = [f for f in floors if abs(f.z - landing.z) <= SAME_FLOOR and f.ground.distance(landing.plan) < BESIDE]
         for floor in near[:1]:
-            floor.ground = united([floor.ground, landing.plan])
+            floor.ground = snapped(united([floor.ground, landing.plan]))
         if not near:
             free.append(landing)
     return free
@@ -215,7 +217,8 @@ def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
     """Narrow the flights of a stair to the floors before them, and extend floors and landings to the flights."""
     if not stair.floors:
         raise _Left(f"{stair.bodies} is left out: it meets no floor", None, place_of(stair.plan))
-    for row, (lower, upper) in enumerate(stair.flights):
+    for row, both in enumerate(stair.flights):
+        lower, upper = _fitted(both[0], both), _fitted(both[1], both)
         for less in NARROWED:
             ends = (_narrowed(lower, less), _narrowed(upper, less))
             strips = [_strip(end, ends, landings) for end in ends]
@@ -236,22 +239,39 @@ def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
     for row in sorted(used):
         gaps = [_strip(end, both, landings) for both in stair.flights for end in both if end.landing == row]
         plan = united([landings[row].plan, *(gap for gap in gaps if gap is not None and not gap.is_empty)])
-        stair.landings.append((shapely.simplify(cut(plan, flights), GRID), landings[row].z))
+        stair.landings.append((snapped(cut(plan, flights)), landings[row].z))
 
 
 def _narrowed(end: End, less: float) -> End:
     along = (end.edge[1] - end.edge[0]) / np.hypot(*(end.edge[1] - end.edge[0]))
-    edge = np.round(np.array([end.edge[0] + less * along, end.edge[1] - less * along]), 6) + 0.0
+    edge = np.round(np.array([end.edge[0] + less * along, end.edge[1] - less * along]), 3) + 0.0
     return End(edge, end.floor, end.landing, end.z)
+
+
+def _fitted(end: End, both: tuple[End, End]) -> End:
+    """Return an end of a flight on the outline of its floor where this is a little inside of the flight."""
+    if end.floor is None:
+        return end
+    outline = _outline(*both)
+    way = _away(end, outline)
+    parts = shapely.get_parts(common(end.floor.ground, outline))
+    inside = shapely.get_coordinates(parts[shapely.dwithin(parts, shapely.LineString(end.edge), 1e-3)])
+    depth = float(((end.edge[0] - inside) @ way).max()) if len(inside) else 0.0
+    if not 0.0 < depth <= FIT:
+        return end
+    return End(np.round(end.edge - depth * way, 3) + 0.0, end.floor, end.landing, end.z)
+
+
+def _away(end: End, outline: BaseGeometry) -> FloatArray:
+    """Return the unit vector from a flight to the floor or landing at one of its ends."""
+    way = normal(end.edge)
+    return -way if (np.array(outline.centroid.coords[0]) - end.edge.mean(axis=0)) @ way > 0.0 else way
 
 
 def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> BaseGeometry | None:
     """Return the ground between an end of a flight and the floor or landing before it; None if there is none."""
     outline = _outline(*both)
-    middle = end.edge.mean(axis=0)
-    way = normal(end.edge)
-    if (np.array(outline.centroid.coords[0]) - middle) @ way > 0.0:
-        way = -way
+    way = _away(end, outline)
     ground = end.floor.ground if end.floor is not None else landings[end.landing or 0].plan
     found = strip(cut(ground, outline), end.edge, way, FAR if end.floor is not None else BESIDE)
     return None if found is None else found.polygon
@@ -282,7 +302,7 @@ def _try(stair: Stair, floors: Sequence[Floor]) -> None:
     for floor in floors:
         if low - HEADROOM < floor.z < high + HEADROOM:
             more = [polygon for of, polygon in stair.ground if of is floor]
-            plan.storey(floor.name, united([floor.ground, *more]), floor.z)
+            plan.storey(floor.name, snapped(united([floor.ground, *more])), floor.z)
     stair.add_to(plan)
     building = plan.building(need_exit=False)
     for floor in stair.floors:

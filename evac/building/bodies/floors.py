@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.building.bodies.body import Body, closed, without_slivers
+from evac.building.bodies.body import Body, closed, snapped, without_slivers
 from evac.building.findings import Finding
 from evac.building.planparts import HEADROOM
 from evac.building.shapes import common, cut, place_of, united
@@ -135,7 +135,7 @@ def _nearest(heights: list[_Height], z: float, step: float) -> _Height:
     """Return the floor of a height, a new one if none is near."""
     near = [height for height in heights if abs(height.z - z) <= step]
     if not near:
-        near = [_Height(z)]
+        near = [_Height(round(z, 3))]
         heights += near
     return min(near, key=lambda height: abs(height.z - z))
 
@@ -195,7 +195,7 @@ def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Heigh
             continue
         if body.kind in ("wall", "column"):
             away += [body.section(height.z + above) for above in CUTS]
-        elif body.kind == "opening":
+        elif body.kind == "opening" and body.z_min <= height.z + THICKNESS:
             corners = body.rectangle()
             away += [] if corners is None else [shapely.Polygon(corners)]
         elif body.kind == "furniture" and furniture and body.z_min < height.z + HANGING:
@@ -213,4 +213,4 @@ def _drop_slivers(floor: Floor, findings: list[Finding]) -> None:
         text = f"{len(dropped)} pieces of ground narrower than {NARROWEST:g} m, {sum(p.area for p in dropped):.2f} m2"
         place = place_of(max(dropped, key=lambda part: part.area))
         findings.append(Finding("left out", f"{text}, the largest here", floor.name, place))
-    floor.ground = kept
+    floor.ground = snapped(kept)

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
-from evac.building.bodies.body import Body
+from evac.building.bodies.body import Body, snapped
 from evac.building.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
 from evac.building.bodies.flights import Stair, stairs_of
 from evac.building.bodies.floors import Floor, floors_of
@@ -19,6 +21,8 @@ from evac.building.shapes import common, cut, place_of, united
 KINDS = ("space", "slab", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
 #: People start in what is left of a room if it is at least so large [m2].
 LEAST_ROOM = 0.5
+#: Areas reach so far beyond their rooms, less than walls are thick [m].
+BEYOND = 0.02
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ def plan_of_bodies(
         )
     ways = doorways_of(passages, floors, findings)
     for floor in floors:
-        floor.ground = united([opened(floor, ways)])
+        floor.ground = opened(floor, ways)
     stairs = stairs_of(bodies, floors, rules.cut_slabs, findings)
     plan = Plan(source)
     plan.findings = findings
@@ -83,7 +87,7 @@ def plan_of_bodies(
         for polygon in more:
             text = f"{polygon.area:.3f} m2 of floor added before the end of a stair"
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
-        floor.ground = united([floor.ground, *more])
+        floor.ground = snapped(united([floor.ground, *more]))
         plan.storey(floor.name, floor.ground, floor.z)
         slab = "" if floor.rooms else ", of slabs"
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
@@ -103,7 +107,7 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
         floors = []
     elif rules.exits == "ground" and floors:
         floors = [min(floors, key=lambda floor: (abs(floor.z - rules.ground_z), floor.z))]
-        text = f"doors with a room on one side only are exits here, not on other storeys (exits, ground_z)"
+        text = "doors with a room on one side only are exits here, not on other storeys (exits, ground_z)"
         plan.note("assumed", text, floors[0].name)
     taken: set[str] = set()
     for way in ways:
@@ -112,8 +116,10 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
             name, number = f"{way.name} ({number})", number + 1
         taken.add(name)
         is_exit = way.sides == 1 and way.floor in floors
-        kind = "exit" if is_exit else "opening" if way.sides == 1 else "refuse"
-        plan.door(name, way.floor.name, way.segment, reach=way.reach, outside=kind)
+        if is_exit:
+            plan.exit(name, way.floor.name, way.segment)
+        elif way.sides == 1:
+            plan.opening(way.floor.name, way.segment, name)
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
         what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside, no exit,"
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
@@ -123,16 +129,20 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
 def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> None:
     """Add the spaces as areas, where stairs leave some of them."""
     away = united([stair.plan for stair in stairs])
-    taken: set[str] = set()
+    names: set[str] = set()
     for floor in floors:
+        taken: list[BaseGeometry] = []
         for room, polygon in floor.rooms:
-            left = common(cut(polygon, away), floor.ground)
-            if left.area < LEAST_ROOM:
-                plan.note("left out", f"nobody starts in {room!r}: a stair fills it, or it has no floor", floor.name)
+            if common(cut(polygon, away), floor.ground).area < LEAST_ROOM:
+                text = f"nobody starts in {room!r}: a stair fills it, or it has no floor"
+                plan.note("left out", text, floor.name, place_of(polygon))
                 continue
-            name = room if room not in taken else f"{room} of {floor.name}"
-            taken.add(name)
-            plan.area(name, floor.name, left)
+            name = room if room not in names else f"{room} of {floor.name}"
+            names.add(name)
+            # A little more than the room, so that where it ends at a wall the floor's outline is its outline too.
+            area = cut(snapped(shapely.buffer(polygon, BEYOND, join_style="mitre")), united(taken))
+            taken.append(area)
+            plan.area(name, floor.name, area)
 
 
 def _note_unreachable(
