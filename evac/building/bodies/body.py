@@ -20,7 +20,7 @@ MILLIMETRE = 1e-3
 NOTCH = 2.5e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """A solid as a triangle mesh.
 
