@@ -1,4 +1,4 @@
-"""Importer of IFC files (extra evac[ifc]): storeys, spaces, slabs, walls, columns, doors and stairs by their geometry."""
+"""Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -55,9 +55,7 @@ class IfcImporter(Importer):
     suffixes = (".ifc",)
 
     ground = Parameter("auto", "floors are spaces, or slabs where there are none", choices=("auto", "spaces", "slabs"))
-    exits = Parameter(
-        "ground", "storeys whose doors to the outside are exits", choices=("ground", "all", "none")
-    )
+    exits = Parameter("ground", "storeys whose doors to the outside are exits", choices=("ground", "all", "none"))
     ground_z = Parameter(0.0, "height of the ground storey: the one nearest to it that has doors outside", unit="m")
     step = Parameter(0.2, "ground whose height differs by no more is one floor", unit="m", minimum=0.0)
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
@@ -89,7 +87,9 @@ def _read(content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("no IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
     try:
-        elements = ifclite_geom.entity_data(content, placements=True, type_properties=False, attributes=True)["entities"]
+        elements = ifclite_geom.entity_data(content, placements=True, type_properties=False, attributes=True)[
+            "entities"
+        ]
         wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
         shapes = ifclite_geom.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
     except BaseException as error:

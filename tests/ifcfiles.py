@@ -50,9 +50,7 @@ class IfcFile:
     def storey(self, name, z):
         axes = self.add(f"IFCAXIS2PLACEMENT3D({self.point(0, 0, z)},$,$)")
         placement = self.add(f"IFCLOCALPLACEMENT({self.placement},{axes})")
-        made = self.add(
-            f"IFCBUILDINGSTOREY({self.guid()},$,'{name}',$,$,{placement},$,$,.ELEMENT.,{self.number(z)})"
-        )
+        made = self.add(f"IFCBUILDINGSTOREY({self.guid()},$,'{name}',$,$,{placement},$,$,.ELEMENT.,{self.number(z)})")
         self.add(f"IFCRELAGGREGATES({self.guid()},$,$,$,{self.building},({made}))")
 
     def extruded(self, outline, z, height):

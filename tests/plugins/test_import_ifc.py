@@ -150,7 +150,9 @@ def warnings_of(path, **parameters):
 
 def test_a_closed_slab_leaves_the_stair_out_unless_it_is_cut(tmp_path):
     ifc = house(IfcFile(), storeys=2)
-    ifc.body("IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+    ifc.body(
+        "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
+    )
     path = ifc.write(tmp_path / "a.ifc")
     first, *rest = warnings_of(path)
     assert first[0] == "L1"
@@ -177,7 +179,9 @@ def test_a_spiral_stair_is_named_with_its_place_and_the_rest_runs(tmp_path):
 
 def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):
     ifc = house(IfcFile(), storeys=1)
-    ifc.body("IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+    ifc.body(
+        "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
+    )
     ((level, place, text),) = warnings_of(ifc.write(tmp_path / "a.ifc"))
     assert (level, "'up'" in text) == ("L0", True)
     assert place == pytest.approx((7.0, 0.9 + 16 * 0.28), abs=0.01)

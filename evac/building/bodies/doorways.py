@@ -93,7 +93,9 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
         if not near and body.name.startswith("opening"):
             continue
         if not near:
-            findings.append(Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place))
+            findings.append(
+                Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place)
+            )
             continue
         floor = min(near, key=lambda one: abs(one.z - body.z_min))
         way = _fit(body, floor)
@@ -105,7 +107,7 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
 
 
 def _fit(body: Body, floor: Floor) -> Doorway | None:
-    """Return a door with as many rooms beside it and as wide as it can be: along the wall, or across where it is thick."""
+    """Return a door with as many rooms beside it, and then as wide, as it can be."""
     corners = body.rectangle()
     if corners is None:
         return None

@@ -9,9 +9,9 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IndexArray
 from evac.building import stairs
-from evac.building.bodies.body import Body, snapped
+from evac.building.bodies.body import NOTCH, Body, snapped
 from evac.building.bodies.floors import Floor
-from evac.building.bodies.treads import Landing, Run, runs_of
+from evac.building.bodies.treads import Landing, Run, treads_of
 from evac.building.components import connected_components
 from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
@@ -87,7 +87,7 @@ class Stair:
             plan.landing(self.name, landing, z)
 
 
-class _Left(ValueError):
+class LeftOutError(ValueError):
     """Why a stair is left out, and where."""
 
     def __init__(self, text: str, floor: str | None, place: tuple[float, float]) -> None:
@@ -109,32 +109,39 @@ def stairs_of(bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, 
     findings : list of Finding
         To add to.
     """
-    runs, turning, landings = runs_of([body for body in bodies if body.kind in ("stair", "landing")])
-    for one in turning:
+    treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
+    for one in treads.turning:
         text = (
-            f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as those of a spiral "
-            "or winding stair, and do not make a plane flight"
+            f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as those of a "
+            "spiral or winding stair, and do not make a plane flight"
         )
         findings.append(Finding("warning", text, _storey(floors, one.treads[0][1]), one.place))
-    landings = _free_landings(landings, floors)
+    for body in treads.bare:
+        text = f"{body.name!r} is left out: its shape has no treads that follow each other"
+        findings.append(Finding("warning", text, _storey(floors, body.z_min), body.place))
+    runs, landings = treads.runs, _free_landings(treads.landings, floors)
     ends: list[tuple[Run, tuple[End, End]]] = []
     for run in runs:
         try:
             ends.append((run, (_end(run, False, floors, landings), _end(run, True, floors, landings))))
-        except _Left as left:
+        except LeftOutError as left:
             findings.append(left.finding)
-    found = []
+    found: list[Stair] = []
     for group in _groups([both for _, both in ends], len(landings)):
         names = tuple(dict.fromkeys(name for row in group for name in ends[row][0].names))
         stair = Stair(f"stair {len(found) + 1}", _names(names), [ends[row][1] for row in group])
         try:
             _complete(stair, landings)
             findings += _check_slabs(stair, floors, cut_slabs)
-            _try(stair, floors)
-        except (_Left, BuildingError, ValueError) as error:
+            _try([*found, stair], floors)
+        except (LeftOutError, BuildingError, ValueError) as error:
             place = ends[group[0]][0].place
             text = f"{stair.bodies} is left out: {str(error).removeprefix('<plan>: ')}"
-            at = error.finding if isinstance(error, _Left) else Finding("warning", text, stair.floors[0].name, place)
+            at = (
+                error.finding
+                if isinstance(error, LeftOutError)
+                else Finding("warning", text, stair.floors[0].name, place)
+            )
             findings.append(at)
             continue
         found.append(stair)
@@ -187,9 +194,11 @@ def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[L
     if not candidates:
         z = last + run.riser if is_upper else last - run.riser
         what = "ends" if is_upper else "begins"
-        text = f"{_names(run.names)} is left out: it {what} at a height of {z:.2f} m, where there is no floor or landing"
+        text = (
+            f"{_names(run.names)} is left out: it {what} at a height of {z:.2f} m, where there is no floor or landing"
+        )
         x, y = _edge(run, is_upper, z).mean(axis=0).tolist()
-        raise _Left(text, _storey(floors, z), (x, y))
+        raise LeftOutError(text, _storey(floors, z), (x, y))
     return min(candidates, key=lambda one: one[:2])[2]
 
 
@@ -201,9 +210,7 @@ def _edge(run: Run, is_upper: bool, z: float) -> FloatArray:
 
 def _groups(ends: Sequence[tuple[End, End]], landings: int) -> list[IndexArray]:
     """Return the rows of runs that share landings."""
-    pairs = [
-        (row, len(ends) + end.landing) for row, both in enumerate(ends) for end in both if end.landing is not None
-    ]
+    pairs = [(row, len(ends) + end.landing) for row, both in enumerate(ends) for end in both if end.landing is not None]
     part = connected_components(len(ends) + landings, np.array(pairs, dtype=np.int64).reshape(-1, 2))[: len(ends)]
     return [np.flatnonzero(part == label) for label in dict.fromkeys(part.tolist())]
 
@@ -216,7 +223,7 @@ def _outline(lower: End, upper: End) -> BaseGeometry:
 def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
     """Narrow the flights of a stair to the floors before them, and extend floors and landings to the flights."""
     if not stair.floors:
-        raise _Left(f"{stair.bodies} is left out: it meets no floor", None, place_of(stair.plan))
+        raise LeftOutError(f"{stair.bodies} is left out: it meets no floor", None, place_of(stair.plan))
     for row, both in enumerate(stair.flights):
         lower, upper = _fitted(both[0], both), _fitted(both[1], both)
         for less in NARROWED:
@@ -229,7 +236,7 @@ def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
             x, y = end.edge.mean(axis=0).tolist()
             name = None if end.floor is None else end.floor.name
             text = f"{stair.bodies} is left out: there is no ground all along the end of a flight at {end.z:.2f} m"
-            raise _Left(text, name, (x, y))
+            raise LeftOutError(text, name, (x, y))
         stair.flights[row] = ends
         for end, ground in zip(ends, strips, strict=True):
             if ground is not None and not ground.is_empty and end.floor is not None:
@@ -290,20 +297,38 @@ def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list
             what = f"{covered.area:.2f} m2 of slab at {floor.z:.2f} m close the way of a flight of {stair.bodies}"
             if not cut_slabs:
                 text = f"{what}; it is left out. If the file has lost the opening, cut_slabs = true cuts the slab"
-                raise _Left(text, floor.name, place_of(covered))
+                raise LeftOutError(text, floor.name, place_of(covered))
             notes.append(Finding("assumed", f"{what}, and are cut (cut_slabs)", floor.name, place_of(covered)))
     return notes
 
 
-def _try(stair: Stair, floors: Sequence[Floor]) -> None:
-    """Build the stair with the floors around it; raise if that is no building, or the stair does not join its floors."""
-    plan = Plan()
+def meeting(floor: Floor, stairs_there: Sequence[Stair]) -> BaseGeometry:
+    """Return the ground of a floor with what stairs extend it by, its corners on the ends of their edges."""
+    more = [polygon for stair in stairs_there for of, polygon in stair.ground if of is floor]
+    ends = [end.edge for stair in stairs_there for both in stair.flights for end in both if end.floor is floor]
+    ground = snapped(united([floor.ground, *more]))
+    if not ends:
+        return ground
+    met = shapely.snap(ground, shapely.multipoints(np.concatenate(ends)), NOTCH)
+    return met if met.is_valid else ground
+
+
+def _try(stairs_there: Sequence[Stair], floors: Sequence[Floor]) -> None:
+    """Build the last of some stairs with floors and stairs around it.
+
+    Raises
+    ------
+    BuildingError
+        That is no building, or the stair does not join its floors.
+    """
+    plan, stair = Plan(), stairs_there[-1]
     low, high = min(lower.z for lower, _ in stair.flights), max(upper.z for _, upper in stair.flights)
-    for floor in floors:
-        if low - HEADROOM < floor.z < high + HEADROOM:
-            more = [polygon for of, polygon in stair.ground if of is floor]
-            plan.storey(floor.name, snapped(united([floor.ground, *more])), floor.z)
-    stair.add_to(plan)
+    near = [floor for floor in floors if low - HEADROOM < floor.z < high + HEADROOM]
+    for floor in near:
+        plan.storey(floor.name, meeting(floor, stairs_there), floor.z)
+    for other in stairs_there:
+        if all(floor in near for floor in other.floors):
+            other.add_to(plan)
     building = plan.building(need_exit=False)
     for floor in stair.floors:
         joined = [

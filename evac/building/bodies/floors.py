@@ -159,9 +159,7 @@ def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> 
     return names
 
 
-def _of_spaces(
-    height: _Height, slabs: BaseGeometry, name: str, gap: float, findings: list[Finding]
-) -> BaseGeometry:
+def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, findings: list[Finding]) -> BaseGeometry:
     """Return the ground of spaces: what has a slab below it."""
     plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
     if slabs.is_empty:

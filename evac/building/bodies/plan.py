@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.building.bodies.body import Body, snapped
 from evac.building.bodies.doorways import Doorway, doorways_of, middle_of, opened, passages_of
-from evac.building.bodies.flights import Stair, stairs_of
+from evac.building.bodies.flights import Stair, meeting, stairs_of
 from evac.building.bodies.floors import Floor, floors_of
 from evac.building.components import connected_components
 from evac.building.findings import Finding
@@ -87,7 +87,7 @@ def plan_of_bodies(
         for polygon in more:
             text = f"{polygon.area:.3f} m2 of floor added before the end of a stair"
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
-        floor.ground = snapped(united([floor.ground, *more]))
+        floor.ground = meeting(floor, stairs)
         plan.storey(floor.name, floor.ground, floor.z)
         slab = "" if floor.rooms else ", of slabs"
         plan.note("found", f"{floor.ground.area:.2f} m2 at {floor.z:.2f} m{slab}", floor.name)
@@ -145,9 +145,7 @@ def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> 
             plan.area(name, floor.name, area)
 
 
-def _note_unreachable(
-    plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair], exits: Sequence[Floor]
-) -> None:
+def _note_unreachable(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair], exits: Sequence[Floor]) -> None:
     """Warn of each storey that no stair joins to one with exits, or to any other if there is no exit."""
     row = {floor.name: k for k, floor in enumerate(floors)}
     pairs = [(row[stair.floors[0].name], row[floor.name]) for stair in stairs for floor in stair.floors[1:]]
@@ -158,5 +156,3 @@ def _note_unreachable(
         if int(part[k]) not in open_parts if exits else k in alone:
             text = "no stair that can be walked leads from this storey to an exit" if exits else "no stair leads here"
             plan.note("warning", text, floor.name, place_of(floor.ground))
-
-

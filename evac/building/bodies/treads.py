@@ -1,7 +1,7 @@
 """The level faces of a stair to runs of treads and landings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -84,31 +84,33 @@ class Landing:
     z: float
 
 
-def runs_of(bodies: Sequence[Body]) -> tuple[list[Run], list[Turning], list[Landing]]:
-    """Return the straight runs, the turning ones and the landings that stairs and flights consist of.
+@dataclass
+class Treads:
+    """What stairs consist of: straight runs, turning ones, landings, and bodies without treads."""
 
-    Parameters
-    ----------
-    bodies : sequence of Body
-        Flights, stairs as a whole, and landings.
-    """
-    runs: list[Run] = []
-    turning: list[Turning] = []
-    landings: list[Landing] = []
+    runs: list[Run] = field(default_factory=list)
+    turning: list[Turning] = field(default_factory=list)
+    landings: list[Landing] = field(default_factory=list)
+    bare: list[Body] = field(default_factory=list)
+
+
+def treads_of(bodies: Sequence[Body]) -> Treads:
+    """Return the treads of stairs as a whole, flights and landings."""
+    found = Treads()
     for body in bodies:
         faces = _faces(body)
         if body.kind == "landing":
-            landings += [Landing(plan, z) for plan, z in faces[-1:]]
+            found.landings += [Landing(plan, z) for plan, z in faces[-1:]]
             continue
         usual = float(np.median([plan.area for plan, _ in faces])) if faces else 0.0
         is_landing = [len(faces) > 2 and plan.area > LANDING * usual for plan, _ in faces]
-        landings += [Landing(*face) for face, found in zip(faces, is_landing, strict=True) if found]
-        for chain in _chains([face for face, found in zip(faces, is_landing, strict=True) if not found]):
-            if len(chain) > 1:
-                made = _run(body.name, chain)
-                runs += [made] if isinstance(made, Run) else []
-                turning += [made] if isinstance(made, Turning) else []
-    return runs, turning, landings
+        found.landings += [Landing(*face) for face, is_one in zip(faces, is_landing, strict=True) if is_one]
+        chains = _chains([face for face, is_one in zip(faces, is_landing, strict=True) if not is_one])
+        made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
+        found.runs += [one for one in made if isinstance(one, Run)]
+        found.turning += [one for one in made if isinstance(one, Turning)]
+        found.bare += [] if made else [body]
+    return found
 
 
 def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
@@ -117,7 +119,11 @@ def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
     for plan, z in body.tops():
         for part in shapely.get_parts(closed(plan, 0.02)):
             box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
-            if len(box) == 5 and part.area >= LEAST_TREAD and np.hypot(*np.diff(box[:3], axis=0).T).min() >= LEAST_DEPTH:
+            if (
+                len(box) == 5
+                and part.area >= LEAST_TREAD
+                and np.hypot(*np.diff(box[:3], axis=0).T).min() >= LEAST_DEPTH
+            ):
                 faces.append((part, z))
     return sorted(faces, key=lambda face: face[1])
 
