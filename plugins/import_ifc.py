@@ -1,6 +1,9 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
-from collections.abc import Mapping, Sequence
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,8 +69,8 @@ class IfcImporter(Importer):
         """Read the bodies; raise ValueError if the file is none, or the library is missing."""
         from evac.building.bodies import Rules, plan_of_bodies
 
-        elements, shapes = _read(path.read_bytes())
         findings: list[Finding] = []
+        elements, shapes = _read(path.read_bytes(), findings)
         bodies = _bodies(elements, shapes, findings)
         storeys = [
             (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
@@ -78,20 +81,20 @@ class IfcImporter(Importer):
         return plan_of_bodies(path, bodies, storeys, rules, findings)
 
 
-def _read(content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
-    """Return the entities and the shapes of a file, by their numbers."""
+def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
+    """Return the entities and the shapes of a file, by their numbers; what the library says of it is a warning."""
     try:
         import ifclite_geom
     except ImportError as error:
         raise ValueError("IFC files are read with the package ifclite-geom; pip install 'evac[ifc]'") from error
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
         raise ValueError("no IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
+    if b"END-ISO-10303-21" not in content[-1000:]:
+        raise ValueError(f"it is cut off after {len(content)} bytes: END-ISO-10303-21 is missing; export it again")
+    said: list[str] = []
     try:
-        elements = ifclite_geom.entity_data(content, placements=True, type_properties=False, attributes=True)[
-            "entities"
-        ]
-        wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
-        shapes = ifclite_geom.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
+        with _standard_error(said):
+            elements, shapes = _shapes(ifclite_geom, content)
     except BaseException as error:
         # A panic of the library is no Exception.
         if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
@@ -99,7 +102,34 @@ def _read(content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
         raise ValueError(f"the file is damaged, or holds what is not supported: {error}") from error
     if not elements:
         raise ValueError("there is no building element in it")
+    findings += [Finding("warning", f"ifclite-geom says: {line}") for line in dict.fromkeys(said)]
     return elements, shapes
+
+
+def _shapes(library: Any, content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
+    """Return the entities of a file, and the shapes of those whose classes are used."""
+    elements = library.entity_data(content, placements=True, type_properties=False, attributes=True)["entities"]
+    wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
+    return elements, library.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
+
+
+@contextmanager
+def _standard_error(said: list[str]) -> Iterator[None]:
+    """Collect the lines that compiled code writes to the standard error of the process."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            file.seek(0)
+            said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]
 
 
 def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":

@@ -86,9 +86,11 @@ class IfcFile:
             self.box("IFCWINDOW", window, low, high, tail=",$,$,.WINDOW.,.NOTDEFINED.,$")
         return made
 
+    def text(self):
+        return HEADER.format(schema=self.schema) + "\n".join(self.lines) + "\nENDSEC;\nEND-ISO-10303-21;\n"
+
     def write(self, path):
-        text = HEADER.format(schema=self.schema) + "\n".join(self.lines) + "\nENDSEC;\nEND-ISO-10303-21;\n"
-        path.write_text(text, encoding="utf-8")
+        path.write_text(self.text(), encoding="utf-8")
         return path
 
 
