@@ -1,7 +1,6 @@
 """Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
 
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -116,6 +115,8 @@ def _shapes(library: Any, content: bytes) -> tuple[Mapping[int, Any], Mapping[in
 @contextmanager
 def _standard_error(said: list[str]) -> Iterator[None]:
     """Collect the lines that compiled code writes to the standard error of the process."""
+    import tempfile
+
     try:
         kept = os.dup(2)
     except OSError:  # it is closed

@@ -11,7 +11,7 @@ from evac.arrays import FloatArray, IndexArray
 from evac.building import stairs
 from evac.building.bodies.body import NOTCH, Body, snapped
 from evac.building.bodies.floors import Floor
-from evac.building.bodies.treads import Landing, Run, treads_of
+from evac.building.bodies.treads import SHORT, Landing, Run, treads_of
 from evac.building.components import connected_components
 from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
@@ -32,6 +32,8 @@ FIT = 0.05
 SAME_FLOOR = 0.1
 #: What each side of a flight is narrowed by until there is a floor all along its end [m].
 NARROWED = (0.0, 0.02, 0.05, 0.1)
+#: Least height of a passage under a slab [m]; less than people need, as slabs and planes of treads are not exact.
+PASSABLE = 1.5
 #: A slab over more than this share of the ground that a flight needs free is closed.
 CLOSED = 0.5
 
@@ -119,6 +121,9 @@ def stairs_of(bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, 
     for body in treads.bare:
         text = f"{body.name!r} is left out: its shape has no treads that follow each other"
         findings.append(Finding("warning", text, _storey(floors, body.z_min), body.place))
+    for landing in treads.short:
+        text = f"a landing less than {SHORT:g} m deep is a part of its flight"
+        findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
     runs, landings = treads.runs, _free_landings(treads.landings, floors)
     ends: list[tuple[Run, tuple[End, End]]] = []
     for run in runs:
@@ -290,7 +295,7 @@ def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list
     for lower, upper in stair.flights:
         for floor in (floor for floor in floors if floor.z > lower.z + 0.5):
             pieces = stairs.flight(lower.edge, lower.z, upper.edge, upper.z)
-            needed = united([stairs.too_low(piece, floor.z, HEADROOM) for piece in pieces])
+            needed = united([stairs.too_low(piece, floor.z, PASSABLE) for piece in pieces])
             covered = common(needed, floor.slabs)
             if needed.is_empty or covered.area < CLOSED * needed.area:
                 continue

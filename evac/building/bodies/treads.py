@@ -19,6 +19,8 @@ APART = 0.1
 LEAST_TREAD, LEAST_DEPTH = 0.05, 0.1
 #: A face so many times larger than the median tread is a landing.
 LANDING = 2.2
+#: A landing between flights in one direction is at least so deep; a shorter one is a deep tread [m].
+SHORT = 1.0
 #: A run turns if its treads follow each other in directions that differ by more [degrees].
 MOST_TURN = 25.0
 
@@ -86,11 +88,12 @@ class Landing:
 
 @dataclass
 class Treads:
-    """What stairs consist of: straight runs, turning ones, landings, and bodies without treads."""
+    """What stairs consist of: straight runs, turning ones, landings, short ones within runs, bodies without treads."""
 
     runs: list[Run] = field(default_factory=list)
     turning: list[Turning] = field(default_factory=list)
     landings: list[Landing] = field(default_factory=list)
+    short: list[Landing] = field(default_factory=list)
     bare: list[Body] = field(default_factory=list)
 
 
@@ -103,9 +106,14 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
             found.landings += [Landing(plan, z) for plan, z in faces[-1:]]
             continue
         usual = float(np.median([plan.area for plan, _ in faces])) if faces else 0.0
-        is_landing = [len(faces) > 2 and plan.area > LANDING * usual for plan, _ in faces]
-        found.landings += [Landing(*face) for face, is_one in zip(faces, is_landing, strict=True) if is_one]
-        chains = _chains([face for face, is_one in zip(faces, is_landing, strict=True) if not is_one])
+        landings = [face for face in faces if len(faces) > 2 and face[0].area > LANDING * usual]
+        short = [face for face in landings if _depth(face[0]) < SHORT]
+        chains = _chains([face for face in faces if face not in landings or face in short])
+        if any(len(chain) > 1 and isinstance(_run(body.name, chain), Turning) for chain in chains):
+            short = []
+            chains = _chains([face for face in faces if face not in landings])
+        found.short += [Landing(*face) for face in short]
+        found.landings += [Landing(*face) for face in landings if face not in short]
         made = [_run(body.name, chain) for chain in chains if len(chain) > 1]
         found.runs += [one for one in made if isinstance(one, Run)]
         found.turning += [one for one in made if isinstance(one, Turning)]
@@ -126,6 +134,12 @@ def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
             ):
                 faces.append((part, z))
     return sorted(faces, key=lambda face: face[1])
+
+
+def _depth(plan: BaseGeometry) -> float:
+    """Return the shorter side of the least rectangle around a face [m]."""
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(plan))
+    return float(np.hypot(*np.diff(box[:3], axis=0).T).min()) if len(box) == 5 else 0.0
 
 
 def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[BaseGeometry, float]]]:
