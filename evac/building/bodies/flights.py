@@ -340,7 +340,7 @@ def _try(stairs_there: Sequence[Stair], floors: Sequence[Floor]) -> None:
             building.levels[other].stair
             for portal in building.portals
             for own, other in (portal.levels, portal.levels[::-1])
-            if building.levels[own].stair is None and building.levels[own].name.startswith(floor.name)
+            if building.levels[own].name.partition(" (")[0] == floor.name.partition(" (")[0]
         ]
         if stair.name not in joined:
             raise BuildingError(f"it does not meet the floor at {floor.z:.2f} m")
