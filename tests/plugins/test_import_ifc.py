@@ -111,7 +111,7 @@ def all_out(path, folder, people=20):
     made = evac.import_building([path], folder / "case", people=people)
     assert made.fault == ""
     results = evac.run(evac.load(made.folder))
-    return results.evacuated == results.people == people and len({room.level for room in made.rooms}) > 1
+    return results.evacuated == people and len({room.level for room in made.rooms}) > 1
 
 
 def u_shaped(ifc, kind="IFCSTAIR", landing="own"):
@@ -311,7 +311,7 @@ def test_foreign_files_run(tmp_path, name, upstairs, stairs, exits):
     assert made.fault == ""
     assert (len(made.building.stairs), len(made.building.exits)) == (stairs, exits)
     results = evac.run(evac.load(made.folder))
-    assert results.evacuated == results.people == 100
+    assert results.evacuated == 100
     if upstairs:
         levels = {made.building.levels[room.level].name for room in made.rooms if room.number}
         assert {upstairs, f"{upstairs} (2)"} <= levels

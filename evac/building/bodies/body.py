@@ -56,20 +56,25 @@ class Body:
         unit: FloatArray = np.divide(normal, length, out=np.zeros_like(normal), where=length > 1e-12)
         return unit
 
+    @cached_property
+    def box(self) -> FloatArray:
+        """Least and greatest coordinates (2, 3) [m]."""
+        return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+
     @property
     def z_min(self) -> float:
         """Height of its lowest point [m]."""
-        return float(self.points[:, 2].min())
+        return float(self.box[0, 2])
 
     @property
     def z_max(self) -> float:
         """Height of its highest point [m]."""
-        return float(self.points[:, 2].max())
+        return float(self.box[1, 2])
 
     @property
     def place(self) -> tuple[float, float]:
         """The middle (x, y) of the box around it, for messages [m]."""
-        x, y = (0.5 * (self.points[:, :2].min(axis=0) + self.points[:, :2].max(axis=0))).tolist()
+        x, y = self.box[:, :2].mean(axis=0).tolist()
         return x, y
 
     def tops(self) -> list[tuple[BaseGeometry, float]]:

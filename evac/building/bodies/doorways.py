@@ -17,6 +17,8 @@ from evac.building.shapes import united
 SILL = 0.3
 #: An opening without a door is a passage if it is at least so high [m].
 LEAST_HEIGHT = 1.8
+#: A door or window fills an opening if it has this share of its box.
+FILLED = 0.3
 #: It reaches down to the foot of its wall within this height [m].
 FOOT = 0.1
 #: A room may begin so far behind the face of a wall [m].
@@ -46,43 +48,40 @@ def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
     what joins them are doors.
     """
     openings = [body for body in bodies if body.kind == "opening"]
+    boxes = _boxes(openings)
+    walls = _boxes([body for body in bodies if body.kind == "wall"])
     passages, taken, filled = [], set(), []
     for body in bodies:
         if body.kind in ("door", "window"):
-            row = _filled(body, openings)
+            row = _filled(body, boxes)
             taken.add(row)
             shape = body if row is None else openings[row]
             filled.append(Body("opening", body.name, shape.points, shape.triangles))
             if body.kind == "door":
                 passages.append(filled[-1])
     for row, opening in enumerate(openings):
-        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, bodies):
+        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, walls):
             passages.append(opening)
     return passages, [*filled, *(opening for opening in passages if opening not in filled)]
 
 
-def _is_in_wall(opening: Body, bodies: Sequence[Body]) -> bool:
-    """Return whether an opening is in a wall, and reaches down to its foot."""
-    low, high = opening.points.min(axis=0), opening.points.max(axis=0)
-    return any(
-        wall.kind == "wall"
-        and bool((wall.points.min(axis=0) - 0.01 < high).all() and (wall.points.max(axis=0) + 0.01 > low).all())
-        and opening.z_min - wall.z_min < FOOT
-        for wall in bodies
-    )
+def _boxes(bodies: Sequence[Body]) -> FloatArray:
+    return np.array([body.box for body in bodies]).reshape(-1, 2, 3)
 
 
-def _filled(door: Body, openings: Sequence[Body]) -> int | None:
-    """Return the opening that a door or window is in: the one whose box has most in common with its own."""
-    low, high = door.points.min(axis=0), door.points.max(axis=0)
-    best, row = 0.3, None
-    for k, opening in enumerate(openings):
-        both = np.minimum(high, opening.points.max(axis=0)) - np.maximum(low, opening.points.min(axis=0))
-        size = np.ptp(opening.points, axis=0)
-        share = float(np.prod(np.maximum(both, 0.0))) / max(float(np.prod(size)), 1e-9)
-        if share > best:
-            best, row = share, k
-    return row
+def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
+    """Return whether an opening is in a wall of some boxes (w, 2, 3), and reaches down to its foot."""
+    low, high = opening.box
+    meets = ((walls[:, 0] - 0.01 < high) & (walls[:, 1] + 0.01 > low)).all(axis=1)
+    return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
+
+
+def _filled(door: Body, openings: FloatArray) -> int | None:
+    """Return the row of the opening, of some boxes (o, 2, 3), that a door or window fills most of, if it fills one."""
+    both = np.minimum(door.box[1], openings[:, 1]) - np.maximum(door.box[0], openings[:, 0])
+    size = np.maximum(openings[:, 1] - openings[:, 0], 1e-3)
+    share = np.prod(np.maximum(both, 0.0), axis=1) / np.prod(size, axis=1)
+    return int(share.argmax()) if len(share) and share.max() > FILLED else None
 
 
 def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:

@@ -29,13 +29,13 @@ BEYOND = 0.02
 class Rules:
     """What is assumed of a building model; see the parameters of the importer that uses it."""
 
-    ground: str = "auto"
-    exits: str = "ground"
-    ground_z: float = 0.0
-    step: float = 0.2
-    gap: float = 0.01
-    furniture: bool = False
-    cut_slabs: bool = False
+    ground: str
+    exits: str
+    ground_z: float
+    step: float
+    gap: float
+    furniture: bool
+    cut_slabs: bool
 
 
 def plan_of_bodies(
