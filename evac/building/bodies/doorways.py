@@ -1,0 +1,145 @@
+"""Doors and openings in walls to doors of a plan: strips between two rooms, or exits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building.bodies.body import Body, snapped
+from evac.building.bodies.floors import Floor
+from evac.building.findings import Finding
+from evac.building.outlines import normal, strip
+from evac.building.shapes import united
+
+#: A door stands on a floor whose height differs from its foot by no more [m].
+SILL = 0.3
+#: An opening without a door is a passage if it is at least so high [m].
+LEAST_HEIGHT = 1.8
+#: A door or window fills an opening if it has this share of its box.
+FILLED = 0.3
+#: It reaches down to the foot of its wall within this height [m].
+FOOT = 0.1
+#: A room may begin so far behind the face of a wall [m].
+BEHIND = 0.15
+#: What each end of a door is shortened by until rooms lie all along it [m].
+SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
+#: Narrowest door [m].
+NARROWEST = 0.5
+
+
+@dataclass(frozen=True)
+class Doorway:
+    """A segment (2, 2) in the middle of a wall, how far rooms are from it [m], and on how many sides there are some."""
+
+    name: str
+    floor: Floor
+    segment: FloatArray
+    reach: float
+    sides: int
+
+
+def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
+    """Return the bodies that passages go through, and the openings that close walls again: of passages and windows.
+
+    A passage goes through the opening that its door fills, through the door itself if it fills none, or through an
+    opening down to the floor that nothing fills. Walls have holes where openings are; rooms end there all the same, and
+    what joins them are doors.
+    """
+    openings = [body for body in bodies if body.kind == "opening"]
+    boxes = _boxes(openings)
+    walls = _boxes([body for body in bodies if body.kind == "wall"])
+    passages, taken, filled = [], set(), []
+    for body in bodies:
+        if body.kind in ("door", "window"):
+            row = _filled(body, boxes)
+            taken.add(row)
+            shape = body if row is None else openings[row]
+            filled.append(Body("opening", body.name, shape.points, shape.triangles))
+            if body.kind == "door":
+                passages.append(filled[-1])
+    for row, opening in enumerate(openings):
+        if row not in taken and opening.z_max - opening.z_min >= LEAST_HEIGHT and _is_in_wall(opening, walls):
+            passages.append(opening)
+    return passages, [*filled, *(opening for opening in passages if opening not in filled)]
+
+
+def _boxes(bodies: Sequence[Body]) -> FloatArray:
+    return np.array([body.box for body in bodies]).reshape(-1, 2, 3)
+
+
+def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
+    """Return whether an opening is in a wall of some boxes (w, 2, 3), and reaches down to its foot."""
+    low, high = opening.box
+    meets = ((walls[:, 0] - 0.01 < high) & (walls[:, 1] + 0.01 > low)).all(axis=1)
+    return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
+
+
+def _filled(door: Body, openings: FloatArray) -> int | None:
+    """Return the row of the opening, of some boxes (o, 2, 3), that a door or window fills most of, if it fills one."""
+    both = np.minimum(door.box[1], openings[:, 1]) - np.maximum(door.box[0], openings[:, 0])
+    size = np.maximum(openings[:, 1] - openings[:, 0], 1e-3)
+    share = np.prod(np.maximum(both, 0.0), axis=1) / np.prod(size, axis=1)
+    return int(share.argmax()) if len(share) and share.max() > FILLED else None
+
+
+def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
+    """Return the doors that rooms are joined by or left by, on each floor; those that join nothing are noted."""
+    found = []
+    for body in passages:
+        near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
+        if not near and body.name.startswith("opening"):
+            continue
+        if not near:
+            findings.append(
+                Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place)
+            )
+            continue
+        floor = min(near, key=lambda one: abs(one.z - body.z_min))
+        way = _fit(body, floor)
+        if way is None:
+            findings.append(Finding("left out", f"{body.name!r} has no room on either side", floor.name, body.place))
+        else:
+            found.append(way)
+    return found
+
+
+def _fit(body: Body, floor: Floor) -> Doorway | None:
+    """Return a door with as many rooms beside it, and then as wide, as it can be."""
+    corners = body.rectangle()
+    if corners is None:
+        return None
+    best: Doorway | None = None
+    for side in (0, 1):
+        a, b, c, d = np.roll(corners, -side, axis=0)
+        ends = np.array([(a + d) / 2, (b + c) / 2])
+        width, depth = float(np.hypot(*(ends[1] - ends[0]))), float(np.hypot(*(d - a)))
+        for less in SHORTENED:
+            if width - 2 * less < NARROWEST:
+                break
+            along = (ends[1] - ends[0]) / width
+            segment = np.round(np.array([ends[0] + less * along, ends[1] - less * along]), 3)
+            reach = depth / 2 + BEHIND
+            ways = (normal(segment), -normal(segment))
+            sides = sum(strip(floor.ground, segment, way, reach) is not None for way in ways)
+            if sides and (best is None or sides > best.sides):
+                best = Doorway(body.name, floor, segment, reach, sides)
+    return best
+
+
+def middle_of(way: Doorway) -> tuple[float, float]:
+    """Return where a door is, for findings."""
+    x, y = way.segment.mean(axis=0).tolist()
+    return x, y
+
+
+def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
+    """Return the ground of a floor with the strips of its doors."""
+    strips = [floor.ground]
+    for way in (way for way in ways if way.floor is floor):
+        for side in (normal(way.segment), -normal(way.segment)):
+            found = strip(floor.ground, way.segment, side, way.reach)
+            if found is not None and not found.polygon.is_empty:
+                strips.append(found.polygon)
+    return snapped(united(strips))

@@ -1,0 +1,207 @@
+"""Importer of IFC files (extra evac[ifc]): spaces, slabs, walls, columns, doors and stairs by their geometry."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.building.findings import Finding
+from evac.building.importer import Importer
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter
+
+if TYPE_CHECKING:
+    from evac.building.bodies import Body
+    from evac.building.plan import Plan
+
+#: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and what they are.
+CLASSES = {
+    "IfcSpace": "space",
+    "IfcSlab": "slab",
+    "IfcWall": "wall",
+    "IfcWallStandardCase": "wall",
+    "IfcWallElementedCase": "wall",
+    "IfcCurtainWall": "wall",
+    "IfcPlate": "wall",
+    "IfcColumn": "column",
+    "IfcColumnStandardCase": "column",
+    "IfcOpeningElement": "opening",
+    "IfcOpeningStandardCase": "opening",
+    "IfcDoor": "door",
+    "IfcDoorStandardCase": "door",
+    "IfcWindow": "window",
+    "IfcWindowStandardCase": "window",
+    "IfcStair": "stair",
+    "IfcStairFlight": "stair",
+    "IfcFurnishingElement": "furniture",
+    "IfcFurniture": "furniture",
+    "IfcSystemFurnitureElement": "furniture",
+    "IfcSanitaryTerminal": "furniture",
+    "IfcFlowTerminal": "furniture",
+}
+#: Classes that are walked on in buildings and not read yet.
+NOT_READ = ("IfcRamp", "IfcRampFlight", "IfcTransportElement")
+#: Longest name that is used as it is.
+LONGEST = 30
+#: A file in which a coordinate is farther off than this is damaged [m].
+FARTHEST = 1e8
+
+
+class IfcImporter(Importer):
+    """IFC (.ifc), 2x3 and later: floors of spaces and slabs, doors, exits and stairs by their geometry."""
+
+    name = "ifc"
+    suffixes = (".ifc",)
+
+    ground = Parameter("auto", "floors are spaces, or slabs where there are none", choices=("auto", "spaces", "slabs"))
+    exits = Parameter("ground", "storeys whose doors to the outside are exits", choices=("ground", "all", "none"))
+    ground_z = Parameter(0.0, "height of the ground storey: the one nearest to it that has doors outside", unit="m")
+    step = Parameter(0.2, "ground whose height differs by no more is one floor", unit="m", minimum=0.0)
+    gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
+    furniture = Parameter(False, "furniture is an obstacle")
+    cut_slabs = Parameter(False, "slabs that close the way of a stair are cut, not the stair left out")
+
+    def read(self, path: Path) -> "Plan":
+        """Read the bodies; raise ValueError if the file is none, or the library is missing."""
+        from evac.building.bodies import Rules, plan_of_bodies
+
+        findings: list[Finding] = []
+        elements, shapes = _read(path.read_bytes(), findings)
+        bodies = _bodies(elements, shapes, findings)
+        storeys = [
+            (_text(element["name"]) or f"storey {number}", float(element["placement"][14]))
+            for number, element in elements.items()
+            if element["ifc_type"] == "IfcBuildingStorey" and element.get("placement")
+        ]
+        rules = Rules(**self.values())
+        return plan_of_bodies(path, bodies, storeys, rules, findings)
+
+
+def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
+    """Return the entities and the shapes of a file, by their numbers; what the library says of it is a warning."""
+    try:
+        import ifclite_geom
+    except ImportError as error:
+        raise ValueError("IFC files are read with the package ifclite-geom; pip install 'evac[ifc]'") from error
+    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
+        raise ValueError("no IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
+    if b"END-ISO-10303-21" not in content[-1000:]:
+        raise ValueError(f"it is cut off after {len(content)} bytes: END-ISO-10303-21 is missing; export it again")
+    said: list[str] = []
+    try:
+        with _standard_error(said):
+            elements, shapes = _shapes(ifclite_geom, content)
+    except BaseException as error:
+        # A panic of the library is no Exception.
+        if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
+            raise
+        raise ValueError(f"the file is damaged, or holds what is not supported: {error}") from error
+    if not elements:
+        raise ValueError("there is no building element in it")
+    findings += [Finding("warning", f"ifclite-geom says: {line}") for line in dict.fromkeys(said)]
+    return elements, shapes
+
+
+def _shapes(library: Any, content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
+    """Return the entities of a file, and the shapes of those whose classes are used."""
+    elements = library.entity_data(content, placements=True, type_properties=False, attributes=True)["entities"]
+    wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
+    return elements, library.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
+
+
+@contextmanager
+def _standard_error(said: list[str]) -> Iterator[None]:
+    """Collect the lines that compiled code writes to the standard error of the process."""
+    import tempfile
+
+    try:
+        kept = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            file.seek(0)
+            said += [line.strip() for line in file.read().decode("utf-8", "replace").splitlines() if line.strip()]
+
+
+def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":
+    """Return what is used of a file, in the order of its numbers; what has no shape, or is left out, is noted."""
+    from evac.building.bodies import Body
+
+    bodies = []
+    count: dict[str, int] = {}
+    for number in sorted(elements):
+        element = elements[number]
+        kind = _kind(element)
+        shape = shapes.get(number)
+        if element["ifc_type"] in NOT_READ:
+            count[element["ifc_type"]] = count.get(element["ifc_type"], 0) + 1
+        if kind is None:
+            continue
+        if shape is None:
+            if element["has_geometry"]:
+                text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape cannot be read"
+                findings.append(Finding("left out", text))
+            continue
+        points = np.frombuffer(shape["vertices"], dtype=np.float64).reshape(-1, 3)
+        triangles = np.frombuffer(shape["faces"], dtype=np.uint32).reshape(-1, 3).astype(np.int64)
+        if not len(triangles) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST:
+            text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or lies nowhere"
+            findings.append(Finding("left out", text))
+            continue
+        bodies.append(Body(kind, _label(number, element), points, triangles))
+    for name, many in count.items():
+        findings.append(Finding("left out", f"{many} {name}: ramps, lifts and escalators are not read"))
+    return bodies
+
+
+def _kind(element: Mapping[str, Any]) -> str | None:
+    """Return what an element is; None if it is not used."""
+    kind = CLASSES.get(element["ifc_type"])
+    if kind == "slab":
+        predefined = _attribute(element, "PredefinedType")
+        name = _text(element["name"]).lower() + _text(element["object_type"]).lower()
+        if predefined == "ROOF" or (predefined in ("", "NOTDEFINED", "USERDEFINED") and "roof" in name):
+            return None
+        if predefined == "LANDING":
+            return "landing"
+    return kind
+
+
+def _label(number: int, element: Mapping[str, Any]) -> str:
+    """Return what a body is called: its name, with the long name of a space, or its class and tag if that is long."""
+    name = _text(element["name"])
+    if element["ifc_type"] == "IfcSpace":
+        name = f"{name} {_attribute(element, 'LongName')}".strip()
+    if name and len(name) <= LONGEST:
+        return name
+    tag = _attribute(element, "Tag") or f"#{number}"
+    return f"{element['ifc_type'].removeprefix('Ifc').lower()} {tag}"
+
+
+def _attribute(element: Mapping[str, Any], name: str) -> str:
+    """Return an attribute of an element as text; empty if it has none."""
+    found = [one["value"] for one in element["attributes"] or () if one["name"] == name]
+    return _text(found[0]) if found else ""
+
+
+def _text(value: Any) -> str:
+    return "" if value is None else " ".join(str(value).split())
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [IfcImporter]

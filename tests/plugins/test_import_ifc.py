@@ -1,0 +1,324 @@
+"""IFC files: floors of spaces and slabs, doors, exits, stairs, and what cannot be walked."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evac
+from evac import BuildingError, read_building
+from evac.conformance import check_plugin
+from evac.registry import BUILTIN_IMPORTERS, Registry
+from tests.ifcfiles import IfcFile, steps
+
+REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
+
+pytest.importorskip("ifclite_geom", reason="the extra evac[ifc] is not installed")
+
+
+def plan_of(path, **parameters):
+    return REGISTRY.importer_for(path)(**parameters).read(path)
+
+
+def building_of(path, **parameters):
+    return plan_of(path, **parameters).building(need_exit=False)
+
+
+def walls(ifc, z, height=3.0):
+    """Add outer walls of 0.2 m around 10 x 6 m, and one between two rooms at x = 5."""
+    boxes = [((0, 0), (10.4, 0.2)), ((0, 6.2), (10.4, 6.4)), ((0, 0.2), (0.2, 6.2)), ((10.2, 0.2), (10.4, 6.2))]
+    boxes.append(((5.1, 0.2), (5.3, 6.2)))
+    return [ifc.box("IFCWALL", f"W{k}", (*low, z), (*high, z + height)) for k, (low, high) in enumerate(boxes)]
+
+
+def house(ifc, *, storeys=1, spaces=True, hole=None):
+    """Add two rooms on each storey, a door between them, and a front door on the ground floor."""
+    for k in range(storeys):
+        z = 3.0 * k
+        ifc.storey(f"L{k}", z)
+        slab = ifc.box("IFCSLAB", "S", (0, 0, z - 0.2), (10.4, 6.4, z), predefined="FLOOR")
+        if hole and k:
+            ifc.opening((hole[0], hole[1], z - 0.3), (hole[2], hole[3], z + 0.1), wall=slab)
+        made = walls(ifc, z)
+        ifc.opening((5.1, 1, z), (5.3, 2, z + 2.1), wall=made[4], door="inner")
+        ifc.opening((2, 6.2, z + 0.9), (4, 6.4, z + 2.1), wall=made[1], window="pane")
+        if not k:
+            ifc.opening((0, 3, z), (0.2, 4.2, z + 2.1), wall=made[2], door="front")
+        if spaces:
+            ifc.space(f"{k}01", [(0.2, 0.2), (5.1, 0.2), (5.1, 6.2), (0.2, 6.2)], z)
+            ifc.space(f"{k}02", [(5.3, 0.2), (10.2, 0.2), (10.2, 6.2), (5.3, 6.2)], z)
+    return ifc
+
+
+@pytest.mark.parametrize("spaces", [True, False])
+@pytest.mark.parametrize("unit", ["METRE", "MILLI"])
+def test_rooms_doors_and_exits(tmp_path, spaces, unit):
+    building = building_of(house(IfcFile(unit=unit), spaces=spaces).write(tmp_path / "a.ifc"))
+    (floor,) = building.levels
+    assert floor.name == "L0"
+    # Two rooms, the door's strip in the wall, and half of the wall's thickness to the exit.
+    assert floor.polygon.area == pytest.approx(2 * 4.9 * 6.0 + 0.2 * 1.0 + 0.1 * 1.2, rel=1e-3)
+    (way,) = building.exits
+    assert (way.name, round(way.width, 2)) == ("front", 1.2)
+    assert sorted(area.name for area in building.areas) == (["001", "002"] if spaces else [])
+
+
+def test_a_turned_building_is_the_same(tmp_path):
+    turned = (math.cos(0.3), math.sin(0.3))
+    building = building_of(house(IfcFile(turned=turned)).write(tmp_path / "a.ifc"))
+    assert sum(level.polygon.area for level in building.levels) == pytest.approx(59.12, rel=1e-3)
+    assert len(building.levels) == len(building.exits) == 1
+    assert not [one for one in building.findings if one.kind == "warning"]
+
+
+def test_options(tmp_path):
+    ifc = house(IfcFile())
+    ifc.box("IFCFURNITURE", "desk", (1, 1, 0), (2, 2, 0.7), tail=",$,.DESK.")
+    ifc.box("IFCCOLUMN", "column", (8, 3, 0), (8.3, 3.3, 3.0))
+    path = ifc.write(tmp_path / "a.ifc")
+    free, full = (building_of(path, furniture=value).levels[0].polygon.area for value in (False, True))
+    assert free == pytest.approx(59.12 - 0.09, rel=1e-3)
+    assert free - full == pytest.approx(1.0, rel=1e-2)
+    plan = plan_of(path, exits="none")
+    assert (len(plan.exits), len(plan.openings)) == (0, 1)
+
+
+STRAIGHT = {"width": 1.2, "going": 0.28, "riser": 3.0 / 17, "count": 16}
+
+
+@pytest.mark.parametrize("kind", ["IFCSTAIRFLIGHT", "IFCSTAIR"])
+def test_a_straight_stair(tmp_path, kind):
+    ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
+    ifc.body(kind, "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL[kind])
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    assert list(building.stairs) == ["stair 1"]
+    flight = next(level for level in building.levels if level.kind == "flight")
+    assert (flight.z_min, flight.z_max) == (0.0, 3.0)
+    assert flight.polygon.area == pytest.approx(1.2 * 16 * 0.28, rel=1e-3)
+    assert len(building.portals) == 2
+    assert kind != "IFCSTAIR" or all_out(path, tmp_path)
+
+
+STAIR_TAIL = {"IFCSTAIRFLIGHT": ",$,17,16,0.17,0.28,.STRAIGHT.", "IFCSTAIR": ",$,.STRAIGHT_RUN_STAIR."}
+
+
+def all_out(path, folder, people=20):
+    """Return whether everybody on all storeys of an imported file gets out."""
+    made = evac.import_building([path], folder / "case", people=people)
+    assert made.fault == ""
+    results = evac.run(evac.load(made.folder))
+    return results.evacuated == people and len({room.level for room in made.rooms}) > 1
+
+
+def u_shaped(ifc, kind="IFCSTAIR", landing="own"):
+    """Add a stair of two flights of eight treads and a half landing, in one body or with a slab."""
+    options = {"width": 1.2, "going": 0.28, "riser": 3.0 / 18, "count": 8}
+    first = steps(ifc, (6.5, 1.2), (1, 0), 0.0, **options)
+    second = steps(ifc, (6.5 + 8 * 0.28, 2.5), (-1, 0), 1.5, **options)
+    low = (6.5 + 8 * 0.28, 0.6)
+    outline = [low, (low[0] + 1.2, 0.6), (low[0] + 1.2, 3.1), (low[0], 3.1)]
+    if landing == "own":
+        ifc.body(kind, "U", *first, *second, ifc.extruded(outline, 1.4, 0.1), tail=STAIR_TAIL[kind])
+    else:
+        ifc.body("IFCSTAIRFLIGHT", "first", *first, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+        ifc.body("IFCSTAIRFLIGHT", "second", *second, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+        ifc.body("IFCSLAB", "half", ifc.extruded(outline, 1.4, 0.1), predefined=landing)
+    return ifc
+
+
+U_HOLE = (6.5, 0.6, 9.95, 3.1)
+
+
+def slabs(ifc, hole):
+    for k in range(2):
+        ifc.storey(f"L{k}", 3.0 * k)
+        slab = ifc.box("IFCSLAB", "S", (0, 0, 3 * k - 0.2), (12, 8, 3 * k), predefined="FLOOR")
+    ifc.opening((*hole[:2], 2.7), (*hole[2:], 3.1), wall=slab)
+    return ifc
+
+
+@pytest.mark.parametrize(("depth", "pieces"), [(0.9, 1), (1.2, 3)])
+def test_a_landing_on_the_way_is_level_unless_it_is_short(tmp_path, depth, pieces):
+    options = {"width": 1.2, "going": 0.25, "riser": 3.0 / 17}
+    x = 2 + 7 * 0.25
+    ifc = slabs(IfcFile(), (3, 0.5, x + depth + 8 * 0.25, 1.9))
+    solids = steps(ifc, (2, 1.2), (1, 0), 0.0, count=7, **options)
+    outline = [(x, 0.6), (x + depth, 0.6), (x + depth, 1.8), (x, 1.8)]
+    solids.append(ifc.extruded(outline, 7 * 3.0 / 17, 3.0 / 17))
+    solids += steps(ifc, (x + depth, 1.2), (1, 0), 8 * 3.0 / 17, count=8, **options)
+    ifc.body("IFCSTAIR", "S", *solids, tail=STAIR_TAIL["IFCSTAIR"])
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    assert sum(level.stair == "stair 1" for level in building.levels) == pieces
+
+
+def test_an_l_shaped_stair(tmp_path):
+    options = {"width": 1.2, "going": 0.27, "riser": 3.0 / 18, "count": 8}
+    x = 2 + 8 * 0.27
+    ifc = slabs(IfcFile(), (4, 0.5, x + 1.2, 1.8 + 8 * 0.27))
+    solids = steps(ifc, (2, 1.2), (1, 0), 0.0, **options)
+    solids.append(ifc.extruded([(x, 0.6), (x + 1.2, 0.6), (x + 1.2, 1.8), (x, 1.8)], 8 / 6, 1 / 6))
+    solids += steps(ifc, (x + 0.6, 1.8), (0, 1), 1.5, **options)
+    ifc.body("IFCSTAIR", "L", *solids, tail=STAIR_TAIL["IFCSTAIR"])
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    kinds = sorted(level.kind for level in building.levels if level.stair == "stair 1")
+    assert kinds == ["flight", "flight", "landing"]
+
+
+@pytest.mark.parametrize("change", [{"riser": 2.94 / 17}, {"count": 17}])
+def test_a_flight_that_ends_a_little_below_or_level_with_the_floor(tmp_path, change):
+    ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
+    solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, **(STRAIGHT | change))
+    ifc.body("IFCSTAIRFLIGHT", "up", *solids, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    (flight,) = (level for level in building.levels if level.kind == "flight")
+    assert (flight.z_min, flight.z_max) == (0.0, 3.0)
+    assert flight.polygon.area == pytest.approx(1.2 * 16 * 0.28, rel=1e-3)
+
+
+def test_a_stair_that_is_there_twice_is_left_out_once(tmp_path):
+    ifc = house(IfcFile(), storeys=2, hole=(6.3, 0.8, 7.7, 5.38))
+    solids = steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT)
+    for kind, name in (("IFCSTAIRFLIGHT", "up"), ("IFCSTAIR", "again")):
+        ifc.body(kind, name, *solids, tail=STAIR_TAIL[kind])
+    path = ifc.write(tmp_path / "a.ifc")
+    ((level, _, text),) = warnings_of(path)
+    assert (level, "'again'" in text) == ("L0", True)
+    assert list(building_of(path).stairs) == ["stair 1"]
+
+
+@pytest.mark.parametrize("landing", ["own", "LANDING", "FLOOR"])
+def test_a_stair_that_turns_back(tmp_path, landing):
+    path = u_shaped(house(IfcFile(), storeys=2, hole=U_HOLE), landing=landing).write(tmp_path / "a.ifc")
+    building = building_of(path)
+    heights = sorted((level.z_min, level.z_max) for level in building.levels if level.kind == "flight")
+    assert np.allclose(heights, [(0.0, 1.5), (1.5, 3.0)])
+    assert landing != "own" or all_out(path, tmp_path)
+
+
+def warnings_of(path, **parameters):
+    plan = plan_of(path, **parameters)
+    plan.building(need_exit=False)
+    return [(one.level, one.place, one.text) for one in plan.findings if one.kind == "warning"]
+
+
+def test_a_closed_slab_leaves_the_stair_out_unless_it_is_cut(tmp_path):
+    ifc = house(IfcFile(), storeys=2)
+    ifc.body(
+        "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
+    )
+    path = ifc.write(tmp_path / "a.ifc")
+    first, *rest = warnings_of(path)
+    assert first[0] == "L1"
+    assert "cut_slabs" in first[2]
+    assert 6.4 < first[1][0] < 7.6
+    assert [level for level, _, _ in rest] == ["L1"]
+    assert list(building_of(path, cut_slabs=True).stairs) == ["stair 1"]
+
+
+def test_a_spiral_stair_is_named_with_its_place_and_the_rest_runs(tmp_path):
+    ifc = house(IfcFile(), storeys=2, hole=(6.5, 1.5, 9.5, 4.5))
+    solids = []
+    for k in range(16):
+        a, b = (math.radians(22.5 * s) for s in (k, k + 1))
+        ring = [(8 + r * math.cos(t), 3 + r * math.sin(t)) for r, t in ((0.3, a), (1.3, a), (1.3, b), (0.3, b))]
+        solids.append(ifc.extruded(ring, 3.0 / 17 * k, 3.0 / 17))
+    ifc.body("IFCSTAIR", "round", *solids, tail=",$,.SPIRAL_STAIR.")
+    first, *rest = warnings_of(ifc.write(tmp_path / "a.ifc"))
+    assert first[0] == "L0"
+    assert "'round'" in first[2]
+    assert math.dist(first[1], (8, 3)) < 0.5
+    assert [level for level, _, _ in rest] == ["L1"]
+
+
+def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):
+    ifc = house(IfcFile(), storeys=1)
+    ifc.body(
+        "IFCSTAIRFLIGHT", "up", *steps(ifc, (7.0, 0.9), (0, 1), 0.0, **STRAIGHT), tail=STAIR_TAIL["IFCSTAIRFLIGHT"]
+    )
+    ((level, place, text),) = warnings_of(ifc.write(tmp_path / "a.ifc"))
+    assert (level, "'up'" in text) == ("L0", True)
+    assert place == pytest.approx((7.0, 0.9 + 16 * 0.28), abs=0.01)
+
+
+def test_a_storey_without_a_stair_is_told_and_the_ground_floor_runs(tmp_path):
+    path = house(IfcFile(), storeys=2).write(tmp_path / "a.ifc")
+    assert [level for level, _, _ in warnings_of(path)] == ["L1"]
+    made = evac.import_building([path], tmp_path / "case", people=5)
+    assert made.fault == ""
+    assert {made.building.levels[room.level].name for room in made.rooms} == {"L0"}
+
+
+def test_a_void_in_a_slab_is_no_ground(tmp_path):
+    path = house(IfcFile(), storeys=2, hole=(6, 2, 8, 4)).write(tmp_path / "a.ifc")
+    upper = [level for level in building_of(path).levels if level.z_min == 3.0]
+    assert sum(level.polygon.area for level in upper) == pytest.approx(59.0 - 4.0, rel=1e-3)
+    (void,) = [one for one in plan_of(path).findings if one.kind == "left out"]
+    assert (void.level, 6 < void.place[0] < 8) == ("L1", True)
+
+
+def test_names_that_are_long_or_not_unique(tmp_path):
+    ifc = IfcFile()
+    ifc.storey("L0", 0.0)
+    ifc.box("IFCSLAB", "S", (0, 0, -0.2), (9, 4, 0.0), predefined="FLOOR")
+    for k in range(2):
+        ifc.space("room", [(4.2 * k, 0), (4.2 * k + 4, 0), (4.2 * k + 4, 4), (4.2 * k, 4)], 0.0)
+    building = building_of(ifc.write(tmp_path / "a.ifc"))
+    assert sorted(area.name for area in building.areas) == ["room", "room (2)"]
+
+
+@pytest.mark.parametrize(
+    "content", ["", "nothing", "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "\0" * 100]
+)
+def test_what_is_no_building_is_refused(tmp_path, content):
+    path = tmp_path / "a.ifc"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(BuildingError, match=r"a\.ifc"):
+        read_building(path)
+
+
+def test_without_the_library_the_message_says_what_to_install(tmp_path, monkeypatch):
+    path = house(IfcFile()).write(tmp_path / "a.ifc")
+    monkeypatch.setitem(sys.modules, "ifclite_geom", None)
+    with pytest.raises(BuildingError, match=r"a\.ifc.*evac\[ifc\]"):
+        read_building(path)
+
+
+def test_it_keeps_to_the_contract(tmp_path):
+    path = house(IfcFile()).write(tmp_path / "a.ifc")
+    people = [{"name": "people", "area": "001", "number": 3}]
+    case = evac.load({"building": {"mesh": str(path)}, "people": people, "contact": {"model": "nsm2"}})
+    check_plugin(type(REGISTRY.importers["ifc"]()), case)
+
+
+needs_foreign = pytest.mark.skipif(not FOREIGN.is_dir(), reason=f"{FOREIGN} is not there")
+
+
+@needs_foreign
+@pytest.mark.parametrize(
+    ("name", "upstairs", "stairs", "exits"),
+    [
+        ("Ifc2x3_Duplex_Architecture.ifc", "Level 2", 2, 4),
+        ("ISO-Test-1-IFC2x3.ifc", None, 0, 1),
+        ("TallBuilding.ifc", None, 0, 3),
+    ],
+)
+def test_foreign_files_run(tmp_path, name, upstairs, stairs, exits):
+    made = evac.import_building([FOREIGN / name], tmp_path / "case", people=100)
+    assert made.fault == ""
+    assert (len(made.building.stairs), len(made.building.exits)) == (stairs, exits)
+    results = evac.run(evac.load(made.folder))
+    assert results.evacuated == 100
+    if upstairs:
+        levels = {made.building.levels[room.level].name for room in made.rooms if room.number}
+        assert {upstairs, f"{upstairs} (2)"} <= levels
+
+
+@needs_foreign
+def test_upper_storeys_of_the_tall_building_are_told_to_have_no_stair():
+    plan = plan_of(FOREIGN / "TallBuilding.ifc")
+    assert [one.level for one in plan.findings if one.kind == "warning"] == ["Level 2", "Level 4", "Level 5"]
+    assert all(one.place is not None for one in plan.findings if one.kind == "warning")
