@@ -289,7 +289,7 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
         ("a.msh", "nothing", "cannot be read"),
         ("a.msh", GMSH41[:400], "cannot be read"),
         ("a.msh", "", "the file is empty"),
-        ("a.dxf", "", "'\\.dxf'"),
+        ("a.dwg", "", "'\\.dwg'"),
     ],
 )
 def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name, content, words):

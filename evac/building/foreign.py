@@ -1,0 +1,79 @@
+"""Meshes that other tools wrote, to surfaces that people walk on: solid bodies, and stairs drawn as treads."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from evac.arrays import BoolArray, FloatArray
+from evac.building.patches import bodies, cells_of, patches_of
+from evac.building.polygons import least_height
+from evac.building.solids import closed_bodies, walked_on
+from evac.building.surfacemesh import TriangleMesh
+from evac.building.treads import may_have_treads, with_flights
+from evac.building.welding import weld_points
+
+
+def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
+    """Return a mesh with z upwards, of one with y upwards."""
+    if up == "z":
+        return mesh
+    x, y, z = mesh.points.T
+    return replace(mesh, points=np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0))
+
+
+def walked_surface(
+    mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, weld: float, headroom: float, treads: bool
+) -> tuple[TriangleMesh, FloatArray]:
+    """Return a mesh without what is inside of bodies or has too little height above it, and with flights for treads.
+
+    A mesh in which there is neither is returned as it is.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    points : (v, 3) float64 [m]
+        Its points.
+    is_steep : (t,) bool
+        Cells that cannot be walked on.
+    weld : float [m]
+        Points no farther apart are the same.
+    headroom : float [m]
+        Least height above the ground of bodies, and above and below flights; 0 leaves bodies as they are.
+    treads : bool
+        Whether rows of treads become flights.
+
+    Returns
+    -------
+    mesh : TriangleMesh
+    points : (w, 3) float64 [m]
+        Its points.
+    """
+    vertices, index = weld_points(points, weld)
+    triangles = np.unique(np.sort(index[mesh.triangles], axis=1), axis=0, return_index=True)[1]
+    cells = index[mesh.triangles[triangles]]
+    wide = least_height(vertices[cells]) > weld
+    rows, cells = triangles[wide], cells[wide]
+    steep = is_steep[rows]
+    flat_heights = vertices[cells[~steep]][np.ptp(vertices[cells[~steep]][:, :, 2], axis=1) <= weld][:, 0, 2]
+    has_treads = treads and may_have_treads(flat_heights)
+    has_bodies = headroom > 0.0 and bool(steep.any())
+    if not (has_treads or has_bodies) or steep.all():
+        return mesh, points
+    body = bodies(len(vertices), cells)
+    tags = {name: mask[rows][~steep] for name, mask in mesh.cell_tags.items()}
+    before = patches_of(vertices, cells[~steep], body[~steep], tags)
+    after, notes = before, []
+    if has_bodies:
+        solid = set(body[steep].tolist())
+        after, notes = walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
+    if has_treads:
+        after, more = with_flights(after, headroom)
+        notes = notes + more
+    if not notes:
+        return mesh, points
+    corners, of = cells_of(after)
+    made = np.arange(3 * len(corners)).reshape(-1, 3) + len(points)
+    cell_tags = {name: np.array([name in own for own in of], dtype=bool) for name in mesh.cell_tags}
+    whole = np.concatenate([points, corners.reshape(-1, 3)])
+    findings = (*mesh.findings, *notes)
+    return replace(mesh, points=whole, triangles=made, cell_tags=cell_tags, findings=findings), whole
