@@ -44,16 +44,20 @@ def walked_on(
     beside = _beside(own)
     inner = [_inside(own, k, beside[k]) if own[k].body in closed else shapely.Polygon() for k in range(len(own))]
     free, notes = [], list[Finding]()
-    low_area, places = 0.0, []
+    low_area, places, stood = 0.0, [], list[BaseGeometry]()
     for k, patch in enumerate(own):
         standing = [replace(own[j], plan=inner[j]) for j in beside[k] if own[j].body != patch.body]
-        away = [inner[k], *(one.over(patch, -TOUCHING, TOUCHING) for one in standing if not one.plan.is_empty)]
-        rest = patch.without(shapely.union_all(away))
+        feet = [one.over(patch, -TOUCHING, TOUCHING) for one in standing if not one.plan.is_empty]
+        rest = patch.without(inner[k]).without(shapely.union_all(feet))
+        stood += [foot for foot in feet if foot.area > LEAST_TOP / 100.0]
         low = shapely.union_all([own[j].over(rest, TOUCHING, headroom) for j in beside[k]])
         if not low.is_empty and low.area > LEAST_TOP / 100.0:
             low_area += low.area
             places.append((*place_of(low), float(rest.height(np.array([place_of(low)]))[0])))
         free += [replace(rest, plan=part) for part in shapely.get_parts(rest.without(low).plan)]
+    if stood:
+        text = f"{len(stood)} bodies stand on the ground of others and are cut out of it, such as the one here"
+        notes.append(Finding("found", text, place=place_of(stood[0])))
     if low_area:
         text = f"{low_area:.2f} m2 with less than {headroom:g} m of height above, the first here (headroom)"
         notes.append(Finding("left out", text, place=places[0]))
