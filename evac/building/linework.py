@@ -20,6 +20,8 @@ LEAST_ROOM = 1.5
 BESIDE = 0.01
 #: Lines run into the same direction if they differ by less than 25 degrees.
 PARALLEL = 0.9
+#: An end is joined to what is at most so many times as far as what is nearest to it.
+FARTHER = 2.0
 #: So many times as far along a wall as across, its end is beside another part of it and not beside its own.
 DETOUR = 3.0
 
@@ -178,35 +180,41 @@ def _without_overshoots(pieces: Lines, gap: float) -> Lines:
 
 
 def _closings(pieces: Lines, gap: float) -> FloatArray:
-    """Return lines (c, 4) from every end of a wall to the nearest other end, or else wall, within a gap."""
+    """Return lines (c, 4) that join the ends of walls to other ends and walls within a gap, the nearest first.
+
+    Ends that are joined are one cluster, which is joined to each other end and wall once. What is much farther from an
+    end than what is nearest to it is left.
+    """
     if not len(pieces) or not gap > 0.0:
         return np.empty((0, 4))
     nodes, at, count = _nodes(pieces)
     ends = np.flatnonzero(count == 1)
-    points = shapely.points(nodes[ends])
     way = _along_walls(len(nodes), at, shapely.length(pieces), ends, DETOUR * gap)
+    one, piece = shapely.STRtree(pieces).query(shapely.points(nodes[ends]), predicate="dwithin", distance=gap)
+    start = ends[one]
+    across = shapely.shortest_line(shapely.points(nodes[start]), pieces[piece])
+    target = shapely.get_coordinates(across)[1::2]
+    far = shapely.length(across)
+    pairs = zip(start.tolist(), at[piece].tolist(), strict=True)
+    reach = np.array([min(way.get((a, b), math.inf) for b in both) for a, both in pairs])
+    is_other = (start[:, None] != at[piece]).all(axis=1) & (DETOUR * far < reach)
+    start, piece, target, far = start[is_other], piece[is_other], target[is_other], far[is_other]
+    nearest = np.full(len(nodes), math.inf)
+    np.minimum.at(nearest, start, far)
+    cluster = {int(end): {int(end)} for end in ends}
+    touched: dict[int, set[int]] = {int(end): set() for end in ends}
     closed: set[tuple[float, ...]] = set()
-    one, other = shapely.STRtree(points).query(points, predicate="dwithin", distance=gap)
-    taken = set[int]()
-    for row in np.lexsort((one, shapely.distance(points[one], points[other]))).tolist():
-        a, b = int(ends[one[row]]), int(ends[other[row]])
-        across = float(np.hypot(*(nodes[a] - nodes[b])))
-        if a < b and not taken & {a, b} and way.get((a, b), math.inf) > DETOUR * across:
-            taken |= {a, b}
-            closed.add((*nodes[a].tolist(), *nodes[b].tolist()))
-    near = shapely.STRtree(pieces)
-    for end in (end for end in ends.tolist() if end not in taken):
-        point = shapely.Point(nodes[end])
-        best: tuple[float, tuple[float, ...]] = (math.inf, ())
-        for piece in near.query(point, predicate="dwithin", distance=gap).tolist():
-            across = float(shapely.distance(point, pieces[piece]))
-            reach = min(way.get((end, int(node)), math.inf) for node in at[piece])
-            if end not in at[piece] and DETOUR * across < reach:
-                x, y = shapely.get_coordinates(shapely.shortest_line(point, pieces[piece]))[1].tolist()
-                best = min(best, (across, (*nodes[end].tolist(), x, y)))
-        if best[1] and best[0] > 0.0:
-            closed.add(best[1])
-    return np.array(sorted(closed)).reshape(-1, 4)
+    for row in np.lexsort((piece, start, far)).tolist():
+        a, k = int(start[row]), int(piece[row])
+        b = next((n for n in at[k].tolist() if n in cluster and (nodes[n] == target[row]).all()), None)
+        if far[row] > FARTHER * nearest[a] + LEAST_LENGTH or k in touched[a] or cluster[a] & set(at[k].tolist()):
+            continue
+        together = cluster[a] | (cluster[b] if b is not None else set())
+        pieces_of = touched[a] | {k} | (touched[b] if b is not None else set())
+        for end in together:
+            cluster[end], touched[end] = together, pieces_of
+        closed.add((*nodes[a].tolist(), *target[row].tolist()))
+    return np.array(sorted(one for one in closed if one[:2] != one[2:])).reshape(-1, 4)
 
 
 def _along_walls(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.attacks import accidents, kernels, keys, scenes, texts
+from tests.attacks import accidents, drawings, kernels, keys, scenes, texts
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,7 @@ FAMILIES = {
     "keys": Family(keys.cases, keys.run, 4000, 40),
     "texts": Family(texts.cases, texts.run, 200, 12),
     "scenes": Family(scenes.cases, scenes.run, 350, 6),
+    "drawings": Family(drawings.cases, drawings.run, 1200, 25),
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }
