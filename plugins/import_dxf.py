@@ -26,6 +26,10 @@ from evac.parameters import Parameter
 PREFIX = "jps-"
 #: Blocks may be nested so deeply, and a drawing may have so many entities once blocks are expanded.
 DEEPEST, MOST_ENTITIES = 30, 500_000
+#: What is read of a drawing, beside blocks; texts, dimensions, hatches and images are passed over.
+DRAWN = frozenset(
+    ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE"),
+)
 #: Curves are cut into pieces no shorter than this share of their extent.
 FINEST = 1e-4
 #: A polyline whose ends are no farther apart than this is closed [m].
@@ -68,7 +72,10 @@ class DxfImporter(Importer):
         plan = Plan(path)
         if faults:
             plan.note("warning", f"the file is damaged in {len(faults)} places and was repaired, such as: {faults[0]}")
-        shapes = [shape for shape in _shapes(document) if self._use_of(shape.layer)]
+        try:
+            shapes = [shape for shape in _shapes(document) if self._use_of(shape.layer)]
+        except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # ezdxf's, of damaged entities
+            raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
         if not any(self._use_of(shape.layer) in ("floor", "walls") for shape in shapes):
             raise ValueError(_no_floor(document))
         unit = self._metres(plan, document, shapes)
@@ -218,13 +225,13 @@ def _shapes(document: Any) -> Iterator[Shape]:
     from ezdxf.path import make_path
 
     for layer, entity in _entities(document.modelspace(), "", 0, [0]):
+        if entity.dxftype() not in DRAWN or (entity.dxftype() == "POLYLINE" and not _is_line(entity)):
+            continue
         try:
             path = make_path(entity)
             corners = [[vertex.x, vertex.y] for vertex in path.control_vertices()]
             parts = [*path.sub_paths()] if path.has_sub_paths else [path]
-        except TypeError:  # texts, images and whatever else has no path
-            continue
-        except Exception as error:
+        except Exception as error:  # of many kinds, where an entity is damaged
             handle = entity.dxf.get("handle", "")
             text = f"{entity.dxftype()} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
             raise ValueError(text) from error
@@ -232,6 +239,11 @@ def _shapes(document: Any) -> Iterator[Shape]:
             raise ValueError(f"{entity.dxftype()} on layer {layer!r}: a coordinate is not finite")
         for part in parts if corners else ():
             yield Shape(layer, part, np.array(corners))
+
+
+def _is_line(polyline: Any) -> bool:
+    """Return whether a polyline is one, and no mesh."""
+    return bool(polyline.is_2d_polyline or polyline.is_3d_polyline)
 
 
 def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[tuple[str, Any]]:

@@ -11,6 +11,7 @@ from evac.building.solids import closed_bodies, walked_on
 from evac.building.surfacemesh import TriangleMesh
 from evac.building.treads import may_have_treads, with_flights
 from evac.building.welding import weld_points
+from evac.errors import BuildingError
 
 
 def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
@@ -47,6 +48,11 @@ def walked_surface(
     mesh : TriangleMesh
     points : (w, 3) float64 [m]
         Its points.
+
+    Raises
+    ------
+    BuildingError
+        What is left cannot be cut into triangles; names the place.
     """
     vertices, index = weld_points(points, weld)
     triangles = np.unique(np.sort(index[mesh.triangles], axis=1), axis=0, return_index=True)[1]
@@ -71,7 +77,10 @@ def walked_surface(
         notes = notes + more
     if not notes:
         return mesh, points
-    corners, of = cells_of(after)
+    try:
+        corners, of = cells_of(after)
+    except ValueError as error:
+        raise BuildingError(f"{mesh.source}: {error}; repair the mesh there, or set building.headroom = 0") from error
     made = np.arange(3 * len(corners)).reshape(-1, 3) + len(points)
     cell_tags = {name: np.array([name in own for own in of], dtype=bool) for name in mesh.cell_tags}
     whole = np.concatenate([points, corners.reshape(-1, 3)])

@@ -11,7 +11,12 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IndexArray
 from evac.building.shapes import GRID, LEAST_LENGTH, flat_parts
+from evac.building.welding import weld_points
 
+#: Lines are noded on this grid, on which those that were meant to be the same are [m].
+NODING = 1e-4
+#: Corners of lines become one within this share of the gap.
+WELDED = 0.05
 #: Rooms are wider than this; narrower faces are the inside of walls drawn with both their sides [m].
 THICKEST_WALL = 0.6
 #: Smaller faces are columns, ducts or what a door sweeps, not rooms [m2].
@@ -37,7 +42,7 @@ class Faces:
     pieces : (n,) array of LineString [m]
         The lines, cut wherever they meet, and what closes their gaps.
     faces : list of polygon [m]
-        Everything that they enclose.
+        Everything that they enclose, without what is narrower than the gap: lines that were drawn twice.
     closed : (c, 4) float64 [m]
         Gaps that were closed.
     loose : list of LineString [m]
@@ -86,12 +91,15 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
     lines : sequence of LineString [m]
     gap : float [m]
     """
-    pieces = _without_overshoots(_noded(lines), gap)
+    pieces = _without_overshoots(_noded(_welded(lines, WELDED * gap)), gap)
     closed = _closings(pieces, gap)
     pieces = _noded([*pieces, *_as_lines(closed)])
     faces, cuts, dangles, _ = shapely.polygonize_full(pieces)
+    whole = shapely.get_parts(shapely.union_all(shapely.get_parts(faces), grid_size=GRID))
+    slivers = shapely.union_all([one for one in whole if one.buffer(-max(gap, LEAST_LENGTH) / 2).is_empty])
     loose = [*shapely.get_parts(cuts), *shapely.get_parts(dangles)]
-    return Faces(pieces, [*shapely.get_parts(faces)], closed, [one for one in loose if one.length > gap])
+    wide = [face for face in shapely.get_parts(faces) if not slivers.covers(face.representative_point())]
+    return Faces(pieces, wide, closed, [one for one in loose if one.length > gap])
 
 
 def rooms_of(
@@ -138,9 +146,16 @@ def rooms_of(
     return Rooms(floor, drawn.closed, np.array(inside).reshape(-1, 4), outer, outside, small)
 
 
+def _welded(lines: Sequence[BaseGeometry], distance: float) -> Lines:
+    """Return lines whose corners no farther apart than a distance are one."""
+    corners = shapely.get_coordinates([*lines])
+    vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), distance)
+    return np.asarray(shapely.set_coordinates(np.array([*lines], dtype=object), vertices[index][:, :2]))
+
+
 def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:
-    """Return lines cut wherever they meet, on the grid of plans, each into pieces of two points, in order."""
-    joined = shapely.union_all([*lines], grid_size=GRID)
+    """Return lines cut wherever they meet, on a grid, each into pieces of two points, in order."""
+    joined = shapely.union_all([*lines], grid_size=NODING)
     pieces = []
     for part in shapely.get_parts(joined):
         corners = shapely.get_coordinates(part)

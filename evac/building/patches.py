@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IndexArray
 from evac.building.components import connected_components
-from evac.building.shapes import GRID, LEAST_AREA, flat_parts
+from evac.building.shapes import GRID, LEAST_AREA, flat_parts, place_of
 from evac.building.stairs import below
 
 #: Cells are of one plane if their rises agree to this, and their heights at the origin of the patch to this [m].
@@ -109,11 +109,21 @@ def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags
 
 
 def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]]:
-    """Return patches as triangles (t, 3, 3) [m], and the tags of each."""
+    """Return patches as triangles (t, 3, 3) [m], and the tags of each.
+
+    Raises
+    ------
+    ValueError
+        A patch comes too close to itself to be cut into triangles; names the place.
+    """
     corners, tags = [np.empty((0, 3, 3))], list[frozenset[str]]()
     for patch in patches:
         for part in shapely.get_parts(patch.plan):
-            pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+            try:
+                pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+            except shapely.GEOSException as error:
+                x, y = place_of(part)
+                raise ValueError(f"the ground at ({x:z.2f}, {y:z.2f}) cannot be cut into triangles: {error}") from error
             plan = np.array([shapely.get_coordinates(piece)[:3] for piece in pieces]).reshape(-1, 2)
             solid = np.column_stack([plan, patch.height(plan)]).reshape(-1, 3, 3)
             corners.append(solid)

@@ -55,6 +55,9 @@ def walked_on(
             low_area += low.area
             places.append((*place_of(low), float(rest.height(np.array([place_of(low)]))[0])))
         free += [replace(rest, plan=part) for part in shapely.get_parts(rest.without(low).plan)]
+    bodies = len({patch.body for patch, inside in zip(own, inner, strict=True) if not inside.is_empty})
+    if bodies:
+        notes.append(Finding("found", f"{bodies} solid bodies, on the upper faces of which people walk (headroom)"))
     if stood:
         text = f"{len(stood)} bodies stand on the ground of others and are cut out of it, such as the one here"
         notes.append(Finding("found", text, place=place_of(stood[0])))

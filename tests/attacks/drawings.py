@@ -1,5 +1,6 @@
 """Attacks by drawings: DXF files and solid meshes with flaws have the ground that shapely gives, or are refused."""
 
+import itertools
 import random
 import re
 from collections.abc import Iterator
@@ -118,9 +119,8 @@ def _lines(rng: np.random.Generator, folder: Path) -> tuple[Path, dict, float | 
 def _damaged(rng: np.random.Generator, folder: Path) -> bytes:
     """Return the bytes of a sound drawing."""
     path = folder / "sound.dxf"
-    shapes = [(("walkablearea"), np.array([[0, 0], [8, 0], [8, 5], [0, 5]]) + rng.uniform(0, 9, 2), True)]
-    shapes.append(("obstacles", np.array([[9.5, 9.5], [10, 9.5], [10, 10]]), True))
-    _write(path, shapes, rng)
+    outline = np.array([[0, 0], [8, 0], [8, 5], [0, 5]])
+    _write(path, [("walkablearea", outline + rng.uniform(0, 9, 2), True) for _ in range(2)], rng)
     return path.read_bytes()
 
 
@@ -132,29 +132,70 @@ def _truncated(rng: np.random.Generator, folder: Path) -> tuple[Path, dict, None
     return path, {"unit": 1.0}, None
 
 
-def _mutated(rng: np.random.Generator, folder: Path) -> tuple[Path, dict, None]:
-    """Return a file some of whose bytes or lines, mostly among its entities, are others."""
+def _mutated(rng: np.random.Generator, folder: Path) -> tuple[Path, dict, float | None]:
+    """Return a file some of whose tags, mostly among its entities, or some of whose lines, are others."""
     content = _damaged(rng, folder)
-    lines = content.splitlines(keepends=True)
-    start = next(k for k, line in enumerate(lines) if line.strip() == b"ENTITIES") if rng.random() < 0.7 else 0
-    for _ in range(rng.integers(1, 6)):
-        k = int(rng.integers(start, len(lines)))
-        match rng.integers(5):
+    lines = content.decode().splitlines()
+    pairs = [lines[k : k + 2] for k in range(0, len(lines) - 1, 2)]
+    start = next(k for k, pair in enumerate(pairs) if pair[1] == "ENTITIES") if rng.random() < 0.8 else 0
+    for _ in range(rng.integers(1, 5)):
+        k = int(rng.integers(start, len(pairs) - 1))
+        match rng.integers(6):
             case 0:
-                lines.pop(k)
+                pairs.pop(k)
             case 1:
-                lines.insert(k, lines[rng.integers(len(lines))])
+                pairs.insert(k, pairs[rng.integers(start, len(pairs))])
             case 2:
-                lines[k] = bytes(rng.integers(0, 256, 4, dtype=np.uint8)) + b"\n"
+                pairs[k] = [pairs[k][0], str(rng.choice(np.array(["nan", "1e400", "-1", "7", "1e20", "", "0", "A"])))]
             case 3:
-                lines[k] = rng.choice(np.array([b"nan\n", b"1e400\n", b"-1\n", b"999999999999\n", b"\n", b"0\n"]))
+                pairs[k] = [pairs[k][0], bytes(rng.integers(32, 127, 4, dtype=np.uint8)).decode()]
+            case 4:
+                pairs[k] = [str(rng.integers(-5, 1100)), pairs[k][1]]
             case _:
-                other = int(rng.integers(start, len(lines)))
-                lines[k], lines[other] = lines[other], lines[k]
-        start = min(start, len(lines) - 1)
+                other = int(rng.integers(start, len(pairs)))
+                pairs[k], pairs[other] = pairs[other], pairs[k]
+    text = [line for pair in pairs for line in pair]
+    if rng.random() < 0.2:
+        text.pop(int(rng.integers(len(text))))
     path = folder / "mutated.dxf"
-    path.write_bytes(b"".join(lines))
-    return path, {"unit": float(rng.choice([0.0, 1.0]))}, None
+    path.write_text("\n".join([*text, ""]))
+    return path, {"unit": 1.0, "obstacles": ""}, _ground_of(text)
+
+
+def _ground_of(lines: list[str]) -> float | None:
+    """Return the area of the closed polylines in a file, read by the simplest parser; None if it sees anything odd."""
+    pairs = list(zip(lines[::2], lines[1::2], strict=False))
+    names = [value for _, value in pairs]
+    if len(lines) % 2 or names.count("ENTITIES") != 1 or "INSERT" in names:
+        return None
+    entities: list[list[tuple[int, str]]] = []
+    flags: dict[int, str] = {}
+    shapes, corners = [], list[tuple[float, float]]()
+    try:
+        for code, value in pairs[names.index("ENTITIES") + 1 :]:
+            if int(code) == 0:
+                entities.append([])
+            entities[-1].append((int(code), value))
+        for entity in entities:
+            kind, values = entity[0][1], dict(entity)
+            if kind in ("LWPOLYLINE", "VERTEX"):
+                corners += [(float(x), float(y)) for (a, x), (b, y) in itertools.pairwise(entity) if (a, b) == (10, 20)]
+                if 42 in values or 210 in values or 67 in values:
+                    return None
+            is_end = kind in ("LWPOLYLINE", "SEQEND")
+            flags = values if kind in ("LWPOLYLINE", "POLYLINE") else flags
+            if kind == "ENDSEC":
+                break
+            if is_end:
+                if flags.get(8) != "walkablearea" or int(flags.get(70, "0")) != 1 or len(corners) != 4:
+                    return None
+                shapes.append(shapely.Polygon(corners))
+                corners = []
+    except (ValueError, IndexError):
+        return None
+    if not shapes or not all(one.is_valid for one in shapes):
+        return None
+    return float(shapely.union_all(shapes).area)
 
 
 def _bodies(rng: np.random.Generator, folder: Path) -> tuple[Path, dict, float]:
