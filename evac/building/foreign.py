@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from evac.arrays import BoolArray, FloatArray
+from evac.building.findings import Finding
 from evac.building.patches import bodies, cells_of, patches_of
 from evac.building.polygons import least_height
 from evac.building.solids import closed_bodies, walked_on
@@ -68,7 +69,7 @@ def walked_surface(
     body = bodies(len(vertices), cells)
     tags = {name: mask[rows][~steep] for name, mask in mesh.cell_tags.items()}
     before = patches_of(vertices, cells[~steep], body[~steep], tags)
-    after, notes = before, []
+    after, notes = before, list[Finding]()
     if has_bodies:
         solid = set(body[steep].tolist())
         after, notes = walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)

@@ -191,7 +191,7 @@ def _without_overshoots(pieces: Lines, gap: float) -> Lines:
     _, at, count = _nodes(pieces)
     degree = np.sort(count[at], axis=1)
     is_over = (degree[:, 0] == 1) & (degree[:, 1] > 2) & (shapely.length(pieces) <= gap)
-    return pieces[~is_over]
+    return np.asarray(pieces[~is_over])
 
 
 def _closings(pieces: Lines, gap: float) -> FloatArray:

@@ -160,10 +160,10 @@ def _options(
             names = [*declared, *BUILDING_OPTIONS]
             raise ScenarioError(f"option {key!r}: unknown; {did_you_mean(key, names)} (of {', '.join(names)})")
     for key in given.keys() & (BUILDING_OPTIONS.keys() - declared.keys()):
-        wanted = type(BUILDING_OPTIONS[key])
+        wanted: type = type(BUILDING_OPTIONS[key])
         is_number = isinstance(given[key], int | float) and not isinstance(given[key], bool)
         if not (is_number if wanted is float else isinstance(given[key], wanted)):
-            word = {float: "a number", bool: "true or false"}.get(wanted, "a word")
+            word = "a number" if wanted is float else "true or false" if wanted is bool else "a word"
             raise ScenarioError(f"option {key!r}: must be {word}, not {given[key]!r}")
     importers = [cls(**{key: given[key] for key in given if key in cls.declared()}) for cls in classes]
     values = {key: value for importer in importers for key, value in importer.values().items()}

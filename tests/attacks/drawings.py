@@ -180,6 +180,8 @@ def _ground_of(lines: list[str]) -> float | None:
             kind, values = entity[0][1], dict(entity)
             if kind in ("LWPOLYLINE", "VERTEX"):
                 corners += [(float(x), float(y)) for (a, x), (b, y) in itertools.pairwise(entity) if (a, b) == (10, 20)]
+                if kind == "VERTEX" and [code for code, _ in entity].count(10) != 1:
+                    return None
                 if 42 in values or 210 in values or 67 in values:
                     return None
             is_end = kind in ("LWPOLYLINE", "SEQEND")
