@@ -122,7 +122,8 @@ def import_building(
     building = building_of(surface, paths[0], need_exit=False)
     place.mkdir(parents=True, exist_ok=True)
     write_surface(tagged_surface(surface, building), place / MESH)
-    angles = {key: own[key] for key in ("flat_angle", "walkable_angle") if own[key] != BUILDING_OPTIONS[key]}
+    kept = ("flat_angle", "walkable_angle", "treads")  # the others have had their effect on what is written
+    angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
     written = read_building(place / MESH, registry=registry, need_exit=False, **angles)
     openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
     chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
