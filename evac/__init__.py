@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from evac.building.model import Building as Building
     from evac.building.plan import Plan as Plan
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
-    from evac.ensemble import Ensemble as Ensemble
-    from evac.ensemble import run_many as run_many
     from evac.errors import BuildingError as BuildingError
     from evac.errors import EvacError as EvacError
     from evac.errors import PluginError as PluginError
@@ -29,6 +27,8 @@ if TYPE_CHECKING:
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
     from evac.importing import import_building as import_building
+    from evac.output.exporter import Exporter as Exporter
+    from evac.output.maps import LevelMaps as LevelMaps
     from evac.output.recorder import Recorder as Recorder
     from evac.output.results import Results as Results
     from evac.output.trajectory import Trajectory as Trajectory
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case as Case
     from evac.scenario.loading import load_case as load  # noqa: F401
     from evac.simulation import Simulation as Simulation
+    from evac.study.asking import repeat as repeat
+    from evac.study.asking import sweep as sweep
+    from evac.study.study import Study as Study
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
 _HOMES = {
@@ -53,11 +56,12 @@ _HOMES = {
     "BuildingError": "evac.errors",
     "Case": "evac.scenario.case",
     "ContactModel": "evac.physics.contact_model",
-    "Ensemble": "evac.ensemble",
     "EvacError": "evac.errors",
+    "Exporter": "evac.output.exporter",
     "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
+    "LevelMaps": "evac.output.maps",
     "Parameter": "evac.parameters",
     "Plan": "evac.building.plan",
     "PluginError": "evac.errors",
@@ -70,6 +74,7 @@ _HOMES = {
     "Simulation": "evac.simulation",
     "SimulationError": "evac.errors",
     "Solver": "evac.physics.solver",
+    "Study": "evac.study.study",
     "SurfaceMesh": "evac.building.surfacemesh",
     "Trajectory": "evac.output.trajectory",
     "hookimpl": "evac.hookspecs",
@@ -77,9 +82,10 @@ _HOMES = {
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
     "read_trajectory": "evac.output.trajectory",
+    "repeat": "evac.study.asking",
     "resume": "evac.running",
     "run": "evac.running",
-    "run_many": "evac.ensemble",
+    "sweep": "evac.study.asking",
 }
 
 __all__ = list(_HOMES)

@@ -1,5 +1,6 @@
 """From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
 from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code, text_of
+from evac.plan import field_settings
 from evac.registry import BUILTIN_IMPORTERS, Registry
 
 if TYPE_CHECKING:
@@ -79,6 +81,34 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     return build_building(read_surface(importer, path, registry), path, **options)
 
 
+def ground_key(case: "Case") -> str:
+    """Return a digest that two cases have in common only where their building and directions are the same.
+
+    It covers the file of the building and how it is read, and everything that the directions depend on. What groups
+    of people, contact models and behaviours do not share with these may differ, as may the seed.
+
+    Raises
+    ------
+    BuildingError
+        The file of the building cannot be read.
+    """
+    importers = make_importers(case)
+    try:
+        content = case.mesh.read_bytes() if case.mesh is not None else b""
+    except OSError as error:
+        raise BuildingError(f"{case.mesh}: cannot be read: {error.strerror}; check the path") from error
+    parts = (
+        str(case.mesh or case.source),
+        hashlib.sha256(content).hexdigest(),
+        case.registry.providers(importers),
+        [importer.values() for importer in importers],
+        case.building.model_dump(),
+        case.building.options(),
+        field_settings(case, make_behaviours(case), full=False),
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
 def make_importers(case: "Case") -> "list[Importer]":
     """Return the importer of the building's file, with its parameters; none if the case holds the plan itself.
 
@@ -134,6 +164,12 @@ def make_recorders(case: "Case") -> "list[Recorder]":
     """Return the recorders in use: all that are registered but those switched off."""
     given = {name: case.recorders.get(name, {}) for name in case.registry.recorders}
     return _all_made(case, "recorder", given)
+
+
+def providers(case: "Case") -> list[str]:
+    """Return name and version of each plugin that a case names, and of those with a part in every run."""
+    used = [*make_importers(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
+    return case.registry.providers([*used, *make_recorders(case)])
 
 
 def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:

@@ -18,6 +18,7 @@ BASES = {
     "behaviour": ("evac.behaviour", "Behaviour"),
     "recorder": ("evac.output.recorder", "Recorder"),
     "importer": ("evac.building.importer", "Importer"),
+    "exporter": ("evac.output.exporter", "Exporter"),
 }
 
 #: Names that would hide a key of their section.
@@ -119,6 +120,11 @@ def check_class(cls: Any, plugin: str) -> str:
         raise PluginError(
             f"plugin {plugin}: {cls.__name__}.suffixes must be a tuple of endings in lower case such as ('.obj',), "
             f"not {getattr(cls, 'suffixes', None)!r}"
+        )
+    if kind == "exporter" and getattr(cls, "suffix", None) != "" and not _are_suffixes((cls.suffix,)):
+        raise PluginError(
+            f"plugin {plugin}: {cls.__name__}.suffix must be an ending in lower case such as '.csv', or empty for a "
+            f"folder, not {cls.suffix!r}"
         )
     if (kind, name) in RESERVED:
         raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; take another")

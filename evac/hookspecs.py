@@ -9,6 +9,7 @@ import pluggy
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
     from evac.building.importer import Importer
+    from evac.output.exporter import Exporter
     from evac.output.recorder import Recorder
     from evac.output.results import Results
     from evac.physics.contact_model import ContactModel
@@ -54,6 +55,11 @@ def evac_recorders() -> "Sequence[type[Recorder]]":  # type: ignore[empty-body]
 @hookspec
 def evac_importers() -> "Sequence[type[Importer]]":  # type: ignore[empty-body]
     """Return importer classes, which read files of buildings."""
+
+
+@hookspec
+def evac_exporters() -> "Sequence[type[Exporter]]":  # type: ignore[empty-body]
+    """Return exporter classes, which write recorded runs in formats of other programs."""
 
 
 @hookspec

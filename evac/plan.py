@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.build import build_fields
@@ -50,19 +50,23 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
     return tuple(dict.fromkeys(wanted))
 
 
+def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> dict[str, Any]:
+    """Return what the directions of a case depend on beside its building: the arguments of `build_fields`."""
+    settings = case.directions
+    return {
+        "routes": needed_routes(case, behaviours, full),
+        "spacing": settings.spacing,
+        "clearance": default_clearance(case) if settings.clearance is None else settings.clearance,
+        "narrowest": narrowest_body(case),
+        "speeds": reference_speeds(case),
+        "comfort": settings.comfort,
+        "order": settings.order,
+    }
+
+
 def solve_fields(case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool) -> Fields:
     """Return the directions of a building for the routes that somebody can take, as the case wants them."""
-    settings = case.directions
-    return build_fields(
-        building,
-        needed_routes(case, behaviours, full),
-        spacing=settings.spacing,
-        clearance=default_clearance(case) if settings.clearance is None else settings.clearance,
-        narrowest=narrowest_body(case),
-        speeds=reference_speeds(case),
-        comfort=settings.comfort,
-        order=settings.order,
-    )
+    return build_fields(building, **field_settings(case, behaviours, full))
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
@@ -156,7 +160,7 @@ def explain(
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)
     parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
-    for name in ("animation", "picture"):
+    for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
         parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))
     return parts

@@ -35,6 +35,15 @@ BUILTIN_IMPORTERS = (
     "evac_plugins.import_wkt",
 )
 
+#: Modules of the built-in exporters; enough to export a recorded run.
+BUILTIN_EXPORTERS = (
+    "evac_plugins.export_csv",
+    "evac_plugins.export_geojson",
+    "evac_plugins.export_jupedsim",
+    "evac_plugins.export_parquet",
+    "evac_plugins.export_vtk",
+)
+
 #: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
 BUILTIN_PLUGINS = (
     "evac_plugins.contact_dem",
@@ -49,7 +58,9 @@ BUILTIN_PLUGINS = (
     "evac_plugins.behaviour_route_choice",
     "evac_plugins.behaviour_headway",
     "evac_plugins.recorder_trajectory",
+    "evac_plugins.recorder_replay",
     *BUILTIN_IMPORTERS,
+    *BUILTIN_EXPORTERS,
     "evac_plugins.cases",
 )
 
@@ -61,6 +72,7 @@ KINDS = {
     "behaviour": "evac_behaviours",
     "recorder": "evac_recorders",
     "importer": "evac_importers",
+    "exporter": "evac_exporters",
     "case": "evac_building_cases",
 }
 
@@ -91,7 +103,7 @@ class Provenance:
 
 
 class Registry:
-    """Everything a case can name: contact models, forces, behaviours, recorders, importers and shipped cases.
+    """Everything that plugins provide: contact models, forces, behaviours, importers, exporters, shipped cases, ...
 
     Parameters
     ----------
@@ -104,7 +116,7 @@ class Registry:
     ----------
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
-    contact_models, solvers, forces, behaviours, recorders, importers : dict of str to class
+    contact_models, solvers, forces, behaviours, recorders, importers, exporters : dict of str to class
         By name; to be read only.
     cases : dict of str to Path
         Folder of each shipped case.
@@ -129,6 +141,7 @@ class Registry:
         self.behaviours: dict[str, type[Any]] = self._tables["behaviour"]
         self.recorders: dict[str, type[Any]] = self._tables["recorder"]
         self.importers: dict[str, type[Any]] = self._tables["importer"]
+        self.exporters: dict[str, type[Any]] = self._tables["exporter"]
         self.cases: dict[str, Path] = self._tables["case"]
         self._owners: dict[tuple[str, str], str] = {}
         version = importlib.metadata.version("evac")
@@ -152,7 +165,8 @@ class Registry:
         Parameters
         ----------
         kind : str
-            ``"contact_model"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"`` or ``"case"``.
+            ``"contact_model"``, ``"solver"``, ``"force"``, ``"behaviour"``, ``"recorder"``, ``"importer"``,
+            ``"exporter"`` or ``"case"``.
 
         Raises
         ------

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.checkpoints import Checkpoints, find_checkpoint
+from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
 from evac.errors import EvacError, ResultError, ScenarioError, note
 from evac.output.files import (
@@ -22,6 +23,7 @@ from evac.output.resultfolder import ResultFolder
 from evac.output.results import Results
 from evac.output.trajectory import read_trajectory
 from evac.phases import Phases, Progress
+from evac.scenario.loading import as_case
 from evac.scenario.overrides import parsed
 from evac.simulation import Simulation
 
@@ -31,19 +33,19 @@ if TYPE_CHECKING:
 
 
 def run(
-    case: "Case",
+    case: "Case | str | Path | Mapping[str, Any]",
     folder: str | Path | None = None,
     *,
     full: bool = False,
     checkpoint: float | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Run a case to its end and return the results.
 
     Parameters
     ----------
-    case : Case
-        From `evac.load`.
+    case : Case, str, Path or mapping
+        From `evac.load`, or what `evac.load` takes.
     folder : str or Path, optional
         Result folder: new, empty, or that of an earlier run, which is replaced once this one has ended. None writes
         nothing.
@@ -51,8 +53,9 @@ def run(
         Do even what the scene does not need; gives the same bits, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` goes on after a kill. None keeps none.
-    progress : callable, optional
-        Called with a `Progress` at every tick.
+    progress : callable or bool, optional
+        Called with a `Progress` at every tick. None shows a bar on a terminal and a line in a notebook; True shows
+        lines elsewhere too, and False nothing.
 
     Returns
     -------
@@ -61,21 +64,23 @@ def run(
     Raises
     ------
     EvacError
-        The building, the people or the plugins do not fit together, a step cannot be made, or the folder
+        The case, the building, the people or the plugins do not fit together, a step cannot be made, or the folder
         cannot be written or is being written by another run.
 
     Examples
     --------
-    >>> results = run(load("classroom"), "classroom-result")  # doctest: +SKIP
+    >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
     """
+    case = as_case(case)
     if folder is None:
         if checkpoint is not None:
             raise ScenarioError("checkpoints need a result folder; give one")
-        return Simulation(case, None, full).run(progress)
-    with ResultFolder(folder) as place:
+        with displayed(progress) as shown:
+            return Simulation(case, None, full).run(shown)
+    with ResultFolder(folder) as place, displayed(progress) as shown:
         simulation = Simulation(case, place.running, full)
         place.start()
-        return run_into(simulation, place, progress, checkpoint=checkpoint)
+        return run_into(simulation, place, shown, checkpoint=checkpoint)
 
 
 def resume(
@@ -87,7 +92,7 @@ def resume(
     registry: "Registry | None" = None,
     checkpoint: float | None = None,
     allow_differences: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Go on with a run that was killed or stopped, from its last checkpoint; to the same bits as if it had not been.
 
@@ -107,8 +112,8 @@ def resume(
     allow_differences : bool
         Go on even where versions, kernels, plugins or the building's file are not as they were; the results then
         may not be those of a run that was never stopped, and the summary says so.
-    progress : callable, optional
-        Called with a `Progress` at every tick.
+    progress : callable or bool, optional
+        As for `run`.
 
     Returns
     -------
@@ -126,9 +131,9 @@ def resume(
     >>> results = resume("classroom-result")  # doctest: +SKIP
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
-    with ResultFolder(folder if out is None else out) as place:
+    with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
         simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences)
-        return run_into(simulation, place, progress, checkpoint=every if checkpoint is None else checkpoint)
+        return run_into(simulation, place, shown, checkpoint=every if checkpoint is None else checkpoint)
 
 
 def resumed(
@@ -241,10 +246,10 @@ def run_into(
 
 
 def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
-    """Write everything but the trajectory, which the run has written, to its folder.
+    """Write everything but trajectory and replay, which the run has written, to its folder.
 
-    Always egress.csv, people.csv and summary.json; egress.png where ``output.picture`` is true, the VTK
-    animation where ``output.animation`` is.
+    Always summary.json; egress.csv and people.csv where ``output.tables`` is true, egress.png where ``output.picture``
+    is, the VTK animation where ``output.animation`` is.
 
     Parameters
     ----------
@@ -265,7 +270,8 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
         A file cannot be written.
     """
     try:
-        results.write_tables(folder)
+        if results.case.output.tables:
+            results.write_tables(folder)
         if results.case.output.picture:
             from evac.output.pictures import draw_egress
 
@@ -284,7 +290,8 @@ def _look(simulation: Simulation, place: ResultFolder) -> None:
     """See that all that was written is there."""
     place.check()
     simulation.recording.check_files()
-    check_lengths(place.running, dict.fromkeys((EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME), 1))
+    tables = (EGRESS_NAME, PEOPLE_NAME) if simulation.case.output.tables else ()
+    check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
 
 
 def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
@@ -294,7 +301,10 @@ def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacE
         if simulation.step > first:
             simulation.ended = simulation.ended or FAILED
             if not (place.running / SUMMARY_NAME).is_file():
-                replace(simulation.results(), plugin_files=simulation.recording.plugin_files()).write(place.running)
+                results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
+                if results.case.output.tables:
+                    results.write_tables(place.running)
+                results.write_summary(place.running)
             error.add_note(f"what the run has done until then is in {place.publish_if_new()}")
         elif not first:
             place.discard(simulation.recording.plugin_files())

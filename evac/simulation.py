@@ -17,6 +17,7 @@ from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import naming, noting, plugin_code
 from evac.jit.loading import addresses_of
+from evac.jit.workers import Progress as Compiling
 from evac.output.recorder import Recorder
 from evac.output.recording import Recording, metrics
 from evac.output.results import Results
@@ -33,7 +34,7 @@ from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.registry import Registry
 from evac.scenario.trust import run_plugin_files
-from evac.scene import Scene
+from evac.scene import Ground, Scene, make_ground
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
@@ -50,7 +51,8 @@ class Simulation:
         Result folder for the recorders; None keeps nothing on disk.
     full : bool
         Do even what the scene does not need; gives the same bits, slower.
-
+    ground : Ground, optional
+        That of a simulation whose case has the same `evac.assembly.ground_key`; made here if not given.
     will_run : bool
         False for a look at what is ready before the first step: kernels of the step loop are then not loaded yet.
     compiling : callable, optional
@@ -88,20 +90,20 @@ class Simulation:
         folder: Path | None = None,
         full: bool = False,
         *,
+        ground: Ground | None = None,
         will_run: bool = True,
-        compiling: Callable[[int, int], None] | None = None,
+        compiling: Compiling | None = None,
     ) -> None:
         self.case = case = run_plugin_files(case)
         self.registry: Registry = case.registry
-        self.folder = folder
-        self.full = full
+        self.folder, self.full = folder, full
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
         with self.phases.enter("preparation"):
-            self._make(will_run, compiling)
+            self._make(ground, will_run, compiling)
 
-    def _make(self, will_run: bool, compiling: Callable[[int, int], None] | None) -> None:
+    def _make(self, ground: Ground | None, will_run: bool, compiling: Compiling | None) -> None:
         """Make everything that the case names, and let the plugins prepare."""
         case, full = self.case, self.full
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
@@ -110,22 +112,22 @@ class Simulation:
         forces, behaviours = assembly.make_forces(case), assembly.make_behaviours(case)
         self.forces = plan.needed_forces(forces, full)
         with self.phases.enter("building"):
-            building = assembly.make_building(case)
+            building = ground.building if ground else assembly.make_building(case)
             check_people(case, building)
         with self.phases.enter("kernels"):
             kernels = plan.run_kernels(case, building, self.contact, self.forces, behaviours, full) if will_run else []
             addresses_of([*plan.set_up_kernels(), *kernels], compiling)
-        self._build(building, behaviours)
+        self._build(building, ground, behaviours)
         self._prepare()
         self.plan = self._plan(forces, behaviours)
         self.registry.call_all("evac_prepare", simulation=self)
 
-    def _build(self, building: Building, behaviours: list[Behaviour]) -> None:
+    def _build(self, building: Building, ground: Ground | None, behaviours: list[Behaviour]) -> None:
         """Make the stations of the main path that follow the building, one from the other."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
-            self.scene = Scene(building, solve(building), solve)
+            self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)

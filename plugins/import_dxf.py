@@ -63,12 +63,13 @@ class DxfImporter(Importer):
     gap = Parameter(0.1, "ends of lines no farther from another line are joined to it", unit="m", minimum=0.0)
     door = Parameter(2.5, "widest interruption of a wall that is a door; 0: none", unit="m", minimum=0.0)
     wall = Parameter(0.1, "thickness of walls drawn as one line between two rooms", unit="m", minimum=0.01)
+    repair = Parameter(False, "whether to read what ezdxf can repair of a damaged file; the rest is lost")
     deviation = Parameter(0.002, "how far the polygon of a curve may be off it", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
         """Read the drawing; raise ValueError if it is damaged or none of its layers is a floor."""
         optional_library(path, "ezdxf", "dxf")
-        document, faults = _opened(path)
+        document, faults = _opened(path, self.repair)
         plan = Plan(path)
         if faults:
             plan.note("warning", f"the file is damaged in {len(faults)} places and was repaired, such as: {faults[0]}")
@@ -201,8 +202,8 @@ class Drawn:
         return shapely.Polygon(self.line.coords)
 
 
-def _opened(path: Path) -> tuple[Any, list[str]]:
-    """Return the document of a file, and what ezdxf had to repair in it."""
+def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
+    """Return the document of a file, and what ezdxf had to repair in it if it may."""
     import ezdxf
     from ezdxf import recover
 
@@ -213,6 +214,8 @@ def _opened(path: Path) -> tuple[Any, list[str]]:
     try:
         return ezdxf.readfile(path), []
     except Exception as first:  # of many kinds, where a file is damaged
+        if not repair:
+            raise ValueError(f"no DXF, or damaged: {text_of(first)} (repair = true reads the rest)") from first
         try:
             document, auditor = recover.readfile(path)
         except Exception:

@@ -25,7 +25,7 @@ MOST_DEGREES = 0.05
 MAJOR, MINOR = 6378137.0, 6356752.314245
 
 
-class GeoJsonImporter(Importer):
+class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
     Without `kind`, polygons are ground of their storey and lines are exits.
@@ -165,4 +165,4 @@ evac_interface = 2
 @hookimpl
 def evac_importers() -> Sequence[type[Importer]]:
     """Return the importer."""
-    return [GeoJsonImporter]
+    return [GeojsonImporter]

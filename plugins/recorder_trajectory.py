@@ -11,7 +11,7 @@ from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.results import versions
-from evac.output.trajectory import TrajectoryWriter
+from evac.output.trajectory_writer import TrajectoryWriter
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -19,14 +19,16 @@ if TYPE_CHECKING:
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); without a folder it keeps nothing."""
+    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); nothing without a folder, or where
+    ``output.trajectory`` is false.
+    """
 
     name = "trajectory"
     _writer: TrajectoryWriter | None = None
 
     def start(self, simulation: "Simulation") -> None:
         """Write the header: the building, the groups and what the run was made with."""
-        if simulation.folder is not None:
+        if simulation.folder is not None and simulation.case.output.trajectory:
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
             self._recorded = -1.0

@@ -14,7 +14,7 @@ def test_ten_lines(tmp_path):
     case = evac.load("square_room", ["simulation.seed=3"])
     case = case.change({"people.people.number": 12, "contact.model": "dem"})
     results = evac.run(case, tmp_path / "result")
-    assert results.evacuated == results.people == 12
+    assert results.evacuated == results.number_of_people == 12
     time, number_out = results.egress()
     np.testing.assert_array_equal(number_out, np.arange(13))
     trajectory = evac.read_trajectory(tmp_path / "result")

@@ -114,7 +114,7 @@ def test_as_a_user_sees_it(name, command, tmp_path):
         (["run", "square_room", "--set", "contact.model"], r"dotted\.key=value"),
         (["run", "square_room", "--plugin", "nowhere.py"], r"nowhere\.py"),
         (["check", "square_room", "--set", "people.people.exits=['dor']"], "'dor'; .*'door'"),
-        (["export", "nowhere", "--vtk"], "nowhere: "),
+        (["export", "nowhere"], "nowhere: "),
         (["render", "nowhere"], "nowhere: "),
     ],
 )

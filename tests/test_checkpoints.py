@@ -300,7 +300,7 @@ def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
     with pytest.raises(ScenarioError, match=r"building\.scale.* cannot change"):
         evac.resume(tmp_path / "r", {"building.scale": 2.0}, out=tmp_path / "other")
     assert not (tmp_path / "other").exists()
-    inside = evac.read_trajectory(tmp_path / "r").frame(-1)["person"]
+    inside = evac.read_trajectory(tmp_path / "r")[-1]["person"]
     results = evac.resume(tmp_path / "r", change, out=tmp_path / "other")
     assert (results.crowd.exit_used[inside] == 1).all()
     assert (results.crowd.exit_used == 0).any()

@@ -21,7 +21,8 @@ def plan_of(case, changes=(), full=False):
 def test_square_room_needs_next_to_nothing():
     plan, simulation = plan_of("square_room")
     needed = {name for name, (is_in, _) in plan.items() if is_in}
-    assert needed == {"fields: fastest", "contact solves", "solver accelerated_sweeps", "animation", "picture"}
+    outputs = {"tables", "picture", "replay", "trajectory", "animation"}
+    assert needed == {"fields: fastest", "contact solves", "solver accelerated_sweeps", *outputs}
     assert plan["portals"][1] == "0 portals between 1 levels"
     assert simulation.fields.routes == (Route(),)
     assert simulation.forces == []

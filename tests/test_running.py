@@ -11,7 +11,6 @@ import pytest
 
 import evac
 from evac.ending import INTERRUPTED, Stopped
-from evac.ensemble import run_many
 from evac.errors import PluginError, ResultError, SimulationError
 from evac.output.resultfolder import ResultFolder
 from evac.running import run
@@ -41,11 +40,11 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
         "output.picture": False,
     }
     case = evac.load("square_room", changes)
-    run_many(case, 1, workers=1).write(tmp_path / "r")
-    assert (tmp_path / "r" / "runs.csv").is_file()
+    evac.repeat(case, 1, workers=1, folder=tmp_path / "r")
+    assert (tmp_path / "r" / "runs.parquet").is_file()
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac"}
+    assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
 RECORDER = """
@@ -118,7 +117,7 @@ def test_a_run_that_fails_leaves_its_tables(tmp_path):
 
 
 def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
-    case = evac.load("square_room", {"people.people.speed": 5000.0, "contact.model": "dem", "simulation.step": 0.001})
+    case = evac.load("square_room", {"people.people.speed": 100.0, "people.people.tau": 0.01, "simulation.step": 0.01})
     with pytest.raises(SimulationError) as caught:
         run(case, tmp_path / "result")
     assert any("people.people.speed is" in line for line in caught.value.__notes__)
@@ -239,9 +238,9 @@ def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
     monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
     monkeypatch.setattr("builtins.open", noting(open))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
-    assert results.people == 20
+    assert results.number_of_people == 20
     written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
-    assert {"summary.json", "people.csv", "egress.png", "building.vtp"} <= {Path(path).name for path in written}
+    assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
     assert sorted(name.replace("r.running", "r") for name in opened) == sorted(written)
 
 

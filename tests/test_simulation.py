@@ -23,7 +23,7 @@ def test_square_room_empties(model):
     results = simulation.run()
     assert simulation.ended == EVERYBODY_OUT
     assert simulation.time == simulation.step * 0.01
-    assert results.people == 20
+    assert results.number_of_people == 20
     crowd = simulation.population.crowd
     assert (crowd.level == -1).all()
     assert (crowd.exit_used == 0).all()
@@ -143,7 +143,7 @@ def test_ends_when_the_duration_is_over():
     results = simulation.run()
     assert simulation.ended == DURATION_OVER
     assert (simulation.step, simulation.time) == (205, pytest.approx(2.05))
-    assert results.people - results.evacuated == 20
+    assert results.number_of_people - results.evacuated == 20
 
 
 def test_ends_when_nobody_gets_on():

@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.findings import Finding, warnings_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2
@@ -163,6 +167,21 @@ class Building:
     stairs: dict[str, tuple[int, ...]]
     findings: tuple[Finding, ...] = field(default=())
     closed: frozenset[int] = frozenset()
+
+    def __repr__(self) -> str:
+        exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
+        return f"<Building {self.source.name}: {len(self.levels)} levels, exits {exits}>"
+
+    def plot(self) -> "Figure":
+        """Return the plan of every storey, with names, widths and warnings, as a figure of matplotlib."""
+        from evac.output.notebook import building_figure
+
+        return building_figure(self)
+
+    def _repr_html_(self) -> str:
+        from evac.output.notebook import figure_html
+
+        return figure_html(self.plot(), "plans of the storeys")
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _compile(plugins: list[str]) -> None:
-    from evac.cli.progress import Display
+    from evac.display import Display
     from evac.jit.loading import addresses_of
     from evac.registry import Registry
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from evac.cli.cases import case_of, declare_case
-from evac.cli.progress import Display
 from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.display import Display
 from evac.errors import BuildingError, EvacError
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _known_part(case: "Case") -> "Case | None":
 def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]", title: str) -> None:
     """Draw the levels, if a picture is asked for."""
     if path is not None:
-        from evac.output.floorplan import draw_levels
+        from evac.output.annotated import draw_levels
 
         draw_levels(building, path, findings, title=title)
         print(f"drawn: {path}")

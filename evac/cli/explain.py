@@ -7,8 +7,8 @@ themselves what they need: plugin files of the case are run, as by `evac run`.
 import argparse
 
 from evac.cli.cases import case_to_run, declare_case
-from evac.cli.progress import Display
 from evac.cli.screen import show_table
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -1,26 +1,59 @@
-"""evac export: write what a run recorded in another format.
+"""evac export: write what a run recorded in a format of other programs.
 
-Works on a run that goes on, and on what is left of a killed one, as well.
+Works on a run that goes on, and on what is left of a killed one, as well. Formats are plugins: `evac plugins` lists
+them with the other plugins.
 """
 
 import argparse
+import sys
 from pathlib import Path
+from typing import Any
 
+from evac.cli.cases import declare_plugin
 from evac.cli.results import declare_result, trajectory_of
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_result(parser)
-    parser.add_argument("--vtk", action="store_true", required=True, help="as a VTK animation for ParaView (.pvd)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="where to (default: the result folder)")
+    parser.add_argument(
+        "--to", default="vtk", metavar="FORMAT", help="vtk (default), jupedsim, csv, parquet, geojson, or of a plugin"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="file, or folder for formats of several files (default: RESULT/export/..., of vtk RESULT)",
+    )
+    parser.add_argument(
+        "--set", dest="parameters", metavar="NAME=VALUE", nargs="+", default=[], help="parameters of the exporter"
+    )
+    declare_plugin(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Write animation.pvd and its files."""
-    from evac.output.vtk_export import export_vtk
+    """Write the files and name those that a user opens."""
+    from evac.output.exporter import export
+    from evac.registry import BUILTIN_EXPORTERS, Registry
 
+    registry = Registry(arguments.plugins, builtins=BUILTIN_EXPORTERS)
+    exporter = registry.get("exporter", arguments.to)(**_values(arguments.parameters))
     trajectory = trajectory_of(arguments)
-    path = export_vtk(trajectory, arguments.out or trajectory.path.parent)
-    print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s in {path}")
+    for path in export(trajectory, exporter, arguments.out):
+        print(path)
+    if len(trajectory):
+        print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
     return 0
+
+
+def _values(words: list[str]) -> dict[str, Any]:
+    """Return parameters given as NAME=VALUE."""
+    if not words:
+        return {}
+    from evac.errors import ScenarioError
+    from evac.scenario.overrides import parsed
+
+    pairs, problems = parsed(words)
+    if problems:
+        raise ScenarioError(f"--set {problems[0].key[0]}: {problems[0].text}")
+    return dict(pairs)

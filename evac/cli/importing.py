@@ -50,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
     options = dict(_option(text) for text in arguments.options)
     exits = [int(one) for one in _numbers("--exit", arguments.exits)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
-    from evac.cli.progress import Display
+    from evac.display import Display
 
     with Display(has_lines=False) as display:
         display.phase("reading the building")

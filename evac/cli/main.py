@@ -24,6 +24,7 @@ COMMANDS = {
     "run": "evac.cli.run",
     "resume": "evac.cli.resume",
     "repeat": "evac.cli.repeat",
+    "sweep": "evac.cli.sweep",
     "list": "evac.cli.catalogue",
     "check": "evac.cli.check",
     "import": "evac.cli.importing",
@@ -31,8 +32,10 @@ COMMANDS = {
     "explain": "evac.cli.explain",
     "plugins": "evac.cli.plugins",
     "cache": "evac.cli.cache",
+    "replay": "evac.cli.replay",
     "export": "evac.cli.export",
     "render": "evac.cli.render",
+    "map": "evac.cli.map",
     "evidence": "evac.cli.evidence",
 }
 

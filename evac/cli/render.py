@@ -10,6 +10,9 @@ from pathlib import Path
 from evac.cli.results import declare_result, trajectory_of
 from evac.output.files import FILM_NAME, PICTURE_NAME
 
+#: Width and height of pictures and of films [pixels].
+PICTURE_SIZE, FILM_SIZE = (1600, 1200), (960, 720)
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -21,28 +24,48 @@ def declare(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="what to draw: .png or .jpg a picture, .gif or .mp4 a film (default: picture.png and film.gif in RESULT)",
     )
+    parser.add_argument(
+        "--view", choices=("3d", "plan"), default="3d", help="from a slant, or straight from above (3d)"
+    )
+    parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
+    parser.add_argument(
+        "--colour-by",
+        choices=("group", "speed", "density", "contact_force", "waiting"),
+        default="group",
+        help="what the colours of people mean (group)",
+    )
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
     parser.add_argument("--speed", type=float, default=5.0, metavar="N", help="simulated seconds per second (5)")
-    parser.add_argument("--stretch", type=float, metavar="N", help="factor on heights (default: to look into storeys)")
-    parser.add_argument("--colour-by", choices=("group", "speed"), default="group", help="what colours mean (group)")
+    parser.add_argument(
+        "--size", type=int, nargs=2, metavar=("W", "H"), help="pixels (picture 1600 1200, film 960 720)"
+    )
+    camera = parser.add_argument_group("camera of the 3d view")
+    camera.add_argument("--azimuth", type=float, metavar="DEG", help="side to look from, counterclockwise from x")
+    camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the look with the horizontal")
+    camera.add_argument("--stretch", type=float, metavar="N", help="factor on heights (default: to look into storeys)")
+    camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="factor on the size (1)")
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Draw each file asked for."""
     from evac.cli.screen import show_warnings
-    from evac.output.render import FILMS, render_animation, render_picture
-    from evac.output.scene import LEGEND_GROUPS
+    from evac.output.camera import Camera
+    from evac.output.colouring import LEGEND_GROUPS
+    from evac.output.render import FILMS, Renderer, render_animation, render_picture
 
+    camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
     trajectory = trajectory_of(arguments)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
         show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])
-    look = {"stretch": arguments.stretch, "colour_by": arguments.colour_by}
     for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)
-        if path.suffix in FILMS:
-            render_animation(trajectory, path, fps=arguments.fps, speed=arguments.speed, **look)
+        is_film = path.suffix in FILMS
+        size = tuple(arguments.size) if arguments.size else FILM_SIZE if is_film else PICTURE_SIZE
+        renderer = Renderer(trajectory, size, arguments.view, camera, arguments.level, arguments.colour_by)
+        if is_film:
+            render_animation(renderer, path, arguments.fps, arguments.speed)
         else:
-            render_picture(trajectory, path, time=arguments.time, **look)
+            render_picture(renderer, path, arguments.time)
     return 0

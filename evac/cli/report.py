@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
-from evac.output.files import ANIMATION_NAME
+from evac.output.files import ANIMATION_NAME, REPLAY_NAME
 from evac.output.results import Results
 
 #: So many people who can no longer move are listed; summary.json has all.
@@ -23,8 +23,9 @@ def show_results(results: Results, folder: Path) -> None:
     phases = [*wall.items(), ("all", sum(wall.values()))]
     show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
     _show_left(summary, results)
-    animation = f", {ANIMATION_NAME} (ParaView)" if (folder / ANIMATION_NAME).is_file() else ""
-    show_facts({"results in": f"{folder}{animation}"})
+    shown = {REPLAY_NAME: "browser", ANIMATION_NAME: "ParaView"}
+    files = [f", {name} ({where})" for name, where in shown.items() if (folder / name).is_file()]
+    show_facts({"results in": "".join([str(folder), *files])})
 
 
 def _show_outcome(summary: dict[str, Any]) -> None:

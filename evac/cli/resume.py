@@ -9,8 +9,8 @@ import argparse
 from pathlib import Path
 
 from evac.cli.cases import declare_plugin, tell_plugin_file
-from evac.cli.progress import Display
 from evac.cli.run import declare_checkpoint
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

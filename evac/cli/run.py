@@ -10,7 +10,7 @@ import math
 from pathlib import Path
 
 from evac.cli.cases import case_to_run, declare_case, default_folder
-from evac.cli.progress import Display
+from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--full", action="store_true", help="do even what the scene does not need: the same trajectories, slower"
     )
+    parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     parser.add_argument(
         "--tolerance",
         type=float,
@@ -47,7 +48,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
         case = case_to_run(arguments)
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
-        case = case.change(chosen) if chosen else case
+        changes = chosen | ({"output.animation": True} if arguments.vtk else {})
+        case = case.change(changes) if changes else case
         from evac.cli.running import run_shown, show_run
         from evac.output.files import CHECKPOINT_NAME
         from evac.output.resultfolder import ResultFolder

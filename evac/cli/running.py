@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from evac.cli.progress import Display
 from evac.cli.streams import notify
+from evac.display import Display
 
 if TYPE_CHECKING:
     from evac.output.resultfolder import ResultFolder

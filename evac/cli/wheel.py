@@ -63,7 +63,7 @@ def compile_into(code: str) -> None:
     """Compile all kernels of this process's evac for the generic processor into the folder of an unpacked wheel."""
     import evac
     from evac.cli.cache import all_entries
-    from evac.cli.progress import Display
+    from evac.display import Display
     from evac.jit.digest import digest_of, versions
     from evac.jit.loading import compile_missing
     from evac.jit.processor import generic

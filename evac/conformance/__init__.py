@@ -5,7 +5,7 @@
     from evac.conformance import check_plugin
 
     def test_my_model():
-        check_plugin(MyModel)                       # contact model, solver, force, recorder
+        check_plugin(MyModel)                       # contact model, solver, force, recorder, exporter
         check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
         check_plugin(MyImporter, case)              # an importer with a case whose building it reads
 
@@ -20,11 +20,13 @@ from evac.behaviour import Behaviour, check_writes
 from evac.building.importer import Importer
 from evac.conformance.cases import check_declared_arrays, check_goes_on, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
+from evac.conformance.exporters import EXPORTER_CHECKS, recorded
 from evac.conformance.forces import check_pair_force
 from evac.conformance.importers import check_damaged_files, check_surface
 from evac.conformance.solvers import SOLVER_CHECKS
 from evac.contract import check_class, check_interface
 from evac.errors import PluginError, plugin_code
+from evac.output.exporter import Exporter
 from evac.output.recorder import Recorder
 from evac.parameters import Configurable, Parameter
 from evac.physics.contact_model import ContactModel
@@ -47,7 +49,7 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     Parameters
     ----------
     cls : type
-        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder` or `Importer`.
+        A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder`, `Importer` or `Exporter`.
     case : Case, optional
         Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use. Without a
         case, an importer is tried on damaged files only.
@@ -71,6 +73,11 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
                 check_solver(cls)
         elif issubclass(cls, Force):
             check_pair_force(cls(**values))
+        elif issubclass(cls, Exporter):
+            with recorded(case or load_case(SHIPPED_CASE), ticks) as trajectory:
+                for check_exporter in EXPORTER_CHECKS:
+                    check_exporter(cls(**values), trajectory)
+            return
         elif issubclass(cls, Importer):
             check_damaged_files(cls(**values))
             if case is None:

@@ -103,6 +103,9 @@ class Fields:
     comfort: float = 1.0
     clearance: float = 0.0
 
+    def __repr__(self) -> str:
+        return f"<Fields: {len(self.routes)} routes, nodes {self.packed.spacing:g} m apart>"
+
     def travel_time_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
         """Return the travel time (n,) [s] of a route from positions; inf where it cannot be reached.
 

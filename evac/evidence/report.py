@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from evac.ensemble import in_processes
 from evac.errors import ResultError
 from evac.evidence.verdicts import Finding, verdict_table
 from evac.people.distributions import generator_for
+from evac.study.executors import in_processes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +71,7 @@ class Evidence:
     Parameters
     ----------
     kind : str
-        accuracy, stability, lean, table3, scaling or validation; part of every generator's name.
+        accuracy, stability, lean, table3, scaling, validation or certainty; part of every generator's name.
     folder : Path
         Made if it is not there. Files of the same names are overwritten.
     quick : bool

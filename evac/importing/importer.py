@@ -219,7 +219,7 @@ def _fault(folder: Path, registry: Registry) -> str:
 def _draw(made: Imported) -> None:
     """Draw every level; openings are numbered where there is no exit."""
     from evac.importing.report import MOST_OPENINGS
-    from evac.output.floorplan import Mark, draw_levels
+    from evac.output.annotated import Mark, draw_levels
 
     offered = () if made.building.exits else made.openings[:MOST_OPENINGS]
     marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]

@@ -13,13 +13,33 @@ EGRESS_NAME = "egress.csv"
 EGRESS_PICTURE_NAME = "egress.png"
 PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
+RUNS_STREAM_NAME = "runs.arrows"
+RUNS_PARQUET_NAME = "runs.parquet"
+STATISTICS_NAME = "statistics.csv"
+CONVERGENCE_NAME = "convergence.csv"
+SWEEP_PICTURE_NAME = "statistics.png"
+STUDY_NAME = "study.json"
 CHECKPOINT_NAME = "checkpoint.evac"
+REPLAY_NAME = "replay.html"
+MEDIAN_REPLAY_NAME = "replay-median.html"
+WORST_REPLAY_NAME = "replay-worst.html"
 ANIMATION_NAME = "animation.pvd"
-BUILDING_NAME = "building.vtp"
+BUILDING_NAME = "building.vtm"
+BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
 
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
+
+#: Pattern of the files of the parts of a building.
+BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
+
+#: Where `evac export` writes if no place is named, and the patterns of what it writes there.
+EXPORT_FOLDER = "export"
+EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
+
+#: Pattern of the pictures of maps, see `map_name`.
+MAPS = "map_*.png"
 
 #: What `evac render` draws if nothing else is named.
 PICTURE_NAME = "picture.png"
@@ -34,11 +54,24 @@ WRITTEN = (
     EGRESS_PICTURE_NAME,
     PEOPLE_NAME,
     RUNS_NAME,
+    RUNS_STREAM_NAME,
+    RUNS_PARQUET_NAME,
+    "runs.new",
+    STATISTICS_NAME,
+    CONVERGENCE_NAME,
+    SWEEP_PICTURE_NAME,
+    REPLAY_NAME,
+    MEDIAN_REPLAY_NAME,
+    WORST_REPLAY_NAME,
     ANIMATION_NAME,
     BUILDING_NAME,
+    BUILDING_PARTS,
     FRAMES,
+    MAPS,
+    *EXPORTS,
     PICTURE_NAME,
     FILM_NAME,
+    STUDY_NAME,
     f"{CHECKPOINT_NAME}.new",
     CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
@@ -49,6 +82,11 @@ WRITTEN = (
 def frame_name(k: int) -> str:
     """Return the file of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
+
+
+def map_name(quantity: str) -> str:
+    """Return the picture of the map of a quantity, relative to the result folder."""
+    return MAPS.replace("*", quantity)
 
 
 def sync_file(path: Path) -> None:

@@ -1,10 +1,10 @@
-"""Pictures of a building, level by level: everything with its name, and a numbered mark for each finding."""
+"""Plans of storeys drawn with matplotlib, all at one scale: the ground that plan pictures and maps are drawn on."""
 
 import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -17,282 +17,201 @@ from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
-from evac.building.elevation import level_elevation
-from evac.building.findings import Finding
-from evac.building.model import Building, Level
-from evac.errors import ResultError
-from evac.output.files import writing
+from evac.building.model import Building, Exit, Level
+from evac.output import palette
+from evac.output.storeys import level_of, storeys
+from evac.output.writing import round_length
 
-#: Endings of pictures that can be written.
-PICTURES = (".png", ".svg", ".pdf")
-#: Floors whose heights differ by less than this are one storey [m].
-STOREY = 1.0
-#: Only so many findings are listed under a picture.
-MOST_LISTED = 40
-
-FILL = {"floor": "#eef1f5", "flight": "#f3cf95", "landing": "#f7e2bf"}
-WALL, TEXT, PORTAL, EXIT, CLOSED, AREA, OPENING = (
-    "#27313d",
-    "#27313d",
-    "#3778bf",
-    "#12a150",
-    "#c0392b",
-    "#7d5fb2",
-    "#d9730d",
-)
-MARK = {"warning": "#c0392b", "repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
-
-#: Paper behind names, and room for them beside a building, as a share of its size.
-PAPER, NAMES = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}, 0.1
-
-#: Width of a panel, least height of one, height of a line of the list, margins [inches].
-PANEL, LEAST_PANEL, LINE, MARGIN = 8.0, 2.2, 0.17, 0.35
+#: Greatest width and height of all plans together, and the room around them [inches].
+WIDTH, HEIGHT = 10.0, 7.0
+MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
 
 
 @dataclass(frozen=True)
-class Mark:
-    """A numbered segment, such as an opening that may become an exit: its label, level, and ends x1, y1, x2, y2."""
+class Plans:
+    """A figure with a plan of each storey.
 
-    label: str
-    level: int
-    segment: FloatArray
+    Attributes
+    ----------
+    figure : Figure
+    axes : tuple of Axes
+        One for each storey, from the bottom to the top, with x and y in plan [m].
+    levels : tuple of tuple of Level
+        The levels in each.
+    side : (4,) float
+        Left, bottom, width and height of the room for a legend or a colour bar, in parts of the figure.
+    """
+
+    figure: Figure
+    axes: tuple[Axes, ...]
+    levels: tuple[tuple[Level, ...], ...]
+    side: tuple[float, float, float, float]
 
 
-def draw_levels(
-    building: Building, path: Path, findings: Sequence[Finding] = (), marks: Sequence[Mark] = (), title: str = ""
-) -> None:
-    """Draw every storey with walls, portals, exits, areas, stairs and their names to a PNG, SVG or PDF file.
-
-    Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
-    numbers at their places and listed below, in their order.
+def draw_plans(
+    building: Building,
+    title: str,
+    levels: Sequence[str | int] | None = None,
+    *,
+    dpi: int = 120,
+    is_filled: bool = True,
+    side: float = SIDE,
+    has_scale_bar: bool = True,
+    has_widths: bool = False,
+) -> Plans:
+    """Draw the plan of each storey, with walls, exits and their names, and a scale bar.
 
     Parameters
     ----------
     building : Building
-    path : Path
-    findings : sequence of Finding
-    marks : sequence of Mark
-        Segments to number.
     title : str
+        Its first line is bold.
+    levels : sequence of str or int, optional
+        Levels by name or row, each in a plan of its own; by default all levels, storey by storey
+        (`evac.output.storeys.storeys`).
+    dpi : int
+    is_filled : bool
+        Whether floors have the colours of their kinds; maps fill them on their own.
+    side : float
+        Room at the right for a legend or a colour bar [inches].
+    has_scale_bar : bool
+    has_widths : bool
+        Whether the widths of portals and exits are written beside them.
 
     Raises
     ------
     ResultError
-        The ending is unknown, or the file cannot be written.
+        There is no such level.
     """
-    if path.suffix.lower() not in PICTURES:
-        raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
-    listed = list(enumerate((one for one in findings if one.kind != "found"), start=1))
-    panels = storeys(building)
-    columns = _columns(building, len(panels))
-    rows = math.ceil(len(panels) / columns)
-    width = columns * PANEL
-    lines = _listing(listed, round(width * 13.5))
-    width_of, height_of = np.ptp(building.vertices[:, :2], axis=0)
-    panel_height = max(LEAST_PANEL, (PANEL - 2 * MARGIN) * min(height_of / width_of, 2.0)) + 2 * MARGIN
-    below = LINE * len(lines) + MARGIN
-    height = rows * panel_height + below + MARGIN
-    figure = Figure(figsize=(width, height), dpi=120)
-    FigureCanvasAgg(figure)
-    figure.text(MARGIN / width, 1.0 - 0.6 * MARGIN / height, title, fontsize=11, color=TEXT, va="center", weight="bold")
-    for number, levels in enumerate(panels):
-        row, column = divmod(number, columns)
-        bottom = height - MARGIN - (row + 1) * panel_height
-        axes = figure.add_axes(
-            (
-                (column * PANEL + 1.4 * MARGIN) / width,
-                (bottom + MARGIN) / height,
-                (PANEL - 2 * MARGIN) / width,
-                (panel_height - 2 * MARGIN) / height,
-            )
-        )
-        _draw_storey(axes, building, levels)
-        for mark in marks:
-            if mark.level in levels:
-                _draw_mark(axes, mark)
-        for own in _by_place(building, panels, listed, number):
-            _draw_findings(axes, own)
-    for number, (text, colour) in enumerate(lines):
-        y = below - 0.5 * MARGIN - LINE * (number + 0.5)
-        figure.text(MARGIN / width, y / height, text, fontsize=8, color=colour, va="center")
-    with writing("the picture", path):
-        figure.savefig(path)
-
-
-def storeys(building: Building) -> list[list[int]]:
-    """Return the levels of each storey, from the ground up: floors at about one height, and what leads up from them."""
-    floors = sorted((level for level in building.levels if level.kind == "floor"), key=lambda level: level.z_min)
-    found: list[list[int]] = []
-    heights: list[float] = []
-    for level in floors or building.levels[:1]:
-        if not found or level.z_min - heights[-1] >= STOREY:
-            found.append([])
-            heights.append(level.z_min)
-        found[-1].append(level.index)
-    for level in building.levels:
-        if not any(level.index in own for own in found):
-            found[_storey_at(heights, level.z_min + 0.5 * STOREY)].append(level.index)
-    return found
-
-
-def _storey_at(heights: Sequence[float], z: float) -> int:
-    """Return the highest storey that is not above a height, or the lowest."""
-    return max((k for k, height in enumerate(heights) if height <= z), default=0)
-
-
-def _columns(building: Building, panels: int) -> int:
-    """Return in how many columns panels make a page that is not too long."""
-    width, height = np.ptp(building.vertices[:, :2], axis=0)
-    return min(panels, max(1, round(math.sqrt(panels * height / width))), 4)
-
-
-def _draw_storey(axes: Axes, building: Building, levels: Sequence[int]) -> None:
-    """Draw the levels of one storey, and what is on them."""
-    own = [building.levels[index] for index in levels]
-    floors = [level for level in own if level.kind == "floor"]
-    for level in own:
-        axes.add_patch(_patch(level.polygon, facecolor=FILL[level.kind], edgecolor="none"))
-    for area in building.areas:
-        if area.level in levels:
-            axes.add_patch(_patch(area.polygon, facecolor=AREA, edgecolor=AREA, alpha=0.12, lw=0.8, ls=":"))
-            _name(axes, area.polygon, area.name, AREA)
-    on = np.isin(building.wall_level, list(levels))
-    axes.add_collection(LineCollection(building.walls[on].reshape(-1, 2, 2).tolist(), colors=WALL, linewidths=1.1))
-    for portal in building.portals:
-        if set(portal.levels) & set(levels):
-            _line(axes, portal.segments, PORTAL if building.is_open(portal) else CLOSED, 1.6, "--")
-            _beside(axes, portal.segments, f"{portal.width:.2f} m", PORTAL, 6.0)
-    for way in building.exits:
-        if way.level in levels:
-            colour = EXIT if building.is_open(way) else CLOSED
-            _line(axes, way.segments, colour, 3.5, "-")
-            closed = "" if building.is_open(way) else " (closed)"
-            _beside(axes, way.segments, f"{way.name}{closed} {way.width:.2f} m", colour, 8.0)
-    for level in own:
-        if level.kind == "flight":
-            _arrow(axes, level)
-        if level.kind == "floor" and len(floors) > 1:
-            _name(axes, level.polygon, level.name, TEXT)
-    for stair in dict.fromkeys(level.stair for level in own if level.stair is not None):
-        flats = [level for level in own if level.stair == stair]
-        _name(axes, max(flats, key=lambda level: (level.kind == "landing", level.polygon.area)).polygon, stair, TEXT)
-    z = min(level.z_min for level in floors or own)
-    names = ", ".join(level.name for level in floors[:4]) + (", ..." if len(floors) > 4 else "")
-    axes.set_title(f"{textwrap.shorten(names, 80, placeholder=' ...')}, z = {z:z.2f} m", fontsize=9, loc="left")
-    low, high = building.vertices[:, :2].min(axis=0), building.vertices[:, :2].max(axis=0)
-    margin = NAMES * float((high - low).max())
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin / 2, high[1] + margin / 2), aspect="equal")
-    axes.tick_params(labelsize=7)
-    axes.ticklabel_format(useOffset=False, style="plain")
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _patch(polygon: BaseGeometry, **style: object) -> PathPatch:
-    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(polygon))]
-    path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-    return PathPatch(path, **style)
-
-
-def _line(axes: Axes, segments: FloatArray, colour: str, width: float, style: str) -> None:
-    lines = segments.reshape(-1, 2, 2).tolist()
-    axes.add_collection(LineCollection(lines, colors=colour, linewidths=width, linestyles=style, capstyle="butt"))
-
-
-def _name(axes: Axes, polygon: BaseGeometry, text: str, colour: str) -> None:
-    """Write a name where a polygon is widest."""
-    part = max(shapely.get_parts(polygon), key=lambda one: one.area)
-    if shapely.contains(part, part.centroid):
-        x, y = part.centroid.coords[0]
+    if levels is None:
+        panels = [(name, tuple(found)) for name, found in storeys(building)]
     else:
-        x, y = shapely.get_coordinates(shapely.maximum_inscribed_circle(part, tolerance=0.05))[0]
-    axes.text(x, y, text, fontsize=6.5, color=colour, ha="center", va="center", bbox=PAPER, zorder=5)
+        panels = [(found.name, (found,)) for found in (level_of(building, level) for level in levels)]
+    # One frame for all plans, so that places above one another are seen at the same place of each.
+    x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, found in panels for level in found]).tolist()
+    pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
+    width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
+    columns, rows, scale = _arrangement(len(panels), width, height)
+    cell = scale * float(width) + MARGIN, scale * float(height) + HEAD
+    size = MARGIN + columns * cell[0] + side, TITLE + rows * cell[1] + BAR
+    figure = Figure(figsize=size, dpi=dpi)
+    FigureCanvasAgg(figure)
+    axes = []
+    for k, (name, found) in enumerate(panels):
+        column, row = k % columns, k // columns
+        left, top = MARGIN + column * cell[0], TITLE + row * cell[1] + HEAD
+        box = left / size[0], 1.0 - (top + scale * height) / size[1], scale * width / size[0], scale * height / size[1]
+        panel = figure.add_axes(box)
+        panel.set_axis_off()
+        panel.set(xlim=(x1 - pad, x2 + pad), ylim=(y1 - pad, y2 + pad))
+        panel.set_title(name, fontsize=10, loc="left", color=palette.TEXT, pad=3, parse_math=False)
+        _draw_levels(panel, building, found, is_filled, has_widths)
+        axes.append(panel)
+    _write_title(figure, title, size)
+    if has_scale_bar:
+        _draw_scale_bar(figure, scale, size)
+    room = 1.0 - (side - 0.2) / size[0], BAR / size[1], (side - 0.3) / size[0], rows * cell[1] / size[1]
+    return Plans(figure, tuple(axes), tuple(found for _, found in panels), room)
 
 
-def _beside(axes: Axes, segments: FloatArray, text: str, colour: str, distance: float) -> None:
-    """Write a name outside the middle of a line, whose inside is on its left."""
-    x1, y1, x2, y2 = segments[len(segments) // 2]
-    along = np.array([x2 - x1, y2 - y1]) / math.hypot(x2 - x1, y2 - y1)
-    outward = np.array([along[1], -along[0]])
-    across = "center" if abs(outward[0]) < 0.5 else "left" if outward[0] > 0 else "right"
-    upright = "center" if abs(outward[1]) < 0.5 else "bottom" if outward[1] > 0 else "top"
+def _arrangement(count: int, width: float, height: float) -> tuple[int, int, float]:
+    """Return columns, rows and inches per metre that show `count` plans largest."""
+    best = (1, count, 0.0)
+    for columns in range(1, count + 1):
+        rows = math.ceil(count / columns)
+        scale = min((WIDTH / columns - MARGIN) / width, (HEIGHT / rows - HEAD) / height)
+        if scale > best[2]:
+            best = columns, rows, scale
+    return best
+
+
+def _draw_levels(axes: Axes, building: Building, levels: Sequence[Level], is_filled: bool, has_widths: bool) -> None:
+    """Draw floors, walls, portals, exits and the names of exits."""
+    rows = [level.index for level in levels]
+    if is_filled:
+        for level in levels:
+            fill = PathPatch(outline(level), facecolor=palette.LEVELS[level.kind], edgecolor="none", zorder=0.5)
+            axes.add_patch(fill)
+    walls = building.walls[np.isin(building.wall_level, rows)]
+    axes.add_collection(LineCollection(_ends(walls), colors=palette.EDGE, linewidths=1.1, zorder=3))
+    for portal in building.portals:
+        if set(portal.levels) & set(rows):
+            is_open = building.is_open(portal)
+            style = {"colors": palette.PORTAL if is_open else palette.CLOSED, "linewidths": 0.8 if is_open else 2.5}
+            dashes = (0, (2, 2)) if is_open else "solid"
+            axes.add_collection(LineCollection(_ends(portal.segments), linestyles=dashes, zorder=3, **style))
+            if has_widths:
+                beside(axes, portal.segments, f"{portal.width:.2f} m", palette.EDGE, size=6.5)
+    for exit_ in building.exits:
+        if exit_.level in rows:
+            _draw_exit(axes, exit_, building.is_open(exit_), has_widths)
+
+
+def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
+    colour = palette.EXIT if is_open else palette.CLOSED
+    axes.add_collection(LineCollection(_ends(exit_.segments), colors=colour, linewidths=3.5, zorder=4))
+    name = exit_.name if is_open else f"{exit_.name} (closed)"
+    beside(axes, exit_.segments, f"{name} {exit_.width:.2f} m" if has_width else name, colour, size=8.5, weight="bold")
+
+
+def beside(
+    axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
+) -> None:
+    """Write a text outside the middle of a line, whose inside is on its left."""
+    x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
+    length = math.hypot(x2 - x1, y2 - y1)
+    outward = (y2 - y1) / length, -(x2 - x1) / length
     axes.annotate(
         text,
-        ((x1 + x2) / 2, (y1 + y2) / 2),
-        xytext=tuple(distance * outward),
+        (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
+        xytext=(6.0 * outward[0], 6.0 * outward[1]),
         textcoords="offset points",
-        fontsize=6.5,
+        ha="left" if outward[0] > 0.5 else "right" if outward[0] < -0.5 else "center",
+        va="bottom" if outward[1] > 0.5 else "top" if outward[1] < -0.5 else "center",
         color=colour,
-        ha=across,
-        va=upright,
-        bbox=PAPER,
+        fontsize=size,
+        fontweight=weight,
         zorder=6,
+        annotation_clip=False,
+        parse_math=False,
     )
 
 
-def _arrow(axes: Axes, level: Level) -> None:
-    """Draw an arrow up a flight."""
-    corners = shapely.get_coordinates(level.polygon)
-    reach = 0.35 * float(np.ptp(corners @ level.uphill))
-    middle = shapely.get_coordinates(level.polygon.representative_point())[0]
-    start, end = middle - reach * level.uphill, middle + reach * level.uphill
-    axes.annotate("", tuple(end), xytext=tuple(start), arrowprops={"arrowstyle": "->", "color": "#a8842c", "lw": 0.9})
+def _ends(segments: FloatArray) -> list[FloatArray]:
+    return list(segments.reshape(-1, 2, 2))
 
 
-def _draw_mark(axes: Axes, mark: Mark) -> None:
-    segment = np.asarray(mark.segment, dtype=np.float64).reshape(1, 4)
-    _line(axes, segment, OPENING, 2.2, "-")
-    _beside(axes, segment, mark.label, OPENING, 5.0)
+def outline(level: Level) -> Outline:
+    """Return the plan of a level, holes included, as matplotlib clips and fills it."""
+    return outline_of(level.polygon)
 
 
-def _by_place(
-    building: Building, panels: list[list[int]], listed: list[tuple[int, Finding]], panel: int
-) -> list[list[tuple[int, Finding]]]:
-    """Return the findings at each place of a storey, with their numbers."""
-    found: dict[tuple[float, float], list[tuple[int, Finding]]] = {}
-    for number, finding in listed[:MOST_LISTED]:
-        if finding.place is not None and panel_of(building, panels, finding) == panel:
-            x, y = finding.place[:2]
-            found.setdefault((round(x, 1), round(y, 1)), []).append((number, finding))
-    return list(found.values())
+def outline_of(polygon: BaseGeometry) -> Outline:
+    """Return polygons with their holes as matplotlib clips and fills them."""
+    rings = [ring for part in shapely.get_parts(polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))]
+    return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
 
-def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
-    """Return the storey that a finding is on: that of its level, or the one whose ground is nearest to its place."""
-    assert finding.place is not None
-    names = [level.name for level in building.levels]
-    if finding.level is not None:
-        own = [k for k, name in enumerate(names) if name == finding.level or name.startswith(f"{finding.level} (")]
-        if own:
-            return next(number for number, levels in enumerate(panels) if own[0] in levels)
-    point = np.array([finding.place[:2]])
-    off = []
-    for level in building.levels:
-        nearest = shapely.get_coordinates(shapely.shortest_line(level.polygon, shapely.points(point))[0])[:1]
-        height = level_elevation(building.vertices, level, nearest)[0]
-        rise = abs(float(height) - finding.place[2]) if len(finding.place) == 3 else 0.0
-        off.append(float(level.polygon.distance(shapely.points(point)[0])) + rise)
-    return next(number for number, levels in enumerate(panels) if int(np.argmin(off)) in levels)
+def _write_title(figure: Figure, title: str, size: tuple[float, float]) -> None:
+    """Write the first line in bold and the others below it."""
+    first, _, rest = title.partition("\n")
+    letters = 9.4 * (size[0] - 2.0 * MARGIN)  # of 12 points that fit
+    first = textwrap.shorten(first, int(1.4 * letters), placeholder=" ...")
+    style: dict[str, Any] = {"color": palette.TEXT, "va": "top", "ha": "left", "parse_math": False}
+    small: dict[str, Any] = {"fontsize": min(12.0, 12.0 * letters / max(len(first), 1)), "fontweight": "bold"}
+    figure.text(MARGIN / size[0], 1.0 - 0.12 / size[1], first, **small, **style)
+    figure.text(MARGIN / size[0], 1.0 - 0.38 / size[1], rest, fontsize=9.5, **style)
 
 
-def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
-    """Put a ring at the place of findings, and their numbers beside it."""
-    kinds = [finding.kind for _, finding in findings]
-    colour = next(colour for kind, colour in MARK.items() if kind in kinds)
-    labels = ",".join(str(number) for number, _ in findings)
-    x, y = (findings[0][1].place or (0.0, 0.0))[:2]
-    axes.plot(x, y, marker="o", ms=7, mfc="none", mec=colour, mew=1.4, zorder=8)
-    box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": colour, "lw": 0.6}
-    axes.annotate(
-        labels, (x, y), (6, 6), textcoords="offset points", fontsize=7, color=colour, weight="bold", bbox=box, zorder=9
-    )
-
-
-def _listing(listed: list[tuple[int, Finding]], width: int) -> list[tuple[str, str]]:
-    """Return the lines under a picture, with their colours."""
-    lines: list[tuple[str, str]] = []
-    for number, finding in listed[:MOST_LISTED]:
-        wrapped = textwrap.wrap(f"{number}  {finding.kind}: {finding}", width, subsequent_indent="     ")
-        lines += [(line, MARK[finding.kind]) for line in wrapped]
-    if len(listed) > MOST_LISTED:
-        lines.append((f"and {len(listed) - MOST_LISTED} more", TEXT))
-    return lines
+def _draw_scale_bar(figure: Figure, scale: float, size: tuple[float, float]) -> None:
+    """Draw a bar of a round length of about an inch."""
+    length = round_length(1.2 / scale)
+    left, low = MARGIN / size[0], 0.22 / size[1]
+    right = left + length * scale / size[0]
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none", zorder=5)
+    axes.set_axis_off()
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.plot([left, right], [low, low], color=palette.TEXT, linewidth=2.0, solid_capstyle="butt")
+    for end in (left, right):
+        axes.plot([end, end], [low - 0.05 / size[1], low + 0.05 / size[1]], color=palette.TEXT, linewidth=1.2)
+    axes.text(right + 0.08 / size[0], low, f"{length:g} m", va="center", fontsize=9, color=palette.TEXT)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from evac.output.files import writing
+from evac.output.palette import TEXT, group_colours
 from evac.output.results import Results
 
 #: Up to so many groups get a line of their own.
@@ -19,45 +20,58 @@ SIZE = (8.0, 5.0)
 
 
 def draw_egress(results: Results, path: Path) -> None:
-    """Draw the egress curve of everybody, and of each group of several where there are not too many, to a PNG file.
+    """Draw the egress curve to a PNG file, see `egress_figure`.
 
     Raises
     ------
     ResultError
         The file cannot be written.
     """
-    note = f"{results.evacuated} of {results.people} out"
+    save(egress_figure(results), path)
+
+
+def egress_figure(results: Results) -> Figure:
+    """Return the egress curve of everybody, and of each group of several where there are not too many."""
+    note = f"{results.evacuated} of {results.number_of_people} out"
     if results.last_out is not None:
-        which = "the last one" if results.evacuated == results.people else "the last of these"
+        which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
         note += f", {which} after {results.last_out:.1f} s"
-    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.people)
+    figure, axes = new_axes(f"{textwrap.fill(results.case.title, 90)}\n{note}", results.number_of_people)
     end = results.time
     if 1 < len(results.groups) <= MOST_GROUPS:
-        for k, group in enumerate(group for group in results.groups if len(group.rows) > 1):
-            time, number = results.egress(group.rows)
-            style = {"color": f"C{k % 10}", "linestyle": "-" if k < 10 else "--", "linewidth": 1.0}
-            axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)
+        for group, colour in zip(results.groups, group_colours(len(results.groups)), strict=False):
+            if len(group.rows) > 1:
+                time, number = results.egress(group.rows)
+                style = {"color": colour, "linewidth": 1.3}
+                axes.step([*time, end], [*number, number[-1]], where="post", label=group.name, **style)
     time, number = results.egress()
-    axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color="#1f2933", label="everybody")
+    axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
         legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
         # Of names that are too long for the picture, the end is cut off.
         figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
-    save(figure, path)
+    return figure
 
 
 def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
     """Return a figure and axes for people out over time, up to `people`."""
+    figure, axes = new_plain_axes(title, "time [s]", "people out", 0.37 + 0.09 * len(str(people)))
+    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
+    axes.set_ylim(0.0, 1.06 * people)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    return figure, axes
+
+
+def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure, Axes]:
+    """Return a figure and axes with a title and names of the axes, and room for these: `left` [inches] for numbers."""
     figure = Figure(figsize=SIZE, dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     # Room for the writing, since the layouts of matplotlib take as long as drawing does.
-    left, top = 0.37 + 0.09 * len(str(people)), 0.12 + 0.18 * (1 + title.count("\n"))
+    top = 0.12 + 0.18 * (1 + title.count("\n"))
     figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
-    axes.axhline(people, lw=0.8, ls=":", color="#7b8794")
-    axes.set(xlabel="time [s]", ylabel="people out", ylim=(0.0, 1.06 * people))
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set(xlabel=along, ylabel=up)
     axes.set_title(title, fontsize=11, loc="left")
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)

@@ -1,84 +1,160 @@
-"""Pictures and films of a trajectory, drawn off screen."""
+"""Pictures and films of a trajectory, in three dimensions or in plan, drawn off screen."""
 
 import importlib.util
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import imageio.v2 as imageio
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from evac.errors import ResultError
+from evac.output.camera import Camera
+from evac.output.colouring import Colouring, colouring
 from evac.output.files import writing
-from evac.output.scene import COLOURS, Scene
+from evac.output.pawns import draw_people
+from evac.output.storeys import level_of
 from evac.output.trajectory import Trajectory
+from evac.output.view import View
+from evac.output.writing import Pen
 
 PICTURES = (".png", ".jpg", ".jpeg")
 FILMS = (".gif", ".mp4")
 
+#: How a building can be looked at.
+VIEWS = ("3d", "plan")
 
-def render_picture(
-    trajectory: Trajectory,
-    path: Path,
-    time: float | None = None,
-    size: tuple[int, int] = (1600, 1200),
-    stretch: float | None = None,
-    colour_by: str = "group",
-) -> None:
-    """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file.
+
+class Renderer:
+    """Draws frames of a trajectory: the building once, and people into it as often as they are asked for.
 
     Parameters
     ----------
     trajectory : Trajectory
-    path : Path
-    time : float, optional
     size : tuple of int
-        Width and height [pixels].
-    stretch : float, optional
-        Factor on heights that pulls storeys apart; by default as much as it takes to look into each.
+        Width and height [pixels]; plans keep the building's proportions and may fill less.
+    view : str
+        ``"3d"``, or ``"plan"``: straight from above, storey beside storey.
+    camera : Camera, optional
+        Of the view in three dimensions.
+    levels : sequence of str or int, optional
+        Draw these levels only, and the people on them.
     colour_by : str
-        ``"group"`` or ``"speed"``.
+        ``"group"``, ``"speed"``, ``"density"``, ``"contact_force"`` or ``"waiting"``: see
+        `evac.output.colouring.colouring`.
 
     Raises
     ------
     ResultError
-        The trajectory has no frame, or none at that time, the file's ending is unknown, `stretch` is not greater
-        than 0, or the file cannot be written.
+        The trajectory has no frame, there is no such level, view or colouring, or a size is not positive.
+
+    Examples
+    --------
+    >>> image = Renderer(evac.read_trajectory("school-result"), view="plan").image(40)  # doctest: +SKIP
     """
-    _check(trajectory, path, PICTURES, colour_by, stretch)
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        size: tuple[int, int] = (1600, 1200),
+        view: str = "3d",
+        camera: Camera | None = None,
+        levels: Sequence[str | int] | None = None,
+        colour_by: str = "group",
+    ) -> None:
+        if not len(trajectory):
+            raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
+        if view not in VIEWS:
+            raise ResultError(f"there is no view {view!r}; use {' or '.join(VIEWS)}")
+        if min(size) < 64:
+            raise ResultError(f"a picture of {size[0]} x {size[1]} pixels is too small; make it 64 or more each way")
+        self.trajectory = trajectory
+        self._colouring = colouring(trajectory, colour_by)
+        self._view = self._look(size, view, camera or Camera(), levels)
+        self._ground = self._with_writing()
+        self._names = self._drawn_names()
+
+    def image(self, k: int) -> NDArray[np.uint8]:
+        """Return the picture of frame `k`, (height, width, 3)."""
+        trajectory, view = self.trajectory, self._view
+        frame = trajectory[k]
+        image = self._ground.copy()
+        places = view.project(frame["level"], np.column_stack([frame["position"], frame["z"]]))
+        shown = np.isfinite(places[:, 0])
+        radius = view.scale * trajectory.radius[frame["person"]]
+        colours = self._colouring.of(frame)
+        draw_people(image, places[shown], radius[shown], colours[shown], view.elevation, view.nearness)
+        out = trajectory.number_of_people - len(frame["person"])
+        picture = Image.fromarray(image)
+        picture.paste(self._names, (0, 0), self._names)
+        Pen(picture).clock(f"t = {frame['time']:.1f} s      {out} of {trajectory.number_of_people} out")
+        return np.array(picture)
+
+    def _look(self, size: tuple[int, int], view: str, camera: Camera, levels: Sequence[str | int] | None) -> View:
+        """Draw the building."""
+        building, has_legend = self.trajectory.building, self._colouring.has_legend
+        if view == "plan":
+            from evac.output.planview import plan_view
+
+            return plan_view(building, size, levels, 1.6 if has_legend else 0.3)
+        from evac.output.scene import view_of
+
+        chosen = building.levels if levels is None else [level_of(building, level) for level in levels]
+        return view_of(building, size, camera, chosen, has_legend)
+
+    def _drawn_names(self) -> Image.Image:
+        """Return what stands before people, on nothing: the names of floors and exits, and outlines of exits."""
+        picture = Image.new("RGBA", self._view.image.shape[1::-1], (255, 255, 255, 0))
+        pen = Pen(picture)
+        for colour, corners in self._view.outlines:
+            pen.outline(corners, colour)
+        for label in self._view.labels:
+            pen.label(label.text, label.place, label.anchor, label.colour)
+        return picture
+
+    def _with_writing(self) -> NDArray[np.uint8]:
+        """Return the building with all words that stay: title, legend, scales."""
+        picture = Image.fromarray(self._view.image)
+        pen = Pen(picture)
+        pen.title(str(self.trajectory.header.get("title", "")))
+        colours = self._colouring
+        if colours.top is not None:
+            pen.colour_bar(self._view.side, Colouring.scale(), colours.top, colours.label)
+        elif colours.has_legend:
+            pen.legend(self._view.side, colours.names, colours.colours)
+        pen.scale_bar(self._view.scale)
+        return np.array(picture)
+
+
+def render_picture(renderer: Renderer, path: Path, time: float | None = None) -> None:
+    """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file.
+
+    Raises
+    ------
+    ResultError
+        There is no frame at that time, the file's ending is unknown, or it cannot be written.
+    """
+    trajectory = renderer.trajectory
+    _check_ending(path, PICTURES)
     first, last = float(trajectory.time[0]), float(trajectory.time[-1])
     if time is not None and not first <= time <= last:
         raise ResultError(
             f"{trajectory.path}: no picture of t = {time:g} s; it was recorded from {first:g} to {last:g} s"
         )
-    middle = 0.5 * last
-    scene = Scene(trajectory, size, stretch, colour_by)
-    try:
-        image = scene.show(trajectory.nearest(middle if time is None else time))
-    finally:
-        scene.close()
+    image = renderer.image(trajectory.nearest(0.5 * last if time is None else time))
     with writing("the picture", path):
         Image.fromarray(image).save(path)
 
 
-def render_animation(
-    trajectory: Trajectory,
-    path: Path,
-    fps: float = 10.0,
-    speed: float = 5.0,
-    size: tuple[int, int] = (960, 720),
-    stretch: float | None = None,
-    colour_by: str = "group",
-) -> None:
+def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
     """Draw the whole run to an animated GIF, or to an MP4 film where imageio-ffmpeg is installed.
 
     Parameters
     ----------
-    trajectory, path, size, stretch, colour_by
-        As for `render_picture`; width and height of an MP4 film must be even.
+    renderer : Renderer
+    path : Path
     fps : float
         Pictures per second of the film.
     speed : float
@@ -87,46 +163,52 @@ def render_animation(
     Raises
     ------
     ResultError
-        The trajectory has no frame, `fps` or `speed` is not positive, the file's ending is unknown, an MP4
-        film is asked for without imageio-ffmpeg, or the file cannot be written.
+        `fps` or `speed` is not positive, the file's ending is unknown, an MP4 film is asked for without
+        imageio-ffmpeg, or the file cannot be written.
     """
-    _check(trajectory, path, FILMS, colour_by, stretch)
-    if not (fps > 0 and speed > 0):
+    _check_ending(path, FILMS)
+    if not (0.0 < fps < math.inf and 0.0 < speed < math.inf):
         raise ResultError(f"fps and speed of a film must be greater than 0, got {fps} and {speed}")
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or ask for a .gif")
+    trajectory = renderer.trajectory
     count = 1 + math.ceil(float(trajectory.time[-1]) * fps / speed)
-    chosen = [trajectory.nearest(k * speed / fps) for k in range(count)]
-    scene = Scene(trajectory, size, stretch, colour_by)
+    images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
     write = _write_gif if path.suffix == ".gif" else _write_mp4
-    try:
-        with writing("the film", path):
-            write(path, (scene.show(k) for k in chosen), fps)
-    finally:
-        scene.close()
+    with writing("the film", path):
+        write(path, images, fps)
 
 
-def _check(trajectory: Trajectory, path: Path, endings: tuple[str, ...], colour_by: str, stretch: float | None) -> None:
-    if not len(trajectory):
-        raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
+def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
     if path.suffix not in endings:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {' or '.join(endings)}")
-    if colour_by not in COLOURS:
-        raise ResultError(f"people cannot be coloured by {colour_by!r}; use {' or '.join(COLOURS)}")
-    if stretch is not None and not 0.0 < stretch < math.inf:
-        raise ResultError(
-            f"heights cannot be stretched by {stretch:g}: the factor must be greater than 0; 1 draws them true"
-        )
 
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    """Write with one palette for all pictures, so that nothing flickers; legend and scale bring in every colour."""
-    first = Image.fromarray(next(images)).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
-    rest = (Image.fromarray(image).quantize(palette=first, dither=Image.Dither.NONE) for image in images)
-    first.save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
+    """Write with one palette for all pictures, that of the first, so that nothing flickers."""
+    from scipy.spatial import cKDTree
+
+    first = next(images)
+    palette = Image.fromarray(first).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
+    table = np.array(palette.getpalette()).reshape(-1, 3)
+    # The nearest colour of the palette for each colour of five bits a channel: searched once, not in every picture.
+    middle = np.arange(32) * 8 + 4
+    colours = np.stack(np.meshgrid(middle, middle, middle, indexing="ij"), axis=-1).reshape(-1, 3)
+    nearest = cKDTree(table).query(colours)[1].astype(np.uint8)
+
+    def indexed(image: NDArray[np.uint8]) -> Image.Image:
+        fives = (image >> 3).astype(np.uint16)
+        found = Image.fromarray(nearest[(fives[..., 0] << 10) | (fives[..., 1] << 5) | fives[..., 2]])
+        found.putpalette(palette.getpalette() or [])
+        return found
+
+    rest = (indexed(image) for image in images)
+    indexed(first).save(path, save_all=True, append_images=rest, duration=1000.0 / fps, loop=0)
 
 
 def _write_mp4(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
+    import imageio.v2 as imageio
+
     film: Any = imageio.get_writer(path, format="FFMPEG", fps=fps, macro_block_size=2)
     with film:
         for image in images:

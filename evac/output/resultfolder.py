@@ -19,7 +19,9 @@ from typing import Any, Self
 
 from evac.errors import ResultError
 from evac.output.files import (
+    BUILDING_FOLDER,
     CHECKPOINT_NAME,
+    EXPORT_FOLDER,
     FRAMES_FOLDER,
     PLUGIN_FILES,
     SUMMARY_NAME,
@@ -293,7 +295,9 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
     for path in (*(path for path in of_plugins if path.is_file()), *_written(folder)):
         if path not in kept:
             path.unlink()
-    for parent in dict.fromkeys([*(path.parent for path in of_plugins), folder / FRAMES_FOLDER]):
+    ours = [folder / name for name in (FRAMES_FOLDER, BUILDING_FOLDER)]
+    exports = [*(folder / EXPORT_FOLDER).glob("*/"), folder / EXPORT_FOLDER]
+    for parent in dict.fromkeys([*(path.parent for path in of_plugins), *ours, *exports]):
         if parent != folder:
             _remove_if_empty(parent)
 

@@ -25,6 +25,9 @@ from evac.output.watch import Finding
 from evac.physics.state import Crowd
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
     from evac.people.population import Group
     from evac.scenario.case import Case
 
@@ -134,10 +137,35 @@ class Results:
     plugin_files: Sequence[str] = ()
     resumed: Sequence[Mapping[str, Any]] = ()
 
+    def __repr__(self) -> str:
+        last = "" if self.last_out is None else f", the last after {self.last_out:.1f} s"
+        out = f"{self.evacuated} of {self.number_of_people} out"
+        return f"<Results of {self.case.title or self.case.source.name!r}: {self.ended}, {out}{last}>"
+
+    def _repr_html_(self) -> str:
+        """Return tables, the egress curve and the replay, as notebooks show them."""
+        from evac.output.notebook import results_html
+
+        return results_html(self)
+
+    def plot(self) -> "Figure":
+        """Return the egress curve of everybody and of each group as a figure of matplotlib."""
+        from evac.output.pictures import egress_figure
+
+        return egress_figure(self)
+
     @property
-    def people(self) -> int:
+    def number_of_people(self) -> int:
         """Number of people."""
         return len(self.crowd.level)
+
+    @cached_property
+    def people(self) -> "DataFrame":
+        """One row per person, with the columns of people.csv (docs/results.md); missing where somebody is not out."""
+        from pandas import DataFrame
+
+        columns = dict(zip(PEOPLE_COLUMNS, self._people_columns(), strict=True))
+        return DataFrame(columns).astype({"exit_time": float}).set_index("person")
 
     @property
     def evacuated(self) -> int:
@@ -161,7 +189,7 @@ class Results:
     @property
     def exit_status(self) -> int:
         """0 if everybody is out, 3 if people are left."""
-        return 0 if self.evacuated == self.people else 3
+        return 0 if self.evacuated == self.number_of_people else 3
 
     @property
     def quality_warnings(self) -> tuple[str, ...]:
@@ -199,10 +227,6 @@ class Results:
         time = np.concatenate([[0.0], np.sort(times[np.isfinite(times)])])
         return time, np.arange(time.size)
 
-    def people_table(self) -> list[dict[str, Any]]:
-        """Return one row per person with the columns `PEOPLE_COLUMNS`; None where somebody is not out."""
-        return [dict(zip(PEOPLE_COLUMNS, row, strict=True)) for row in zip(*self._people_columns(), strict=True)]
-
     def _people_columns(self) -> list[list[Any]]:
         """Return the columns of the people table, in the order of `PEOPLE_COLUMNS`."""
         crowd = self.crowd
@@ -211,7 +235,7 @@ class Results:
         exits = [exit_.name for exit_ in self.building.exits]
         out = np.isfinite(crowd.exit_time).tolist()
         return [
-            list(range(self.people)),
+            list(range(self.number_of_people)),
             self.group_names(),
             *self.start_position.T.tolist(),
             [levels[level] for level in self.start_level.tolist()],
@@ -228,7 +252,7 @@ class Results:
 
     def group_names(self) -> list[str]:
         """Return the name of each person's group, empty for people of none."""
-        names = [""] * self.people
+        names = [""] * self.number_of_people
         for group in self.groups:
             for row in group.rows.tolist():
                 names[row] = group.name
@@ -238,7 +262,7 @@ class Results:
         """Return what ``summary.json`` holds: plain numbers, words, lists and tables."""
         summary = {
             "title": self.case.title,
-            "people": self.people,
+            "people": self.number_of_people,
             "evacuated": self.evacuated,
             "last_out": self.last_out,
             "ended": self.ended,

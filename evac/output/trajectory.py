@@ -3,160 +3,35 @@
 import mmap
 import os
 import stat
-import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
-from evac.errors import ResultError, SimulationError
-from evac.output.files import TRAJECTORY_NAME, writing
+from evac.errors import ResultError
+from evac.output.files import TRAJECTORY_NAME
 from evac.output.frames import Bounds, read_frames
 from evac.output.header import HeaderError, building_from_json, origin_from_json, people_from_json
 from evac.output.layout import (
-    CHECK,
     FIELDS,
-    FRAME,
-    FRAME_HEAD_BYTES,
-    RECORD_BYTES,
     damaged,
-    pack_start,
     read_header,
 )
-from evac.physics.state import Crowd
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from pedpy import TrajectoryData, WalkableArea
+
+    from evac.output.maps import LevelMaps
 
 #: Positions farther than this outside the rectangle around the building are taken for damage [m].
 FAR_OUTSIDE = 1000.0
-
-
-class TrajectoryWriter:
-    """Writes a header at once and then one frame after the other, each handed to the system before returning.
-
-    Parameters
-    ----------
-    path : Path
-        Replaced if it is there; its folder is made if it is not.
-    header : mapping
-        JSON data: ``title``, ``building`` (`evac.output.header.building_to_json`), ``groups`` (list of names),
-        ``group`` (list: row of ``groups`` per person, -1 for none), ``radius`` (list [m]) and what else is
-        worth keeping. Format, fields and origin are added.
-    origin : (2,) float64 [m]
-        Plan point that the recorded positions count from, so that float32 is fine enough anywhere on Earth.
-
-    Attributes
-    ----------
-    path : Path
-    length : int
-        Bytes written: where the last whole frame ends, or the header where there is none. `reopen` goes on from there.
-    frames : int
-        Number of frames up to there.
-
-    Raises
-    ------
-    ResultError
-        The file cannot be written.
-    """
-
-    def __init__(self, path: Path, header: Mapping[str, Any], origin: FloatArray) -> None:
-        origin = np.asarray(origin, np.float64)
-        start = pack_start(path, {**header, "format": 2, "fields": FIELDS, "origin": origin.tolist()})
-        self._set_up(path, origin, len(header["radius"]), 0, 0)
-        with writing("the trajectory", path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb", buffering=0)
-            self._write(memoryview(start))
-
-    @classmethod
-    def reopen(cls, path: Path, length: int | None = None) -> Self:
-        """Return a writer that appends to a file, of which everything that stays is read and checked first.
-
-        Parameters
-        ----------
-        path : Path
-        length : int, optional
-            `length` of the writer whose work goes on; the file is cut there. By default all of the file stays.
-
-        Raises
-        ------
-        ResultError
-            The file is damaged or too short, no frame ends there, it is of format 1, or it cannot be written.
-        """
-        before = _read(path, length)
-        if before.dropped_bytes:
-            raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
-        if before.header["format"] != 2:
-            raise ResultError(f"{path}: trajectory format 1 can be read, not continued; run the case again")
-        writer = cls.__new__(cls)
-        writer._set_up(path, before.origin, before.people, before.end, len(before))
-        del before  # some systems cut no file that is mapped
-        with writing("the trajectory", path):
-            writer._file = path.open("r+b", buffering=0)
-            writer._file.truncate(writer.length)
-            writer._file.seek(writer.length)
-        return writer
-
-    def _set_up(self, path: Path, origin: FloatArray, people: int, length: int, frames: int) -> None:
-        self.path, self.length, self.frames = path, length, frames
-        self._origin = origin
-        self._buffer = bytearray(FRAME_HEAD_BYTES + RECORD_BYTES * people)
-        self._view = memoryview(self._buffer)
-        self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
-
-    def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
-        """Write one frame: everybody who is inside at `time`.
-
-        Parameters
-        ----------
-        time : float [s]
-        crowd : Crowd
-        velocity : (n, 2)
-            Velocities to record, in plan [m/s]: `Simulation.displacement_velocity`.
-
-        Raises
-        ------
-        ResultError
-            The file cannot be written, for example because the disk is full.
-        SimulationError
-            A number is NaN, or infinite as float32.
-        """
-        rows = np.flatnonzero(crowd.level >= 0)
-        records = self._records[: rows.size]
-        with np.errstate(over="ignore"):  # told below
-            records[:, 0] = rows
-            records[:, 1] = crowd.level[rows]
-            records[:, 2:4] = crowd.position[rows] - self._origin
-            records[:, 4:6] = velocity[rows]
-            records[:, 6] = crowd.contact_force[rows]
-        if not np.isfinite(records).all():
-            row, column = np.argwhere(~np.isfinite(records))[0]
-            raise SimulationError(
-                f"t = {time:.3f} s: {FIELDS[column]} of person {rows[row]} is {records[row, column]} and cannot be "
-                "recorded; correct the plugin that sets it, or choose a smaller step"
-            )
-        first, end = FRAME_HEAD_BYTES, FRAME_HEAD_BYTES + RECORD_BYTES * rows.size
-        FRAME.pack_into(self._buffer, 0, time, self.frames, rows.size)
-        CHECK.pack_into(self._buffer, FRAME.size, zlib.crc32(self._view[: FRAME.size]))
-        CHECK.pack_into(self._buffer, FRAME.size + CHECK.size, zlib.crc32(self._view[first:end]))
-        with writing(f"the trajectory at {time:.3f} s", self.path):
-            self._write(self._view[:end])
-        self.frames += 1
-
-    def _write(self, data: memoryview) -> None:
-        """Hand bytes to the system, all of them; it may take them piece by piece."""
-        written = 0
-        while written < len(data):
-            written += self._file.write(data[written:])
-        self.length += written
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
 
 class Frame(TypedDict):
@@ -232,6 +107,19 @@ class Trajectory:
         """Return the number of frames."""
         return len(self.records)
 
+    def __repr__(self) -> str:
+        end = f" from {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
+        return f"<Trajectory {self.path}: {self.number_of_people} people, {len(self)} recorded times{end}>"
+
+    @cached_property
+    def frame(self) -> "DataFrame":
+        """One row for each person and recorded time, with the columns of `evac.output.tables.motion_table`."""
+        from pandas import DataFrame
+
+        from evac.output.tables import motion_table
+
+        return DataFrame(motion_table(self))
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was left out at the end of the file, a line each; none where the file ends as it should."""
@@ -243,7 +131,7 @@ class Trajectory:
         )
 
     @property
-    def people(self) -> int:
+    def number_of_people(self) -> int:
         """Number of people at the start, inside or not."""
         return len(self.radius)
 
@@ -257,8 +145,8 @@ class Trajectory:
         """Rise per metre of plan, (levels, 2): velocity . climb is the vertical velocity."""
         return np.array([np.tan(level.slope) * level.uphill for level in self.building.levels]).reshape(-1, 2)
 
-    def frame(self, k: int) -> Frame:
-        """Return frame `k`; negative counts from the end."""
+    def __getitem__(self, k: int) -> Frame:
+        """Return the people inside at the recorded time `k`; negative counts from the end."""
         from evac.building.elevation import elevation
 
         records = self.records[k].astype(np.float64)
@@ -279,6 +167,18 @@ class Trajectory:
             contact_force=records[:, 6],
             crowd_pressure=records[:, 6] / (2.0 * np.pi * self.radius[person]),
         )
+
+    def maps(self, levels: "Iterable[str | int] | None" = None, **options: Any) -> "Mapping[str, LevelMaps]":
+        """Return maps of density, speed, flow, ... of levels: see `evac.output.maps.level_maps`."""
+        from evac.output.maps import level_maps
+
+        return level_maps(self, levels, **options)
+
+    def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
+        """Return the motion on a level and its floor as PedPy takes them: see `evac.output.pedpy_data.to_pedpy`."""
+        from evac.output.pedpy_data import to_pedpy
+
+        return to_pedpy(self, level)
 
     def nearest(self, time: float) -> int:
         """Return the index of the frame nearest to `time` [s]."""
@@ -321,10 +221,10 @@ class Trajectory:
 
     @cached_property
     def _frames(self) -> list[Frame]:
-        return [self.frame(k) for k in range(len(self))]
+        return [self[k] for k in range(len(self))]
 
     def _padded(self, name: str, shape: tuple[int, ...]) -> FloatArray:
-        values = np.full((len(self), self.people, *shape), np.nan)
+        values = np.full((len(self), self.number_of_people, *shape), np.nan)
         for k, frame in enumerate(self._frames):
             values[k, frame["person"]] = frame[name]  # type: ignore[literal-required]
         return values
@@ -342,10 +242,10 @@ def read_trajectory(path: str | Path) -> Trajectory:
         The file is not there, is no trajectory of this format, or is damaged before its last frame.
     """
     path = Path(path)
-    return _read(path / TRAJECTORY_NAME if path.is_dir() else path)
+    return read_up_to(path / TRAJECTORY_NAME if path.is_dir() else path)
 
 
-def _read(path: Path, length: int | None = None) -> Trajectory:
+def read_up_to(path: Path, length: int | None = None) -> Trajectory:
     """Read the first `length` bytes of a trajectory file, or all of them."""
     data = _mapped(path, length)
     header, start = read_header(path, data)

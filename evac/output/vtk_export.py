@@ -1,28 +1,41 @@
-"""VTK animation of a trajectory: one .vtp file per frame, the building as one more, a .pvd that lists them."""
+"""VTK animation of a trajectory: a .vtp file for each frame, the building in named blocks, a .pvd that lists them."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from evac.building.elevation import elevation
 from evac.building.model import Building
 from evac.errors import ResultError
-from evac.output.files import ANIMATION_NAME, BUILDING_NAME, FRAMES, FRAMES_FOLDER, frame_name, writing
+from evac.output.exporter import file_stems
+from evac.output.files import (
+    ANIMATION_NAME,
+    BUILDING_FOLDER,
+    BUILDING_NAME,
+    BUILDING_PARTS,
+    FRAMES,
+    FRAMES_FOLDER,
+    frame_name,
+    writing,
+)
 from evac.output.polydata import PolyData, write_polydata
 from evac.output.trajectory import Frame, Trajectory
 
 #: Values of the building's cell array ``kind``.
-KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "closed portal")
+KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", "closed portal", "area")
 
 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
-    """Write ``animation.pvd``, ``building.vtp`` and ``frames/frame_00000.vtp``, ... to `folder`.
+    """Write ``animation.pvd``, ``building.vtm`` with ``building/``, and ``frames/frame_00000.vtp``, ... to `folder`.
 
     Each frame holds one point per person inside, at true height, with the point arrays person, group
     (row of the field array ``group_names``, -1 for none), level (row of ``level_names``), speed and velocity
     [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m] and radius [m]. In the .pvd, people
-    are part 0 and the building part 1 of every time [s].
+    are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see `building_blocks`.
 
     Returns
     -------
@@ -38,11 +51,12 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
     with writing("the VTK animation", folder):
         (folder / FRAMES_FOLDER).mkdir(parents=True, exist_ok=True)
-        for stale in folder.glob(FRAMES):
-            stale.unlink()
-        write_polydata(building_polydata(trajectory.building), folder / BUILDING_NAME)
+        for pattern in (FRAMES, BUILDING_PARTS):
+            for stale in folder.glob(pattern):
+                stale.unlink()
+        _write_building(trajectory.building, folder)
         for k in range(len(trajectory)):
-            write_polydata(people_polydata(trajectory, trajectory.frame(k)), folder / frame_name(k))
+            write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
         path = folder / ANIMATION_NAME
         path.write_text(_pvd(trajectory.time), encoding="utf-8")
     return path
@@ -69,33 +83,74 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
     )
 
 
-def building_polydata(building: Building) -> PolyData:
-    """Return floors, flights and landings as triangles; walls, exits and closed portals as lines on their level.
+def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
+    """Return the parts of a building: block, name and cells of each.
 
-    Cell arrays: ``level`` and ``kind`` (row of `KINDS`); field arrays ``level_names`` and ``kind_names``. A closed
-    portal stands on both of its levels.
+    The blocks are ``levels`` (triangles), ``walls`` (lines, by level), ``exits``, ``portals`` and ``areas``. Every
+    part has the cell arrays ``level`` (row of the field array ``level_names``) and ``kind`` (row of ``kind_names``).
     """
-    lines = [("wall", building.walls, building.wall_level)]
+    for level in building.levels:
+        yield "levels", level.name, _part(building, level.kind, level.index, building.vertices, level.triangles)
+    for level in building.levels:
+        walls = building.walls[building.wall_level == level.index]
+        if len(walls):
+            yield "walls", level.name, _line_part(building, "wall", level.index, walls)
     for exit_ in building.exits:
         kind = "exit" if building.is_open(exit_) else "closed exit"
-        lines.append((kind, exit_.segments, np.full(len(exit_.segments), exit_.level)))
+        yield "exits", exit_.name, _line_part(building, kind, exit_.level, exit_.segments)
     for portal in building.portals:
-        if not building.is_open(portal):
-            for index in portal.levels:
-                lines.append(("closed portal", portal.segments, np.full(len(portal.segments), index)))
-    ends = np.concatenate([segments_in_space(building, segments, level) for _, segments, level in lines]).reshape(-1, 3)
-    level = [on for _, _, on in lines] + [np.full(len(item.triangles), item.index) for item in building.levels]
-    kind_of = [np.full(len(segments), KINDS.index(kind)) for kind, segments, _ in lines]
-    kind_of += [np.full(len(item.triangles), KINDS.index(item.kind)) for item in building.levels]
+        kind = "portal" if building.is_open(portal) else "closed portal"
+        yield "portals", portal.name, _line_part(building, kind, portal.levels[0], portal.segments)
+    for area in building.areas:
+        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(area.polygon))
+        corners = np.concatenate([shapely.get_coordinates(piece)[:3] for piece in pieces])
+        z = elevation(building, np.full(len(corners), area.level), corners)
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        yield "areas", area.name, _part(building, "area", area.level, np.column_stack([corners, z]), triangles)
+
+
+def _line_part(building: Building, kind: str, level: int, segments: NDArray[np.float64]) -> PolyData:
+    """Return plan segments (s, 4) on their level as lines."""
+    ends = segments_in_space(building, segments, np.full(len(segments), level)).reshape(-1, 3)
+    return _part(building, kind, level, ends, np.arange(len(ends)).reshape(-1, 2))
+
+
+def _part(
+    building: Building, kind: str, level: int, points: NDArray[np.float64], cells: NDArray[np.integer]
+) -> PolyData:
+    """Return cells of one kind on one level, without the points that none of them uses."""
+    used, corners = np.unique(cells, return_inverse=True)
+    corners = corners.reshape(cells.shape)
+    count = len(cells)
     return PolyData(
-        points=np.concatenate([building.vertices, ends]),
-        lines=len(building.vertices) + np.arange(len(ends)).reshape(-1, 2),
-        polygons=np.concatenate([item.triangles for item in building.levels]),
+        points=points[used],
+        **{"lines" if cells.shape[1] == 2 else "polygons": corners},
         cell_arrays={
-            "level": np.concatenate(level).astype(np.int32),
-            "kind": np.concatenate(kind_of).astype(np.int32),
+            "level": np.full(count, level, np.int32),
+            "kind": np.full(count, KINDS.index(kind), np.int32),
         },
         texts={"level_names": [item.name for item in building.levels], "kind_names": KINDS},
+    )
+
+
+def _write_building(building: Building, folder: Path) -> None:
+    """Write the blocks of a building, each part to a file of its own, and the file that lists them."""
+    parts = list(building_blocks(building))
+    (folder / BUILDING_FOLDER).mkdir(exist_ok=True)
+    files = [f"{BUILDING_FOLDER}/{stem}.vtp" for stem in file_stems(f"{block} {name}" for block, name, _ in parts)]
+    blocks: dict[str, list[str]] = {}
+    for (block, name, data), file in zip(parts, files, strict=True):
+        write_polydata(data, folder / file)
+        entries = blocks.setdefault(block, [])
+        entries.append(f'      <DataSet index="{len(entries)}" name={quoteattr(name)} file={quoteattr(file)}/>\n')
+    tree = "".join(
+        f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
+        for index, (block, entries) in enumerate(blocks.items())
+    )
+    (folder / BUILDING_NAME).write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+        f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
+        encoding="utf-8",
     )
 
 

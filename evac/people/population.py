@@ -137,6 +137,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     fields : Fields
         Holds every route of `evac.people.groups.routes_of`.
     seed : int
+        ``simulation.population_seed``, where it is given, stands in for it in what people are like.
 
     Raises
     ------
@@ -147,6 +148,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
     counts = [people.count for people in case.people]
     crowd = make_crowd(np.zeros((sum(counts), 2)), level=-1)
     ends = np.cumsum(counts)
+    own = case.simulation.population_seed
     groups = tuple(
         Group(people.name, np.arange(end - people.count, end, dtype=np.int32), people.behaviours)
         for people, end in zip(case.people, ends, strict=True)
@@ -155,7 +157,7 @@ def build_population(case: "Case", building: Building, fields: "Fields", seed: i
         crowd.group[group.rows] = index
         crowd.route[group.rows] = _route_index(case, people, fields)
         with naming(case.source):
-            _draw_quantities(crowd, people, group.rows, seed)
+            _draw_quantities(crowd, people, group.rows, seed if own is None else own)
     for people, group in zip(case.people, groups, strict=True):
         if people.positions is not None:
             _take_positions(case, building, crowd, people, group.rows)

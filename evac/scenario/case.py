@@ -104,6 +104,11 @@ class Case(Section):
         """The folder that paths in the case are relative to."""
         return self._origin.source.parent
 
+    def __repr__(self) -> str:
+        return f"<Case {self.title or self.source.name!r}: {len(self.people)} groups, {self.contact.model}>"
+
+    __str__ = __repr__
+
     @property
     def table(self) -> Mapping[str, Any]:
         """The content of its case.toml, with overrides."""

@@ -76,6 +76,11 @@ def load_case(
     return case_from(read_table(path), path, overrides, plugin_files=files, registry=registry)
 
 
+def as_case(case: Case | str | Path | Mapping[str, Any]) -> Case:
+    """Return a case that is one already, or load what names one, as `load_case` does."""
+    return case if isinstance(case, Case) else load_case(case)
+
+
 def case_from(
     table: Mapping[str, Any],
     source: Path,

@@ -25,13 +25,43 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
             problems.append(Problem((text,), "an override reads dotted.key=value"))
             continue
         try:
-            pairs.append((key, parse(f"value = {word}")["value"]))
+            pairs.append((key, value_of(word)))
         except ValueError as error:
-            if word[0] in "\"'[{":
-                problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
-            else:
-                pairs.append((key, word))
+            problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
     return pairs, problems
+
+
+def value_of(word: str) -> Any:
+    """Return what a word says as TOML, or the word itself.
+
+    Raises
+    ------
+    ValueError
+        It begins as a quoted text, an array or a table would, and is none.
+    """
+    try:
+        return parse(f"value = {word}")["value"]
+    except ValueError:
+        if word[0] in "\"'[{":
+            raise
+        return word
+
+
+def split_values(text: str) -> list[str]:
+    """Return the words between the commas of a text, but for commas within quotes, brackets and braces."""
+    words, depth, quote = [""], 0, ""
+    for sign in text:
+        if sign == "," and not depth and not quote:
+            words.append("")
+            continue
+        if quote:
+            quote = "" if sign == quote else quote
+        elif sign in "\"'":
+            quote = sign
+        else:
+            depth += (sign in "[{") - (sign in "]}")
+        words[-1] += sign
+    return [word.strip() for word in words]
 
 
 def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Problem]]:

@@ -273,6 +273,14 @@ class SimulationSettings(Section):
         "when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
     )
     seed: Whole = key("seed of everything random", "", 1, ge=0, le=2**63 - 1)
+    population_seed: Whole | None = key(
+        "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
+        "elsewhere; if not given, `seed`",
+        "",
+        None,
+        ge=0,
+        le=2**63 - 1,
+    )
     driving: Literal["exponential", "explicit"] = key(
         "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
@@ -321,13 +329,26 @@ class SimulationSettings(Section):
 
 
 class OutputSettings(Section):
-    """`[output]`: what is written to the result folder."""
+    """`[output]`: what is written to the result folder, beside summary.json."""
 
     every: Real = key(
         "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
     )
-    animation: Switch = key("whether the run can be played in ParaView (VTK files)", "", True)
-    picture: Switch = key("whether pictures of the run are drawn", "", True)
+    tables: Switch = key("whether egress.csv and people.csv are written", "", True)
+    picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
+    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
+    trajectory: Switch = key(
+        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "",
+        True,
+    )
+    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
+
+    @model_validator(mode="after")
+    def _animation_of_trajectory(self) -> Self:
+        if self.animation and not self.trajectory:
+            raise wrong("animation", "is made of the trajectory; set output.trajectory = true, or animation = false")
+        return self
 
 
 class PluginSettings(Section):

@@ -171,7 +171,7 @@ def run(case: Case, folder: Path) -> str:
         return "ran"
     words = [word for word in case.key.split(".") if not word.isdigit()][-2:]
     # What a preset or another name spoils is wrong with a group; a file that cannot be used is named itself.
-    words += ["people"] * (case.key.startswith(("presets.", "people.")) or case.key.endswith(".name")) + [
+    words += ["people"] * (case.key.startswith(("presets", "people.")) or case.key.endswith(".name")) + [
         case.value.strip('"')
     ] * case.key.startswith("building.mesh")
     assert any(word in said for word in words), said[-2000:]

@@ -25,7 +25,7 @@ def test_every_command_has_help(command, capsys):
 
 
 def test_wrong_words_give_status_2(capsys):
-    for words in ([], ["fly"], ["export", "r"], ["run", "square_room", "--seed", "x"]):
+    for words in ([], ["fly"], ["export", "r", "--to"], ["run", "square_room", "--seed", "x"]):
         with pytest.raises(SystemExit, match="2"):
             main(words)
     assert "usage" in capsys.readouterr().err

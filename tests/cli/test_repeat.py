@@ -16,10 +16,43 @@ def test_repeat_runs_seeds_and_says_how_certain_the_result_is(evac, tmp_path, ca
         assert [row["seed"] for row in csv.DictReader(file)] == ["4", "5", "6"]
     out = capsys.readouterr().out
     assert "in 3 of 3 runs" in out
-    found = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["last_out"]
+    summary = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())
+    found = summary["points"][0]["statistics"]
     lines = [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()]
-    assert ["mean", f"{found['over_complete_runs']['mean']:.2f} s", "3 of 3 runs, in which everybody got out"] in lines
-    assert ["percentile 95", f"{found['over_runs']['percentile_95']:.2f} s", "3 of 3 runs"] in lines
+    mean, (_, median, _) = found["mean"], found["percentiles"]
+    assert ["mean", f"{mean['value']:.2f} s", f"{mean['low']:.2f} s to {mean['high']:.2f} s", "3 runs"] in lines
+    note = "no 95 % interval below 6 runs"
+    assert ["percentile 50", f"{median['value']:.2f} s", "none", f"3 runs; {note}"] in lines
+
+
+def test_a_study_goes_on_and_refuses_another_case(evac, tmp_path, capsys):
+    few = ("people.people.number=5", "output.picture=false")
+    assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--out", "r", "--set", *few) == 0
+    assert evac("repeat", "square_room", "--runs", "3", "--out", "r", "--resume", "--set", *few) == 0
+    assert "2 of 3 runs are there" in capsys.readouterr().err
+    with (tmp_path / "r" / "runs.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 3
+    assert evac("repeat", "square_room", "--out", "r", "--resume", "--set", "people.people.number=6") == 2
+    assert "case.people.0.number" in capsys.readouterr().err
+
+
+def test_runs_until_the_mean_is_known(evac, tmp_path, capsys):
+    few = ("people.people.number=5", "output.picture=false")
+    stop = ("--until", "30%", "--least", "4", "--most", "9", "--jobs", "1")
+    assert evac("repeat", "square_room", *stop, "--set", *few) == 0
+    assert "mean known to" in capsys.readouterr().err
+    points = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["points"]
+    assert points[0]["known"]
+    assert 4 <= points[0]["statistics"]["runs"] <= 9
+
+
+def test_repetitions_of_populations(evac, tmp_path, capsys):
+    few = ("people.people.number=4", "output.picture=false")
+    assert evac("repeat", "square_room", "--runs", "4", "--repetitions", "2", "--jobs", "1", "--set", *few) == 0
+    assert "deviation between populations" in capsys.readouterr().out
+    with (tmp_path / "square_room-runs" / "runs.csv").open() as file:
+        assert [row["population_seed"] for row in csv.DictReader(file)] == ["1", "1", "2", "2"]
+    assert evac("repeat", "square_room", "--imo", "--runs", "4") == 2
 
 
 @pytest.mark.parametrize("command", [("run",), ("repeat", "--runs", "1", "--jobs", "1")])
@@ -42,8 +75,8 @@ def test_runs_with_people_left_are_named(evac, capsys):
     assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--set", "simulation.duration=1.0") == 3
     out, err = capsys.readouterr()
     assert "seeds 1, 2" in err
-    assert re.search(r"percentile 50 +not reached: people are left in 2 of 2 runs +2 of 2 runs", out)
-    assert not re.search(r"^mean ", out, re.MULTILINE)
+    assert re.search(r"percentile 50 +not reached .* 2 of 2 runs are blocked", out)
+    assert re.search(r"mean +- ", out)
 
 
 def heed_interrupts():

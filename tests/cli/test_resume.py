@@ -71,7 +71,8 @@ def kill_and_resume(folder, name, generator):
         time.sleep(generator.uniform(0.0, 0.8))
         process.kill()
         process.communicate()
-        if process.returncode == PEOPLE_LEFT:
+        is_complete = (folder / name).is_dir() and not (folder / name / CHECKPOINT_NAME).exists()
+        if process.returncode == PEOPLE_LEFT or is_complete:
             return kills  # it was faster
         assert process.returncode == -signal.SIGKILL
         kills += 1

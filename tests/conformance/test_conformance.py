@@ -67,8 +67,14 @@ def test_an_importer_conforms(name):
     check_plugin(REGISTRY.importers[name], load_case("square_room") if name == "meshio" else None)
 
 
+@pytest.mark.parametrize("name", list(REGISTRY.exporters))
+def test_an_exporter_conforms(name):
+    check_plugin(REGISTRY.exporters[name])
+
+
 def test_built_ins_are_named_after_what_they_are():
-    """Module kind_what, class What, name "what"; classes of forces, recorders and importers add their kind.
+    """Module kind_what, class What, name "what"; classes of forces, recorders, importers and exporters
+    add their kind.
 
     Solvers that have kernels in common share a module.
     """
@@ -78,13 +84,17 @@ def test_built_ins_are_named_after_what_they_are():
         "behaviour": REGISTRY.behaviours,
         "recorder": REGISTRY.recorders,
         "import": REGISTRY.importers,
+        "export": REGISTRY.exporters,
     }
     for kind, table in kinds.items():
         for name, cls in table.items():
             if cls.__module__ in BUILTIN_PLUGINS:
                 assert cls.__module__ == f"evac_plugins.{kind}_{name}"
                 camel = "".join(word.capitalize() for word in name.split("_"))
-                assert cls.__name__ in (camel, camel + {"import": "Importer"}.get(kind, kind.capitalize()))
+                assert cls.__name__ in (
+                    camel,
+                    camel + {"import": "Importer", "export": "Exporter"}.get(kind, kind.capitalize()),
+                )
     for name, cls in REGISTRY.solvers.items():
         assert cls.__module__.startswith("evac_plugins.solver_")
         assert cls.__name__ == "".join(word.capitalize() for word in name.split("_"))

@@ -18,6 +18,8 @@ DOCUMENTS = (
     "docs/architecture.md",
     "docs/buildings.md",
     "docs/compilation.md",
+    "docs/exports.md",
+    "docs/pictures.md",
     "docs/plugins.md",
     "docs/results.md",
     "docs/status.md",
@@ -79,6 +81,20 @@ def test_python_of_the_readme_is_ten_lines_and_runs(text, tmp_path):
     assert 0.0 < float(re.fullmatch(r"mean speed in the room (\S+) m/s", lines[3])[1]) < 2.0
 
 
+def test_python_of_the_guides_to_pictures_and_exports_runs(text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    evac.run(evac.load("classroom", {"simulation.duration": 6.0, "output.animation": False}), "classroom-result")
+    for document, blocks in (("docs/pictures.md", 2), ("docs/exports.md", 1)):
+        found = fenced(text(document), "python")
+        assert len(found) == blocks
+        for block in found:
+            exec(compile(block, document, "exec"), {})
+    assert (tmp_path / "classroom.png").stat().st_size > 0
+    greatest, passed = re.findall(r"(\S+) people pe|(\d+) people passed", capsys.readouterr().out)[-2:]
+    assert 2.0 < float(greatest[0]) < 12.0
+    assert 25 <= int(passed[1]) <= 30
+
+
 def test_the_reference_of_a_case_is_the_generated_one(text):
     assert text("docs/buildings.md").endswith("\n\n" + reference())
 
@@ -103,11 +119,11 @@ def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
-    _, case, _ = fenced(text("docs/buildings.md"), "toml")
+    case = fenced(text("docs/buildings.md"), "toml")[2]
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
-    assert results.evacuated == results.people == 10
+    assert results.evacuated == results.number_of_people == 10
     assert [level.kind for level in results.building.levels] == ["floor", "flight", "floor"]
     assert len(results.building.portals) == 2
     flight = results.building.levels[1]
@@ -117,7 +133,7 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
 def test_the_presets_of_the_guide_are_taken(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[1:]), encoding="utf-8")
+    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[2:]), encoding="utf-8")
     simulation = Simulation(evac.load(tmp_path))
     rows = {group.name: group.rows for group in simulation.population.groups}
     crowd = simulation.population.crowd

@@ -9,6 +9,7 @@ import pytest
 
 import evac
 from evac import hookspecs
+from evac.output.exporter import export
 from evac.registry import Registry
 
 HOOKS = [name for name, item in vars(hookspecs).items() if name.startswith("evac_") and inspect.isfunction(item)]
@@ -88,6 +89,32 @@ def test_evac_behaviours(plugin):
 def test_evac_recorders(plugin):
     registry = Registry([plugin(CLASS.format(base="Recorder", hook="evac_recorders"))])
     assert issubclass(registry.get("recorder", "mine"), evac.Recorder)
+
+
+def test_evac_exporters(plugin, tmp_path):
+    """Runs are written in a format of one's own; a suffix that is none is refused."""
+    text = """
+        from evac import Exporter
+
+        class Mine(Exporter):
+            '''The number of frames.'''
+            name = "mine"
+            suffix = ".mine"
+
+            def write(self, trajectory, path):
+                path.write_text(str(len(trajectory)))
+                return [path]
+
+        @hookimpl
+        def evac_exporters():
+            return [Mine]
+        """
+    registry = Registry([plugin(text)])
+    evac.run(evac.load("square_room", {"simulation.duration": 1.0}), tmp_path / "result")
+    written = export(evac.read_trajectory(tmp_path / "result"), registry.get("exporter", "mine")())
+    assert [path.read_text() for path in written] == ["3"]
+    with pytest.raises(evac.PluginError, match=r"Mine\.suffix"):
+        Registry([plugin(text.replace('".mine"', '"MINE"'))])
 
 
 def test_evac_building_cases(plugin, tmp_path, root):
@@ -202,7 +229,7 @@ def test_evac_metrics(plugin):
         """
         @hookimpl
         def evac_metrics(results):
-            return {"people": results.people}
+            return {"people": results.number_of_people}
         """
     )
     case = evac.load("square_room", {"simulation.duration": 0.5}, plugin_files=[path])

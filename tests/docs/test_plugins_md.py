@@ -13,7 +13,7 @@ from evac.registry import Registry
 
 NAMES = [
     *("crowding.py", "personal_space.py", "dem_numpy.py", "spring_damper.py", "jacobi.py"),
-    *("rooms.py", "crossing_guard.py"),
+    *("rooms.py", "positions.py", "crossing_guard.py"),
 ]
 
 
@@ -40,6 +40,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
             registry.behaviours,
             registry.recorders,
             registry.importers,
+            registry.exporters,
         )
         for cls in table.values()
         if sys.modules[cls.__module__].__file__ == str(plugin_files[name])
@@ -48,7 +49,7 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize("name", ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py"])
+@pytest.mark.parametrize("name", ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py", "positions.py"])
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
     assert len(code) <= 36
@@ -166,6 +167,20 @@ def test_rooms_are_read_and_evacuated(plugin_files, tmp_path):
     (tmp_path / "a.rooms").write_text("room hall 0 0 8\n")
     with pytest.raises(evac.BuildingError, match=r"a\.rooms: cannot be read: line 1: "):
         evac.Simulation(case)
+
+
+def test_an_exporter_is_found_on_the_command_line(plugin_files, tmp_path, capsys):
+    from evac.cli import main
+
+    case = evac.load("square_room", {"simulation.duration": 1.0, "output.animation": False})
+    evac.run(case, tmp_path / "result")
+    words = ["export", tmp_path / "result", "--to", "positions", "--plugin", plugin_files["positions.py"]]
+    assert main([str(word) for word in [*words, "--set", "decimals=1"]]) == 0
+    path = tmp_path / "result/export/trajectory.txt"
+    assert capsys.readouterr().out.strip() == str(path)
+    table = np.loadtxt(path)
+    frame = evac.read_trajectory(tmp_path / "result")[0]
+    np.testing.assert_allclose(table[:20, 2:4], frame["position"], atol=0.051)
 
 
 def test_the_guard_counts_refuses_and_writes(plugin_files, tmp_path):

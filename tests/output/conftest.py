@@ -12,7 +12,8 @@ from evac.directions.routes import Route
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.results import Results
-from evac.output.trajectory import TrajectoryWriter
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 from evac.physics.state import Crowd
 
 
@@ -132,6 +133,37 @@ def descent(tmp_path):
             writer.append(0.5 * k, crowds[-1], crowds[-1].velocity)
         writer.close()
         return SimpleNamespace(path=path, building=building, crowds=crowds)
+
+    return write
+
+
+@pytest.fixture
+def written(tmp_path, building):
+    """Return a function that writes a trajectory on the three storeys and reads it.
+
+    Positions are (frames, people, 2), levels (frames, people) or one for all, -1 for people who are out; velocities
+    are those between frames.
+    """
+
+    def write(position, level=0, interval=1.0, radius=0.2, force=0.0):
+        position = np.array(position, float)
+        frames, people = position.shape[:2]
+        level = np.broadcast_to(np.array(level, np.int32), (frames, people))
+        header = {
+            "title": "Three storeys",
+            "groups": ["all"],
+            "group": [0] * people,
+            "radius": [radius] * people,
+            "building": building_to_json(building),
+        }
+        velocity = np.gradient(position, interval, axis=0) if frames > 1 else np.zeros_like(position)
+        writer = TrajectoryWriter(tmp_path / "written.evac", header, np.zeros(2))
+        for k in range(frames):
+            crowd = crowd_at(position[k], level[k])
+            crowd.contact_force[:] = force
+            writer.append(k * interval, crowd, velocity[k])
+        writer.close()
+        return read_trajectory(tmp_path / "written.evac")
 
     return write
 

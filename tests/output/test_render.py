@@ -1,3 +1,5 @@
+"""Pictures and films, in three dimensions and in plan."""
+
 from itertools import pairwise
 
 import numpy as np
@@ -6,14 +8,18 @@ from PIL import Image
 
 from evac.building.links import close_links
 from evac.errors import ResultError
+from evac.output import palette
+from evac.output.camera import Camera, aim, hides
+from evac.output.colouring import COLOURINGS, colouring
 from evac.output.header import building_to_json
-from evac.output.render import render_animation, render_picture
-from evac.output.scene import Scene
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.pawns import HIDDEN, draw_people
+from evac.output.render import Renderer, render_animation, render_picture
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 from tests.output.conftest import crowd_at
 
 SIZE = (320, 240)
-TAB_BLUE, TAB_ORANGE = np.array([31, 119, 180]), np.array([255, 127, 14])
+EVEN, ODD = (np.array(colour) for colour in palette.rgb(palette.GROUPS[:2]))
 
 
 @pytest.fixture
@@ -28,37 +34,101 @@ def share_of_hue(pixels, colour):
     return float(((pixels @ colour) > 0.998 * norm).mean())
 
 
-def test_picture_shows_floors_and_the_people_of_both_groups(trajectory, tmp_path):
-    render_picture(trajectory, tmp_path / "run.png", size=(640, 480))
+@pytest.mark.parametrize("view", ["3d", "plan"])
+def test_picture_shows_floors_and_the_people_of_both_groups(trajectory, tmp_path, view):
+    render_picture(Renderer(trajectory, (640, 480), view), tmp_path / "run.png")
     pixels = np.asarray(Image.open(tmp_path / "run.png"))
-    assert pixels.shape == (480, 640, 3)
-    assert 0.3 < (pixels == 255).all(axis=2).mean() < 0.95
+    assert pixels.shape[2] == 3
+    assert 640 in pixels.shape or 480 in pixels.shape
+    assert 0.2 < (pixels == 255).all(axis=2).mean() < 0.95
     beside_the_legend = pixels[:, :500]
-    assert share_of_hue(beside_the_legend, TAB_BLUE) > 5e-4
-    assert share_of_hue(beside_the_legend, TAB_ORANGE) > 5e-4
+    assert share_of_hue(beside_the_legend, EVEN) > 3e-4
+    assert share_of_hue(beside_the_legend, ODD) > 3e-4
 
 
 def test_picture_is_of_the_asked_time(trajectory, tmp_path):
+    renderer = Renderer(trajectory, SIZE, "plan")
     for name, time in (("early", 0.0), ("near", 0.2), ("late", 2.0)):
-        render_picture(trajectory, tmp_path / f"{name}.png", time=time, size=SIZE)
+        render_picture(renderer, tmp_path / f"{name}.png", time=time)
     early, near, late = (np.asarray(Image.open(tmp_path / f"{name}.png")) for name in ("early", "near", "late"))
     np.testing.assert_array_equal(early, near)
     assert (early != late).any(axis=2).mean() > 1e-3
 
 
-def test_speed_colours_the_people(trajectory, tmp_path):
-    render_picture(trajectory, tmp_path / "speed.png", size=(640, 480), colour_by="speed")
-    assert share_of_hue(np.asarray(Image.open(tmp_path / "speed.png")), TAB_ORANGE) < 1e-4
+@pytest.mark.parametrize("name", [name for name in COLOURINGS if name != "group"])
+def test_a_quantity_colours_the_people(trajectory, name):
+    image = Renderer(trajectory, (640, 480), "plan", colour_by=name).image(2)
+    assert share_of_hue(image, ODD) < 1e-4
+    found = colouring(trajectory, name)
+    frame = trajectory[2]
+    values = {"speed": frame["speed"], "contact_force": frame["contact_force"] / 1e3}.get(name)
+    if values is not None:
+        expected = found.scale()[np.clip(255 * values / found.top, 0, 255).astype(int)]
+        np.testing.assert_array_equal(found.of(frame), expected)
 
 
-def test_storeys_are_pulled_apart_until_one_sees_into_each(trajectory):
-    scene = Scene(trajectory, SIZE, None, "group")
-    scene.close()
-    assert scene.stretch > 1.0
+def test_waiting_counts_the_time_at_which_people_stood(written):
+    stands, walks = [[1.0, 1.0]] * 5, [[2.0 + k, 3.0] for k in range(5)]
+    trajectory = written(np.stack([stands, walks], axis=1), interval=2.0)
+    waiting = colouring(trajectory, "waiting")
+    assert waiting.top == 8.0
+    scale = waiting.scale()
+    for k in range(5):
+        expected = scale[[int(255 * 2.0 * k / 8.0), 0]]
+        np.testing.assert_array_equal(waiting.of(trajectory[k]), expected)
+
+
+def test_levels_are_drawn_alone(trajectory):
+    for view in ("plan", "3d"):
+        top = Renderer(trajectory, SIZE, view, levels=["floor 2"])
+        places = top._view.project(np.arange(5), np.zeros((5, 3)))
+        assert np.isfinite(places[:, 0]).tolist() == [False, False, False, False, True]
+    with pytest.raises(ResultError, match="'floor 7'"):
+        Renderer(trajectory, SIZE, levels=["floor 7"])
+
+
+@pytest.mark.parametrize("view", ["3d", "plan"])
+def test_people_are_drawn_where_they_are_and_as_wide_as_they_are(first_out, view):
+    """The pixels of the person of group b, at (3, 3) on the ground, radius 0.4 m, and nobody else of that colour."""
+    camera = Camera(azimuth=-90.0, elevation=40.0)
+    renderer = Renderer(read_trajectory(first_out), (1200, 900), view, camera, ["floor 0"])
+    colour = np.array(palette.rgb([palette.GROUPS[1]])[0])
+    x, y, _ = renderer._view.project(np.array([0]), np.array([[3.0, 3.0, 0.0]]))[0]
+    image = renderer.image(0).astype(float)
+    image[:, renderer._view.side[0] :] = 255.0  # without the legend
+    norm = np.linalg.norm(image, axis=2) * np.linalg.norm(colour)
+    rows, columns = np.nonzero((image @ colour > 0.996 * norm) & (np.ptp(image, axis=2) > 60))
+    assert columns.mean() == pytest.approx(x, abs=2.0)
+    assert np.ptp(columns) + 1 == pytest.approx(2 * 0.4 * renderer._view.scale, rel=0.12)
+    lowest = 0.4 if view == "plan" else 0.55 * 0.4 * np.sin(np.radians(40.0))  # feet are narrower than shoulders [m]
+    assert rows.max() == pytest.approx(y + lowest * renderer._view.scale, abs=6.0)
+
+
+def test_people_behind_a_floor_show_through():
+    pictures = []
+    for wall in (-np.inf, np.inf):
+        image = np.full((60, 60, 3), 255, np.uint8)
+        place, radius = np.array([[30.0, 50.0, 0.0]]), np.array([8.0])
+        draw_people(image, place, radius, np.array([[0, 0, 200]], np.uint8), 0.6, np.full((60, 60), wall))
+        pictures.append(255.0 - image[35, 30, 0])
+    assert pictures[1] == pytest.approx(HIDDEN * pictures[0], rel=0.05)
+
+
+def test_storeys_are_pulled_apart_and_looked_at_from_where_stairs_and_exits_are_seen(trajectory):
+    building = trajectory.building
+    chosen = aim(building, building.levels, Camera())
+    assert chosen.stretch > 1.0
+    door = np.array([[0.0, 1.5, 0.0]])
+    assert not hides(building.levels, door, chosen)[0]
+    from_afar = aim(building, building.levels, Camera(azimuth=0.0, stretch=1.0))
+    assert hides(building.levels, door, from_afar)[0]
+    given = aim(building, building.levels, Camera(azimuth=30.0, elevation=20.0, stretch=2.0))
+    assert (given.stretch, given.elevation) == (2.0, pytest.approx(np.radians(20.0)))
+    np.testing.assert_allclose(given.axes[2], [0.8138, 0.4698, 0.3420], atol=1e-4)
 
 
 def test_film_has_as_many_pictures_as_its_speed_asks_for(trajectory, tmp_path):
-    render_animation(trajectory, tmp_path / "run.gif", fps=4.0, speed=2.0, size=SIZE)
+    render_animation(Renderer(trajectory, SIZE, "plan"), tmp_path / "run.gif", fps=4.0, speed=2.0)
     with Image.open(tmp_path / "run.gif") as film:
         assert film.n_frames == 5  # 2 s of people shown in 1 s, both ends included
         assert film.info["duration"] == 250
@@ -71,25 +141,38 @@ def test_film_has_as_many_pictures_as_its_speed_asks_for(trajectory, tmp_path):
 
 def test_frame_without_people_is_drawn(descent, tmp_path):
     empty = read_trajectory(descent(people=1, frames=1).path)
-    render_picture(empty, tmp_path / "empty.png", size=SIZE)
+    render_picture(Renderer(empty, SIZE), tmp_path / "empty.png")
     assert np.asarray(Image.open(tmp_path / "empty.png")).std() > 5.0
 
 
-def test_film_of_a_kind_that_cannot_be_made_is_refused(trajectory, tmp_path, monkeypatch):
+def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
+    renderer = Renderer(trajectory, SIZE, "plan")
     with pytest.raises(ResultError, match=r"\.gif or \.mp4"):
-        render_animation(trajectory, tmp_path / "run.avi")
+        render_animation(renderer, tmp_path / "run.avi")
+    with pytest.raises(ResultError, match=r"run\.gif"):
+        render_picture(renderer, tmp_path / "run.gif")
+    with pytest.raises(ResultError, match=r"99 s; .* 0 to [0-9]"):
+        render_picture(renderer, tmp_path / "run.png", time=99.0)
+    with pytest.raises(ResultError, match="greater than 0"):
+        render_animation(renderer, tmp_path / "run.gif", fps=0.0)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ResultError, match="pip install imageio-ffmpeg"):
-        render_animation(trajectory, tmp_path / "run.mp4")
+        render_animation(renderer, tmp_path / "run.mp4")
 
 
-def test_nonsense_is_refused(trajectory, tmp_path):
-    with pytest.raises(ResultError, match=r"run\.gif"):
-        render_picture(trajectory, tmp_path / "run.gif")
-    with pytest.raises(ResultError, match="'mood'"):
-        render_picture(trajectory, tmp_path / "run.png", colour_by="mood")
-    with pytest.raises(ResultError, match="greater than 0"):
-        render_animation(trajectory, tmp_path / "run.gif", fps=0.0)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"colour_by": "mood"}, "'mood'"), ({"view": "side"}, "'side'"), ({"size": (0, 100)}, "0 x 100")],
+)
+def test_looks_that_are_none_are_refused(trajectory, options, words):
+    with pytest.raises(ResultError, match=words):
+        Renderer(trajectory, **options)
+
+
+@pytest.mark.parametrize("options", [{"stretch": -1.0}, {"zoom": 0.0}, {"elevation": 90.0}, {"azimuth": float("nan")}])
+def test_cameras_that_are_none_are_refused(options):
+    with pytest.raises(ResultError, match=next(iter(options))):
+        Camera(**options)
 
 
 def closed(path, *names):
@@ -106,7 +189,7 @@ def test_closed_exits_and_portals_are_not_drawn_open(trajectory, tmp_path):
     shares = {}
     for names in ((), ("door",), ("portal 3",)):
         drawn = closed(trajectory.path, *names)
-        render_picture(drawn, tmp_path / "run.png", size=(640, 480))
+        render_picture(Renderer(drawn, (640, 480)), tmp_path / "run.png")
         pixels = np.asarray(Image.open(tmp_path / "run.png"))
         red, green, blue = pixels.reshape(-1, 3).astype(int).T
         shares[names] = np.mean(green > 1.3 * np.maximum(red, blue)), np.mean(red > 1.6 * np.maximum(green, blue))
@@ -120,25 +203,13 @@ def test_closed_exits_and_portals_are_not_drawn_open(trajectory, tmp_path):
 
 def test_unwritable_places_are_named(trajectory, tmp_path):
     with pytest.raises(ResultError, match="absent"):
-        render_picture(trajectory, tmp_path / "absent" / "run.png", size=SIZE)
+        render_picture(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.png")
     with pytest.raises(ResultError, match="absent"):
-        render_animation(trajectory, tmp_path / "absent" / "run.gif", size=SIZE)
+        render_animation(Renderer(trajectory, SIZE, "plan"), tmp_path / "absent" / "run.gif")
 
 
 def test_trajectory_without_frames_is_refused(tmp_path, building):
     header = {"title": "", "groups": [], "group": [], "radius": [], "building": building_to_json(building)}
     TrajectoryWriter(tmp_path / "none.evac", header, np.zeros(2)).close()
     with pytest.raises(ResultError, match=r"none.evac"):
-        render_picture(read_trajectory(tmp_path / "none.evac"), tmp_path / "run.png")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"time": 99.0}, "99 s; .* 0 to [0-9]"),
-        ({"stretch": -1.0}, "greater than 0"),
-    ],
-)
-def test_times_and_stretches_that_are_none_are_refused(trajectory, tmp_path, options, words):
-    with pytest.raises(ResultError, match=words):
-        render_picture(trajectory, tmp_path / "run.png", size=SIZE, **options)
+        Renderer(read_trajectory(tmp_path / "none.evac"))

@@ -13,7 +13,7 @@ from evac.output.watch import Finding
 
 
 def test_counts_and_exit_status(results):
-    assert (results.people, results.evacuated, results.last_out, results.exit_status) == (5, 2, 9.0, 3)
+    assert (results.number_of_people, results.evacuated, results.last_out, results.exit_status) == (5, 2, 9.0, 3)
     everybody = results.crowd.replace(exit_time=np.arange(5.0))
     assert replace(results, crowd=everybody).exit_status == 0
     nobody = results.crowd.replace(exit_time=np.full(5, np.nan))

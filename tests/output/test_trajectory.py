@@ -16,7 +16,8 @@ from evac.errors import ResultError, SimulationError
 from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_from_json, building_to_json
 from evac.output.layout import FIELDS, FRAME_HEAD_BYTES, RECORD_BYTES
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 
 
 def frame_bytes(people):
@@ -50,9 +51,9 @@ def test_what_is_closed_is_kept_and_absent_in_earlier_files(building):
 
 def test_crowd_pressure_is_over_the_own_circumference(first_out):
     trajectory = read_trajectory(first_out)
-    assert trajectory.frame(0)["person"].tolist() == [1, 2]
+    assert trajectory[0]["person"].tolist() == [1, 2]
     expected = np.array([100.0, 200.0]) / (2.0 * np.pi * np.array([0.3, 0.4]))
-    np.testing.assert_allclose(trajectory.frame(0)["crowd_pressure"], expected, rtol=1e-12)
+    np.testing.assert_allclose(trajectory[0]["crowd_pressure"], expected, rtol=1e-12)
 
 
 def test_result_folder_stands_for_its_trajectory(descent):
@@ -503,7 +504,8 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
 header = read_trajectory(Path({str(run.path)!r})).header
 crowd = SimpleNamespace(
     level=np.zeros(140, np.int32), position=np.ones((140, 2)), contact_force=np.ones(140)

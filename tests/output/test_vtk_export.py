@@ -5,9 +5,9 @@ import pyvista
 from evac.building.links import close_links
 from evac.errors import ResultError
 from evac.output.header import building_to_json
-from evac.output.polydata import write_polydata
-from evac.output.trajectory import TrajectoryWriter, read_trajectory
-from evac.output.vtk_export import KINDS, building_polydata, export_vtk
+from evac.output.trajectory import read_trajectory
+from evac.output.trajectory_writer import TrajectoryWriter
+from evac.output.vtk_export import KINDS, building_blocks, export_vtk
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def test_collection_lists_every_frame_and_the_building(exported):
     for time in reader.time_values:
         reader.set_active_time_value(time)
         people, building = reader.read()
-        assert building.n_cells == 10 + 16 + 1  # triangles, walls, exit
+        assert building.keys() == ["levels", "walls", "exits", "portals", "areas"]
         assert people.n_points == (4 if time == 1.5 else 5)
     assert len(list((path.parent / "frames").glob("*.vtp"))) == 4
 
@@ -32,7 +32,7 @@ def test_every_frame_holds_the_people_at_true_height_with_their_arrays(exported)
     trajectory, path = exported
     for k in range(len(trajectory)):
         people = pyvista.read(path.parent / "frames" / f"frame_{k:05d}.vtp")
-        frame = trajectory.frame(k)
+        frame = trajectory[k]
         assert people.points.dtype == np.float64
         np.testing.assert_array_equal(people.points[:, :2], frame["position"])
         np.testing.assert_array_equal(people.points[:, 2], frame["z"])
@@ -62,30 +62,31 @@ def test_people_stand_on_three_storeys(exported):
     np.testing.assert_allclose(people.points[:, 2], [6.0 - 0.75 * 0.5, 3.0, 0.0, 6.0, 3.0], atol=1e-5)
 
 
-def test_building_has_its_levels_and_walls_at_their_heights(exported):
+def test_building_has_its_parts_by_name_at_their_heights(exported):
     trajectory, path = exported
-    building = pyvista.read(path.parent / "building.vtp")
-    level, kind = building.cell_data["level"], building.cell_data["kind"]
-    names = building.field_data["level_names"].tolist()
-    assert names == [item.name for item in trajectory.building.levels]
-    assert np.bincount(kind, minlength=5).tolist() == [6, 4, 0, 16, 1]
+    blocks = pyvista.read(path.parent / "building.vtm")
+    names = {block: blocks[block].keys() for block in blocks.keys()}  # noqa: SIM118
+    levels = [item.name for item in trajectory.building.levels]
+    portals = [f"portal {k}" for k in range(4)]
+    assert names == {"levels": levels, "walls": levels, "exits": ["door"], "portals": portals, "areas": ["room"]}
     for item in trajectory.building.levels:
-        surface = building.extract_cells((level == item.index) & (kind == KINDS.index(item.kind)))
+        surface, walls = blocks["levels"][item.name], blocks["walls"][item.name]
         assert surface.bounds[4:] == pytest.approx((item.z_min, item.z_max))
-        walls = building.extract_cells((level == item.index) & (kind == KINDS.index("wall")))
         assert walls.bounds[4:] == pytest.approx((item.z_min, item.z_max))
-    area = building.extract_cells(kind == KINDS.index("flight")).compute_cell_sizes()["Area"].sum()
+        assert surface.cell_data["level"].tolist() == [item.index] * 2
+        assert {KINDS[kind] for kind in surface.cell_data["kind"]} == {item.kind}
+        assert surface.field_data["level_names"].tolist() == levels
+    area = sum(blocks["levels"][k].area for k in (1, 3))
     assert area == pytest.approx(2 * 2.0 * 5.0)
+    assert blocks["areas"]["room"].area == pytest.approx(5.0 * 6.0)
+    assert blocks["areas"]["room"].bounds[4:] == (6.0, 6.0)
 
 
-def test_closed_exits_and_portals_are_kinds_of_their_own(building, tmp_path):
-    write_polydata(building_polydata(close_links(building, ["door", "portal 3"])), tmp_path / "closed.vtp")
-    data = pyvista.read(tmp_path / "closed.vtp")
-    kind, names = data.cell_data["kind"], data.field_data["kind_names"].tolist()
-    assert np.bincount(kind).tolist() == [6, 4, 0, 16, 0, 1, 2]
-    assert names[5:] == ["closed exit", "closed portal"]
-    assert data.cell_data["level"][kind == 6].tolist() == [3, 4]
-    assert data.extract_cells(kind == 6).bounds[4:] == (6.0, 6.0)
+def test_closed_exits_and_portals_are_kinds_of_their_own(building):
+    kinds = {}
+    for _, name, data in building_blocks(close_links(building, ["door", "portal 3"])):
+        kinds[name] = KINDS[data.cell_arrays["kind"][0]]
+    assert (kinds["door"], kinds["portal 3"], kinds["portal 2"]) == ("closed exit", "closed portal", "portal")
 
 
 def test_far_from_the_origin_nothing_is_rounded(descent, tmp_path):

@@ -11,7 +11,7 @@ from evac.assembly import make_behaviours
 from evac.behaviour import BehaviourScene
 from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
-from evac.scene import Scene
+from evac.scene import Scene, make_ground
 from evac_plugins.behaviour_headway import Headway
 from evac_plugins.contact_nsm1 import Nsm1
 from tests.physics.scenes import fields_towards, make_building, make_engine, uniform_fields
@@ -24,7 +24,7 @@ def prepared(crowd, building=None, fields=None, **parameters):
     building = building or make_building()
     behaviour = Headway(**parameters)
     fields = fields or uniform_fields(len(building.levels))
-    behaviour.prepare(BehaviourScene(crowd, Scene(building, fields), (), np.random.default_rng(1), 0.1))
+    behaviour.prepare(BehaviourScene(crowd, Scene(make_ground(building, fields)), (), np.random.default_rng(1), 0.1))
     return behaviour
 
 

@@ -10,7 +10,7 @@ from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
 from evac.physics.state import make_crowd
-from evac.scene import Scene
+from evac.scene import Ground, Scene
 from evac_plugins.behaviour_teacher_following import HINDERED, WAITED, TeacherFollowing
 
 LENGTH = 100.0
@@ -54,7 +54,11 @@ class Corridor:
         self.out = np.full(n, np.nan)
         self.behaviour = TeacherFollowing(**parameters)
         self.scene = BehaviourScene(
-            self.crowd, Scene(SimpleNamespace(), corridor_fields()), self.groups, np.random.default_rng(1), TICK
+            self.crowd,
+            Scene(Ground(SimpleNamespace(), corridor_fields(), None)),
+            self.groups,
+            np.random.default_rng(1),
+            TICK,
         )
         self.step = 0
         self.behaviour.prepare(self.scene)

@@ -30,8 +30,8 @@ def restitution(dissipation, mass):
 
 
 def test_more_iterations_than_kernels_can_count_are_refused():
-    with pytest.raises(PluginError, match=r"^nsm2\.iterations: .* 1000000000, .* 1e\+20$"):
-        Nsm2(iterations=1e20)
+    with pytest.raises(PluginError, match=r"^nsm2\.iterations: .* 1000000000, "):
+        Nsm2(iterations=1e10)
 
 
 @pytest.mark.parametrize("dissipation", DISSIPATION)

@@ -165,6 +165,18 @@ def test_a_file_that_is_cut_off_is_refused_with_its_line(drawing, tmp_path):
             read_building(tmp_path / "a.dxf")
 
 
+def test_a_damaged_file_is_refused_unless_its_repair_is_asked_for(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    add(drawing.modelspace(), "walkablearea", [(20, 0), (23, 0), (23, 3)])
+    path = tmp_path / "a.dxf"
+    drawing.saveas(path)
+    path.write_text(path.read_text().replace(" 20\n3.0", " 2x\n3.0", 1))
+    with pytest.raises(BuildingError, match=r"line \d+.*repair"):
+        read_building(path)
+    plan = REGISTRY.importer_for(path)(repair=True).read(path)
+    assert any("damaged" in one for one in findings(plan, "warning"))
+
+
 def test_without_ezdxf_the_message_says_what_to_install(drawing, tmp_path, monkeypatch):
     drawing.saveas(tmp_path / "a.dxf")
     monkeypatch.setitem(sys.modules, "ezdxf", None)

@@ -49,7 +49,7 @@ def simulation(tmp_path):
     )
     groups = (SimpleNamespace(name="pair", rows=np.array([0, 1], np.int32)),)
     return SimpleNamespace(
-        case=SimpleNamespace(title="A room"),
+        case=SimpleNamespace(title="A room", output=SimpleNamespace(trajectory=True)),
         building=building,
         population=SimpleNamespace(crowd=crowd, groups=groups),
         displacement_velocity=np.array([[0.5, 0.0], [0.0, 0.25], [0.0, 0.0]]),

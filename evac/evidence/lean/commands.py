@@ -88,9 +88,15 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac check square_room": [],
         "evac explain square_room": [],
         "evac run square_room": ["--out", result],
+        "evac resume --help": [],
         "evac repeat square_room --runs 2 --jobs 1": ["--out", str(folder / "runs")],
-        "evac export --vtk": [result],
+        "evac sweep --help": [],
+        "evac replay": [result, "--out", str(folder / "replay.html")],
+        "evac map": [result, "--of", "density"],
+        "evac export": [result],
         "evac render": [result, "--out", str(folder / "picture.png")],
+        "evac import --help": [],
+        "evac new": [str(folder / "new")],
         "evac evidence --help": [],
         "evac check primary_school": [],
         "evac explain primary_school": [],
@@ -109,8 +115,8 @@ def report_commands(evidence: Evidence) -> None:
             evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
     evidence.heading(section)
     evidence.text(
-        """Run, repeat, export and render include the work that they are called for, on the square room with its
-        picture and animation as shipped; render draws one picture."""
+        """Run, repeat, replay, map, export and render include the work that they are called for, on the square room with
+        its picture and animation as shipped; render draws one picture."""
     )
     evidence.table(
         "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."

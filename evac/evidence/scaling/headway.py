@@ -11,7 +11,7 @@ from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
 from evac.evidence.verdicts import reported
-from evac.scene import Scene
+from evac.scene import Scene, make_ground
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
 
@@ -54,7 +54,9 @@ def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     """Return the costs of a walk without and with headway, made in turns [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = plugins().get("behaviour", "headway")()
-    scene = BehaviourScene(kept.crowd, Scene(hall.building, hall.fields), (), np.random.default_rng(0), TICK)
+    scene = BehaviourScene(
+        kept.crowd, Scene(make_ground(hall.building, hall.fields)), (), np.random.default_rng(0), TICK
+    )
     behaviour.prepare(scene)
     costs = []
     for _ in range(WARM + TIMED):

@@ -140,7 +140,7 @@ class Outcome:
     @property
     def is_blocked(self) -> bool:
         """Whether people are left."""
-        return self.results.evacuated < self.results.people
+        return self.results.evacuated < self.results.number_of_people
 
     @property
     def last_out(self) -> float:

@@ -1,7 +1,9 @@
-"""The progress display of a run: a bar on a terminal, a line now and then elsewhere; on standard error."""
+"""The progress of a run: a bar on a terminal, a line that changes in a notebook, a line now and then elsewhere."""
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -11,9 +13,13 @@ from rich.console import Console
 if TYPE_CHECKING:
     from evac.phases import Progress
 
-#: Wall time between two updates of the bar, and between two plain lines [s].
+#: Wall time between two updates of the bar, and between two plain lines of a run and of several [s].
 BAR_EVERY = 0.1
 LINE_EVERY = 10.0
+RUNS_EVERY = 2.0
+
+#: Wall time between two updates of the line in a notebook [s].
+NOTEBOOK_EVERY = 0.5
 
 
 class Display:
@@ -102,13 +108,67 @@ class Display:
             self._print(numbers)
 
     def runs(self, done: int, runs: int) -> None:
-        """Show how many of several runs are done; a line for each where there is no terminal."""
+        """Show how many of several runs are done; where there is no terminal a line for the first, and now and then."""
         if self._is_bar:
             self._bar.update(
                 self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
             )
-        else:
+        elif done in (1, runs) or time.perf_counter() - self._shown >= RUNS_EVERY:
+            self._shown = time.perf_counter()
             self._print(f"{done}/{runs} runs")
+
+
+@contextmanager
+def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator[Callable[[Progress], None] | None]":
+    """Enter the display of a run from Python, and return what is to be called at every tick.
+
+    Parameters
+    ----------
+    progress : callable, bool or None
+        What is called; None: a bar on a terminal or a line in a notebook if there is one, and nothing elsewhere;
+        True: lines where there is neither; False: nothing.
+    """
+    if callable(progress):
+        yield progress
+    elif progress is False:
+        yield None
+    elif _is_notebook():
+        yield NotebookLine()
+    elif progress is True or (hasattr(sys, "ps1") or sys.stderr.isatty()):
+        with Display(has_lines=progress is True) as display:
+            yield display
+    else:
+        yield None
+
+
+class NotebookLine:
+    """Shows the progress of a run in a notebook, as a line below the cell that changes."""
+
+    def __init__(self) -> None:
+        from IPython.display import display
+
+        self._first: Progress | None = None
+        self._start = self._shown = time.perf_counter()
+        self._handle = display({"text/plain": "first tick"}, raw=True, display_id=True)
+
+    def __call__(self, state: "Progress") -> None:
+        """Show a tick, unless one was shown just now; the last one always."""
+        now = time.perf_counter()
+        if self._first is None:
+            self._first, self._start = state, now
+        elif now - self._shown >= NOTEBOOK_EVERY or state.out == state.people:
+            self._shown = now
+            line = numbers_of(self._first, state, now - self._start)
+            self._handle.update({"text/plain": line}, raw=True)
+
+
+def _is_notebook() -> bool:
+    """Return whether this is a kernel of Jupyter, which shows what is displayed."""
+    if "IPython" not in sys.modules:
+        return False
+    from IPython import get_ipython
+
+    return type(get_ipython()).__name__ == "ZMQInteractiveShell"
 
 
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:

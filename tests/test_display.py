@@ -4,8 +4,8 @@ import io
 
 import pytest
 
-from evac.cli import progress
-from evac.cli.progress import Display, numbers_of
+from evac import display as progress
+from evac.display import Display, numbers_of
 from evac.simulation import Progress
 
 

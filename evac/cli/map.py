@@ -1,0 +1,62 @@
+"""evac map: draw maps of a run: density, speed, flow, waiting, time to clear, contact pressure, usage.
+
+Each map is a picture with the plans of all storeys. Works on a run that goes on, and on what is left of
+a killed one, as well.
+"""
+
+import argparse
+from pathlib import Path
+
+from evac.cli.results import declare_result, trajectory_of
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    declare_result(parser)
+    parser.add_argument(
+        "--of",
+        metavar="MAP,...",
+        default="all",
+        help="density, max_density, speed, flow, waiting, time_to_clear, contact_pressure, usage (default: all)",
+    )
+    parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
+    parser.add_argument("--from", dest="start", type=float, metavar="S", help="from this time on [s]")
+    parser.add_argument("--to", dest="end", type=float, metavar="S", help="up to this time [s]")
+    parser.add_argument("--spacing", type=float, metavar="M", help="side of the cells of the grid [m] (0.2)")
+    parser.add_argument("--kernel", type=float, metavar="M", help="radius of the Gaussian kernel [m] (0.7)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="PATH",
+        help="folder, or for one map a file: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)",
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Draw the maps and name the files."""
+    from evac.errors import ResultError
+    from evac.output.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
+    from evac.parameters import did_you_mean
+
+    quantities = list(QUANTITIES) if arguments.of == "all" else arguments.of.split(",")
+    for quantity in quantities:
+        if quantity not in QUANTITIES:
+            raise ResultError(f"--of {quantity}: there is no such map; {did_you_mean(quantity, list(QUANTITIES))}")
+    trajectory = trajectory_of(arguments)
+    maps = level_maps(
+        trajectory,
+        arguments.level,
+        spacing=SPACING if arguments.spacing is None else arguments.spacing,
+        kernel_radius=KERNEL_RADIUS if arguments.kernel is None else arguments.kernel,
+        start=arguments.start,
+        end=arguments.end,
+    )
+    from evac.output.map_pictures import FORMATS, write_maps
+
+    out = arguments.out or trajectory.path.parent
+    if out.suffix and not out.is_dir() and (out.suffix.lower() not in FORMATS or len(quantities) > 1):
+        one = "several maps need a folder" if len(quantities) > 1 else f"use {', '.join(FORMATS)}, or a folder"
+        raise ResultError(f"{out}: cannot draw to this file; {one}")
+    for path in write_maps(trajectory, maps, quantities, out, arguments.level):
+        print(path)
+    return 0

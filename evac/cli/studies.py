@@ -1,0 +1,283 @@
+"""What `evac repeat` and `evac sweep` have in common: their options, and what they show."""
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.cli.screen import show_facts, show_table, show_warnings
+from evac.display import Display
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from evac.scenario.case import Case
+    from evac.study.statistics import Estimate
+    from evac.study.study import Progress, Study
+
+TITLE = "Evacuation time: when the last person left"
+
+#: Points of a sweep whose statistics are shown; statistics.csv has all.
+MOST_SHOWN = 40
+
+#: Quality warnings that are shown, of the runs that have most of them in common.
+MOST_WARNINGS = 10
+
+
+def declare_study(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a study."""
+    parser.add_argument("--runs", type=positive, metavar="N", help="number of runs of each point (20)")
+    parser.add_argument(
+        "--until", type=share, metavar="SHARE", help="run until half the interval is at most this share, such as 2%%"
+    )
+    parser.add_argument(
+        "--statistic", metavar="NAME", default="mean", help='with --until: mean, or "percentile 95" for example'
+    )
+    parser.add_argument("--least", type=positive, metavar="N", help="with --until: the fewest runs (20, or as needed)")
+    parser.add_argument("--most", type=positive, metavar="N", help="with --until: the most runs (1000)")
+    parser.add_argument(
+        "--repetitions", type=positive, metavar="N", help="runs of the same people from other places (1)"
+    )
+    parser.add_argument(
+        "--imo", action="store_true", help="100 populations, 5 repetitions of each: IMO MSC.1/Circ.1533"
+    )
+    parser.add_argument("--jobs", type=positive, metavar="N", help="processes (default: one for each core)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="address or file of a Dask scheduler, whose workers make the runs"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the study in the result folder")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs or ./CASE-sweep)")
+
+
+def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments of `evac.repeat` and `evac.sweep` that the options give."""
+    from evac.errors import ScenarioError
+    from evac.study.imo import POPULATIONS, REPETITIONS
+
+    runs, repetitions = arguments.runs, arguments.repetitions or 1
+    if arguments.imo:
+        if runs is not None or arguments.repetitions is not None:
+            raise ScenarioError("--imo sets --runs and --repetitions; leave these out, or --imo")
+        repetitions = REPETITIONS
+        runs = None if arguments.until is not None else POPULATIONS * REPETITIONS
+    return {
+        "runs": runs,
+        "until": arguments.until,
+        "statistic": arguments.statistic,
+        "least": arguments.least,
+        "most": arguments.most,
+        "repetitions": repetitions,
+        "workers": arguments.jobs,
+        "resume": arguments.resume,
+    }
+
+
+@contextmanager
+def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
+    """Connect to the Dask scheduler that is named, if one is."""
+    if arguments.dask is None:
+        yield None
+        return
+    from evac.study.executors import dask_executor
+
+    with dask_executor(arguments.dask) as executor:
+        yield executor
+
+
+def prepare(case: "Case") -> None:
+    """Compile what is missing, show what is worth a look, and keep building and directions for the runs."""
+    from evac.study.shared import simulation_of
+
+    with Display() as display:
+        display.phase("reading the building, computing directions")
+        warnings = simulation_of(case, compiling=display.compiling).warnings()
+    show_warnings(warnings)
+
+
+class Rows:
+    """Shows each row of a study, and counts those that were there at its start.
+
+    Parameters
+    ----------
+    display : Display
+    """
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+
+    def __call__(self, progress: "Progress") -> None:
+        """Show how far the study is."""
+        if progress.row is not None:
+            self._display.runs(progress.done, progress.wanted)
+        elif progress.done:
+            print(f"going on: {progress.done} of {progress.wanted} runs are there", file=sys.stderr, flush=True)
+
+
+def show_study(study: "Study") -> int:
+    """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in one."""
+    case = study.points[0].case
+    people = {sum(group.count for group in point.case.people) for point in study.points}
+    runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
+    facts: dict[str, object] = {"case": case.title}
+    facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
+    facts["everybody out"] = f"in {runs - blocked} of {runs} runs"
+    if len(study.points) == 1:
+        show_facts(facts | _settled_facts(study))
+        show_table(
+            "Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study)
+        )
+        _show_blocked(study)
+    else:
+        show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
+        _show_points(study)
+    _show_rule(study)
+    _show_quality(study)
+    show_facts({"results in": study.folder})
+    return 0 if not blocked else 3
+
+
+def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
+    """Return the statistics of the only point."""
+    one = study.statistics[0]
+    everywhere = f"{one.runs} runs"
+    rows = [("least", seconds(one.least), "", everywhere)]
+    rows += [_row(found, everywhere) for found in one.percentiles]
+    rows.append(("greatest", seconds(one.greatest), "", everywhere))
+    complete = f"{one.runs - one.blocked} complete runs" if one.blocked else everywhere
+    rows.append(_row(one.mean, complete))
+    rows.append(("standard deviation", seconds(one.standard_deviation), "", complete))
+    names = [found.name for found in (one.mean, *one.percentiles)]
+    if study.rule.until is not None and study.rule.statistic not in names:
+        rows.append(_row(study.deciding(0), everywhere))
+    if study.seeds.repetitions > 1:
+        found = study.variation(0)
+        rows.append(("exceeds 95 % of all (IMO)", seconds(found.reported), "", everywhere))
+        rows.append(("deviation between populations", seconds(found.between), "", complete))
+        rows.append(("deviation within populations", seconds(found.within), "", complete))
+    return rows
+
+
+def _row(one: "Estimate", over: str) -> tuple[str, str, str, str]:
+    return one.name, seconds(one.value), interval(one), f"{over}; {one.note}" if one.note else over
+
+
+def _show_points(study: "Study") -> None:
+    from evac.study.outputs import parameter_keys
+
+    keys = parameter_keys(study)
+    percentile = study.statistics[0].percentiles[-1].name
+    rows = []
+    for point, one in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
+        found = one.percentiles[-1]
+        values = [point.parameters.get(key) for key in keys]
+        blocked = f"{one.blocked} of {one.runs}"
+        rows.append(
+            [*values, seconds(one.mean.value), interval(one.mean), seconds(found.value), interval(found), blocked]
+        )
+    columns = (*keys, "mean", "95 % interval", percentile, "95 % interval", "blocked")
+    show_table(TITLE, columns, rows)
+    if len(study.points) > MOST_SHOWN:
+        print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
+    notes = dict.fromkeys(one.percentiles[-1].note for one in study.statistics if one.percentiles[-1].note)
+    for note in list(notes)[:3]:
+        print(f"evac: {percentile}: {note}", file=sys.stderr)
+    if any(one.blocked for one in study.statistics):
+        told = "people are left in blocked runs: they count as endless, and the means are those of the other runs"
+        print(f"evac: {told}", file=sys.stderr)
+
+
+def _settled_facts(study: "Study") -> dict[str, object]:
+    """Return at how many runs the measures of convergence had settled."""
+    from evac.study.convergence import convergence, settled
+    from evac.study.outputs import curves
+
+    found = settled(convergence(curves(study, 0)))
+    text = ", ".join(f"{name} {'not' if runs is None else f'at {runs} runs'}" for name, runs in found.items())
+    return {"settled (Ronchi et al.)": text}
+
+
+def _show_blocked(study: "Study") -> None:
+    one = study.statistics[0]
+    if not one.blocked:
+        return
+    seeds = [str(row["seed"]) for row in study.rows(0, ["seed", "blocked"]) if row["blocked"]]
+    listed = ", ".join(seeds[:20]) + (" and others" if len(seeds) > 20 else "")
+    print(
+        f"evac: people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
+        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; these runs count as"
+        " endless in the percentiles and are not in the mean; evac run --seed N shows where people are left",
+        file=sys.stderr,
+    )
+
+
+def _show_rule(study: "Study") -> None:
+    """Say whether a study that stops when it knows enough does."""
+    rule = study.rule
+    if rule.until is None:
+        return
+    for point in study.points:
+        found, runs = study.deciding(point.index), study.runs_of(point.index)
+        where = f" at {point.label}" if len(study.points) > 1 else ""
+        half = found.relative_half_width
+        reached = f"to {100 * half:.2g} %" if math.isfinite(half) else "without an interval"
+        if rule.is_known(study.times(point.index), study.populations(point.index)):
+            line = f"{found.name} known {reached}{where} after {runs} runs"
+        else:
+            reason = found.note or "raise --most"
+            line = f"{found.name} not known to {100 * rule.until:g} %{where}, but {reached},"
+            line += f" after the most runs, {runs}: {reason}"
+        print(f"evac: {line}", file=sys.stderr)
+
+
+def _show_quality(study: "Study") -> None:
+    """Show the quality warnings, alike ones together."""
+    found: dict[str, list[str]] = {}
+    for row in study.rows(columns=["point", "seed", "quality_warnings"]):
+        where = f"seed {row['seed']}" if len(study.points) == 1 else f"point {row['point']}, seed {row['seed']}"
+        for line in row["quality_warnings"]:
+            found.setdefault(_kind(line), []).append(f"{where}: {line}")
+    for lines in list(found.values())[:MOST_WARNINGS]:
+        more = f" (and {len(lines) - 1} more runs with such a warning, in runs.csv)" if len(lines) > 1 else ""
+        show_warnings([lines[0] + more])
+
+
+def _kind(line: str) -> str:
+    """Return a warning without its numbers."""
+    return "".join(sign for sign in line if not sign.isdigit())
+
+
+def seconds(value: float) -> str:
+    """Return a time as it is shown; an infinite one is not reached."""
+    if math.isnan(value):
+        return "-"
+    return f"{value:.2f} s" if math.isfinite(value) else "not reached"
+
+
+def interval(one: "Estimate") -> str:
+    """Return an interval as it is shown."""
+    if math.isnan(one.low) and math.isnan(one.high):
+        return "none"
+    low = "none" if math.isnan(one.low) else seconds(one.low)
+    high = "none" if math.isnan(one.high) else "open" if math.isinf(one.high) else seconds(one.high)
+    return f"{low} to {high}"
+
+
+def positive(text: str) -> int:
+    """Return a whole number, at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
+    return int(text)
+
+
+def share(text: str) -> float:
+    """Return a share: 0.02 or 2%."""
+    try:
+        value = 0.01 * float(text[:-1]) if text.endswith("%") else float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError("must be a share such as 2% or 0.02")
+    return value

@@ -1,0 +1,139 @@
+"""evac sweep: run a case with many seeds for each combination of parameters, or for each row of a table.
+
+--set KEY=VALUE,VALUE,... sweeps a key; a single value just sets it. All points have the same seeds, so that they differ
+by their parameters alone. To ./CASE-sweep, or to --out, goes what `evac repeat` writes, for each point, and
+statistics.png.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from evac.cli.cases import declare_plugin, default_folder, with_plugin_files
+from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
+from evac.display import Display
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from evac.scenario.case import Case
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument(
+        "case",
+        metavar="CASE",
+        nargs="?",
+        help="a case.toml, a folder that holds one, or a shipped case; not needed where the table names cases",
+    )
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        metavar="KEY=VALUES",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="values of keys, such as people.people.number=100,200,300 contact.model=dem,nsm2",
+    )
+    parser.add_argument(
+        "--table",
+        type=Path,
+        metavar="FILE",
+        help="a point for each row: CSV with dotted keys as its head, or TOML with [[points]]; `case` names cases",
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
+    declare_plugin(parser)
+    declare_study(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    from evac.study.asking import conducted, rule_of
+    from evac.study.points import from_rows, grid
+
+    parameters, fixed = swept(arguments.overrides)
+    if arguments.seed is not None:
+        fixed.append(f"simulation.seed={arguments.seed}")
+    options = options_of(arguments)
+    rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
+    case = _case(arguments, fixed)
+    if arguments.table is not None:
+        points = from_rows(case, _rows(arguments, parameters, fixed), arguments.table.parent)
+    else:
+        assert case is not None
+        points = grid(case, parameters)
+    first = points[0].case
+    folder = arguments.out or Path(f"{default_folder(case or first).name.removesuffix('-result')}-sweep")
+    prepare(first)
+    number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
+    told = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
+    print(told, file=sys.stderr, flush=True)
+    with executor_of(arguments) as executor, Display() as display:
+        study = conducted(
+            points, rule, folder, options["repetitions"], options["workers"], executor, arguments.resume, Rows(display)
+        )
+    return show_study(study)
+
+
+def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
+    """Return the keys with several values, and the overrides with one.
+
+    Raises
+    ------
+    ScenarioError
+        A value is no TOML where it must be, or there is none.
+    """
+    from evac.errors import ScenarioError
+    from evac.scenario.overrides import split_values, value_of
+
+    several: dict[str, list[Any]] = {}
+    fixed = []
+    for text in overrides:
+        key, _, words = (part.strip() for part in text.partition("="))
+        values = split_values(words)
+        if len(values) < 2:
+            fixed.append(text)
+            continue
+        try:
+            several[key] = [value_of(word) for word in values]
+        except (ValueError, IndexError) as error:
+            raise ScenarioError(f"--set {text}: not a list of values: {error or 'one is empty'}; correct it") from error
+    return several, fixed
+
+
+def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
+    """Return the case that is swept; None where the table names all cases.
+
+    Raises
+    ------
+    ScenarioError
+        There is neither a case nor a table, or nothing to sweep.
+    """
+    from evac.errors import ScenarioError
+    from evac.scenario.loading import load_case
+
+    if arguments.case is None and arguments.table is None:
+        raise ScenarioError("name a case, or a table of cases (--table)")
+    if arguments.table is None and not any("," in text for text in arguments.overrides):
+        raise ScenarioError("nothing to sweep: give several values to a key (--set KEY=V1,V2), or use evac repeat")
+    return (
+        with_plugin_files(load_case(arguments.case, fixed, arguments.plugins)) if arguments.case is not None else None
+    )
+
+
+def _rows(arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]) -> list[dict[str, Any]]:
+    """Return the rows of the table, each for all combinations of what is swept beside it."""
+    import itertools
+
+    from evac.scenario.overrides import parsed
+    from evac.study.points import read_table
+
+    rows = read_table(arguments.table)
+    single = {} if arguments.case is not None else dict(parsed(fixed)[0])
+    return [
+        {**single, **row, **dict(zip(parameters, values, strict=True))}
+        for row in rows
+        for values in itertools.product(*parameters.values())
+    ]

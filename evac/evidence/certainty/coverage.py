@@ -1,0 +1,152 @@
+"""Studies drawn from many runs: how often an interval covers what all of them say."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from evac.arrays import FloatArray
+from evac.people.distributions import generator_for
+from evac.study.statistics import CONFIDENCE, estimate, percentile, percentile_of
+from evac.study.stopping import until_known
+
+Interval = tuple[float, float]
+
+#: Resamples of the bootstraps that are compared with ours.
+OTHER_RESAMPLES = 1000
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Studies to be drawn: a task of one process.
+
+    Attributes
+    ----------
+    times : (runs,) float64 [s]
+        Evacuation times that studies are drawn from, with replacement; infinite where people are left.
+    statistic : str
+    studies, seed : int
+    runs : int
+        Of each study, where it is fixed.
+    until : float or None
+        What a study stops at.
+    method : str
+        `"ours"`, or one of `OTHERS`.
+    """
+
+    times: FloatArray
+    statistic: str
+    studies: int
+    seed: int
+    runs: int = 0
+    until: float | None = None
+    method: str = "ours"
+
+
+def truth(times: FloatArray, statistic: str) -> float:
+    """Return the statistic of all runs: what intervals are to cover."""
+    of = percentile_of(statistic)
+    return float(times[np.isfinite(times)].mean()) if of is None else percentile(times, of)
+
+
+def covered(task: Drawn) -> dict[str, Any]:
+    """Return how often the intervals of studies cover, on which side they miss, and how many runs the studies took."""
+    wanted = truth(task.times, task.statistic)
+    generator = generator_for(task.seed, "certainty", task.statistic, str(task.runs), str(task.until), task.method)
+    below = above = none = 0
+    runs, widths = [], []
+    for _ in range(task.studies):
+        low, high, count = _study(task, generator)
+        runs.append(count)
+        if math.isnan(low) or math.isnan(high):
+            none += 1
+            continue
+        below += wanted < low
+        above += wanted > high
+        widths.append(0.5 * (high - low) / wanted)
+    found = task.studies - none
+    return {
+        "studies with an interval": found,
+        "covers [%]": 100.0 * (found - below - above) / found if found else None,
+        "truth below [%]": 100.0 * below / found if found else None,
+        "truth above [%]": 100.0 * above / found if found else None,
+        "half width, median [%]": 100.0 * float(np.median(widths)) if widths else None,
+        "runs, median": float(np.median(runs)),
+        "runs, 5 %": float(np.percentile(runs, 5)),
+        "runs, 95 %": float(np.percentile(runs, 95)),
+    }
+
+
+def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, int]:
+    """Return the interval of one study, and its number of runs."""
+    if task.until is None:
+        times = generator.choice(task.times, task.runs)
+        return *_interval(task, times, generator), task.runs
+    rule = until_known(task.until, task.statistic)
+    times = generator.choice(task.times, rule.most)
+    if task.method != "ours":
+        return _plain(task, times, LOOKING_FROM[task.method])
+    runs, wanted = 0, rule.first
+    while runs < wanted:
+        runs = wanted
+        wanted = rule.wanted(times[:runs], range(runs))
+    found = rule.estimate(times[:runs], range(runs))
+    return found.low, found.high, runs
+
+
+def _plain(task: Drawn, times: FloatArray, least: int) -> tuple[float, float, int]:
+    """Stop where the interval is narrow enough for the first time, looked at after every run."""
+    assert task.until is not None
+    for runs in range(least, len(times)):
+        found = estimate(task.statistic, times[:runs])
+        if found.relative_half_width <= task.until:
+            break
+    return found.low, found.high, runs
+
+
+def _interval(task: Drawn, times: FloatArray, generator: np.random.Generator) -> Interval:
+    if task.method == "ours":
+        found = estimate(task.statistic, times)
+        return found.low, found.high
+    finite = times[np.isfinite(times)]
+    return OTHERS[task.method](finite if task.statistic == "mean" else times, task.statistic, generator)
+
+
+def _student(times: FloatArray, statistic: str, generator: np.random.Generator) -> Interval:
+    from scipy.special import stdtrit
+
+    half = float(stdtrit(len(times) - 1, 0.5 + 0.5 * CONFIDENCE)) * float(times.std(ddof=1)) / math.sqrt(len(times))
+    return float(times.mean()) - half, float(times.mean()) + half
+
+
+def _percentile_bootstrap(times: FloatArray, statistic: str, generator: np.random.Generator) -> Interval:
+    samples = times[generator.integers(len(times), size=(OTHER_RESAMPLES, len(times)))]
+    of = percentile_of(statistic)
+    with np.errstate(invalid="ignore"):
+        found = samples.mean(axis=1) if of is None else np.percentile(samples, of, axis=1)
+    found = np.sort(np.where(np.isnan(found), math.inf, found))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    return percentile(found, tail), percentile(found, 100.0 - tail)
+
+
+def _bca_bootstrap(times: FloatArray, statistic: str, generator: np.random.Generator) -> Interval:
+    """Return the bias-corrected and accelerated bootstrap interval of the mean."""
+    from scipy.stats import bootstrap
+
+    found = bootstrap(
+        (times,), np.mean, n_resamples=OTHER_RESAMPLES, confidence_level=CONFIDENCE, method="BCa", rng=generator
+    ).confidence_interval
+    return float(found.low), float(found.high)
+
+
+#: Studies that look after every run, and from how many runs on.
+LOOKING_FROM = {"a look after every run from 3 on": 3, "a look after every run from 20 on": 20}
+
+#: Intervals that are compared with ours.
+OTHERS: Mapping[str, Callable[[FloatArray, str, np.random.Generator], Interval]] = {
+    "Student's t": _student,
+    "percentile bootstrap": _percentile_bootstrap,
+    "BCa bootstrap": _bca_bootstrap,
+}

@@ -1,0 +1,320 @@
+"""How sure the results of studies are: true coverage of intervals, runs that questions need, what common seeds save."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from evac.arrays import FloatArray
+from evac.evidence.certainty.coverage import Drawn, covered, truth
+from evac.evidence.report import WORKERS, Evidence, new_figure
+from evac.evidence.verdicts import all_of, at_least, at_most, reported
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+from evac.study.asking import repeat, sweep
+from evac.study.shared import simulation_of
+from evac.study.statistics import CONFIDENCE, RESAMPLES, least_runs, percentile_of, share_interval
+from evac.study.stopping import GROWTH, STOPPED_CONFIDENCE, until_known
+from evac.study.study import Study
+
+Row = dict[str, Any]
+
+#: Case, runs that studies are drawn from, and studies of each kind: full and quick.
+CASE = "square_room"
+RUNS = {False: 4000, True: 120}
+STUDIES = {False: 2000, True: 60}
+
+#: Intervals are to cover in so many of a hundred studies.
+LEAST_COVER, MOST_COVER = 93.0, 97.0
+
+#: Studies with a fixed number of runs, by statistic; below `least_runs` a percentile has no interval.
+FIXED: Mapping[str, Sequence[int]] = {
+    "mean": (10, 20, 50, 100, 200),
+    "percentile 50": (10, 20, 50, 100, 200),
+    "percentile 95": (72, 80, 100, 150, 200),
+}
+
+#: Studies that stop, by statistic: shares of it that are precise enough.
+STOPPED: Mapping[str, Sequence[float]] = {
+    "mean": (0.05, 0.03, 0.02),
+    "percentile 50": (0.05, 0.03, 0.02),
+    "percentile 95": (0.10, 0.05),
+}
+
+#: What else could be done, for comparison: statistic, runs or precision, method.
+COMPARED: Sequence[tuple[str, int, float | None, str]] = (
+    ("mean", 10, None, "Student's t"),
+    ("mean", 10, None, "percentile bootstrap"),
+    ("mean", 10, None, "BCa bootstrap"),
+    ("mean", 50, None, "percentile bootstrap"),
+    ("percentile 95", 10, None, "percentile bootstrap"),
+    ("percentile 95", 50, None, "percentile bootstrap"),
+    ("percentile 95", 100, None, "percentile bootstrap"),
+    ("mean", 0, 0.10, "a look after every run from 3 on"),
+    ("mean", 0, 0.05, "a look after every run from 3 on"),
+    ("percentile 50", 0, 0.02, "a look after every run from 20 on"),
+)
+
+#: Changes whose effect is asked for, and the runs of each.
+CHANGES: Sequence[Mapping[str, Any]] = (
+    {"people.people.speed": {"uniform": [1.26, 2.1]}},
+    {"people.people.number": 22},
+    {"people.people.mass": {"uniform": [70.0, 110.0]}},
+    {"simulation.step": 0.005},
+    {"contact.model": "dem"},
+)
+PAIRS = {False: 400, True: 12}
+
+#: A sweep of small runs, and a study of long ones.
+SWEPT: Mapping[str, Sequence[Any]] = {
+    "people.people.speed": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5],
+    "contact.model": ["nsm1", "nsm2"],
+}
+SWEPT_RUNS = {False: 20, True: 2}
+SCHOOL_RUNS = {False: 50, True: 2}
+
+COVERAGE, QUESTIONS, SEEDS, WORK = (
+    "What the intervals cover",
+    "How many runs a question needs",
+    "What common seeds save",
+    "Shared work",
+)
+
+
+def run(evidence: Evidence) -> None:
+    """Measure and write the page."""
+    rows = evidence.measured("times", lambda: _runs(evidence))
+    times = np.array([np.inf if row["evacuation time [s]"] is None else row["evacuation time [s]"] for row in rows])
+    report_coverage(evidence, times)
+    report_questions(evidence, times)
+    report_seeds(evidence)
+    report_work(evidence)
+    evidence.write_page(
+        "The certainty of a result",
+        f"Examined: how often the intervals of studies cover the truth, here what {len(times)} runs of {CASE} say; how"
+        " many runs common questions need; and what runs with common seeds and shared work save.",
+    )
+
+
+def report_coverage(evidence: Evidence, times: FloatArray) -> None:
+    """Add true coverage, for fixed numbers of runs and for stopped studies, and that of other intervals."""
+    studies = STUDIES[evidence.quick]
+
+    def drawn(**of: Any) -> Drawn:
+        return Drawn(times=times, studies=studies, seed=evidence.seed, **of)
+
+    fixed = [drawn(statistic=name, runs=runs) for name, counts in FIXED.items() for runs in counts]
+    stopped = [drawn(statistic=name, until=until) for name, shares in STOPPED.items() for until in shares]
+    others = [drawn(statistic=name, runs=runs, until=until, method=how) for name, runs, until, how in COMPARED]
+
+    fixed_rows = evidence.measured("fixed", lambda: _covered(evidence, fixed))
+    stopped_rows = evidence.measured("stopped", lambda: _covered(evidence, stopped))
+    other_rows = evidence.measured("others", lambda: _covered(evidence, others))
+    for what, found in (("a fixed number of runs", fixed_rows), ("a precision", stopped_rows)):
+        good = [LEAST_COVER <= row["covers [%]"] <= MOST_COVER for row in found]
+        question = f"Intervals of studies with {what} that cover in {LEAST_COVER:g} to {MOST_COVER:g} % of {studies}"
+        evidence.verdict(all_of(question, sum(good), len(good), COVERAGE))
+        least = min(row["covers [%]"] for row in found)
+        greatest = max(row["covers [%]"] for row in found)
+        evidence.verdict(at_least(f"Least coverage, {what}", least, LEAST_COVER, "%", COVERAGE))
+        evidence.verdict(at_most(f"Greatest coverage, {what}", greatest, MOST_COVER, "%", COVERAGE))
+    of = percentile_of("percentile 95")
+    assert of is not None
+    evidence.verdict(
+        reported("Runs below which the 95th percentile has no 95 % interval", f"{least_runs(of)}", section=COVERAGE)
+    )
+    evidence.heading(COVERAGE)
+    blocked = int(np.isinf(times).sum())
+    low, high = share_interval(blocked, len(times))
+    evidence.text(
+        f"""{len(times)} runs of {CASE}, with seeds of their own, are taken for the truth; studies of a few of them are
+        drawn with replacement, {studies} for each row. In {blocked} runs people are left
+        ({100 * blocked / len(times):.2f} %, interval {100 * low:.2f} to {100 * high:.2f} %): these count as endless in
+        percentiles, and the mean is that of the others. The truth is {truth(times, "mean"):.3f} s (mean),
+        {truth(times, "percentile 50"):.3f} s (percentile 50) and {truth(times, "percentile 95"):.3f} s (percentile
+        95). The sampling error of a coverage of {100 * CONFIDENCE:.0f} % over {studies} studies is
+        {100 * (CONFIDENCE * (1 - CONFIDENCE) / studies) ** 0.5:.2f} %."""
+    )
+    evidence.text(
+        f"""Intervals of percentiles come from order statistics, interpolated after Nyblom (1992); that of the mean is
+        the studentised bootstrap's with {RESAMPLES} resamples (Efron and Tibshirani 1993, section 12.5)."""
+    )
+    formats = {"covers [%]": ".1f", "truth below [%]": ".1f", "truth above [%]": ".1f", "half width, median [%]": ".2f"}
+    formats |= {"runs, median": ".0f", "runs, 5 %": ".0f", "runs, 95 %": ".0f", "until [%]": ".0f"}
+    shown = ["statistic", "runs", "covers [%]", "truth below [%]", "truth above [%]", "half width, median [%]"]
+    evidence.table("fixed", fixed_rows, "Studies with a fixed number of runs.", formats, shown)
+    evidence.text(
+        f"""A study that stops looks at the interval after the least number of runs; if it is too wide, it makes as many
+        as its width asks for, at least {GROWTH:g} times as many as before, and looks again. Its intervals are those of
+        {100 * STOPPED_CONFIDENCE:.0f} %, which makes up for the looks."""
+    )
+    shown = ["statistic", "until [%]", "covers [%]", "truth below [%]", "truth above [%]", "half width, median [%]"]
+    shown += ["runs, median", "runs, 5 %", "runs, 95 %"]
+    evidence.table("stopped", stopped_rows, "Studies that stop when half the interval is this share.", formats, shown)
+    shown = ["statistic", "runs", "until [%]", "method", "covers [%]", "half width, median [%]", "runs, median"]
+    evidence.table("others", other_rows, "What other intervals and a look after every run cover.", formats, shown)
+    evidence.plot("coverage", lambda: _draw(fixed_rows, stopped_rows), "Coverage of all intervals.")
+
+
+def report_questions(evidence: Evidence, times: FloatArray) -> None:
+    """Add the numbers of runs that questions need, from the spread of all runs."""
+    finite = times[np.isfinite(times)]
+    variation = float(finite.std(ddof=1) / finite.mean())
+    rows: list[Row] = []
+    for name in STOPPED:
+        for share in (0.10, 0.05, 0.02, 0.01):
+            rule = until_known(share, name, most=10**9)
+            runs = rule.first
+            width = rule.estimate(np.quantile(times, _spread_out(4000)), range(4000)).relative_half_width
+            needed = 4000 * (width / share) ** 2
+            rows.append({"question": f"{name} to {100 * share:g} %", "runs": max(runs, round(needed))})
+    evidence.heading(QUESTIONS)
+    evidence.text(
+        f"""The coefficient of variation of the evacuation time is {100 * variation:.1f} % here. From the intervals of
+        {len(times)} runs, by the square root of the number of runs; at least the runs of the first look. Where the
+        variation is another one, the numbers go with its square. Studies of the rule above take more, because they look
+        seldom and have intervals of {100 * STOPPED_CONFIDENCE:.0f} %."""
+    )
+    evidence.table("questions", rows, "Runs that are needed until half the interval is a share of the statistic.")
+    for row in rows:
+        if row["question"].endswith(" 2 %"):
+            evidence.verdict(reported(f"Runs for the {row['question']}", f"{row['runs']}", section=QUESTIONS))
+
+
+def report_seeds(evidence: Evidence) -> None:
+    """Add what the same seeds at all points of a sweep save where points are compared."""
+    rows = evidence.measured("seeds", lambda: _pairs(evidence))
+    evidence.heading(SEEDS)
+    evidence.text(
+        """The difference that a change makes is found from pairs of runs with the same seed, or from runs with
+        independent ones. The ratio of the variances is by how much more runs the latter takes for the same interval;
+        it is 1 where common seeds save nothing."""
+    )
+    formats = {"runs saved by": ".2f", "correlation": ".2f", "difference [s]": ".3f", "half interval [s]": ".3f"}
+    evidence.table("seeds", rows, f"Changes of {CASE}, with common seeds; runs without people left.", formats)
+    best, worst = (f(rows, key=lambda row: row["runs saved by"]) for f in (max, min))
+    told = f"{worst['runs saved by']:.2f} ({worst['change']}) to {best['runs saved by']:.2f} ({best['change']})"
+    evidence.verdict(reported("Times as many runs without common seeds, for the same interval", told, section=SEEDS))
+
+
+def report_work(evidence: Evidence) -> None:
+    """Add how much of a study's time is the loops."""
+    rows = evidence.measured("work", lambda: _work(evidence))
+    evidence.heading(WORK)
+    evidence.text(
+        """Building and directions are made once for all runs that have them in common. The loops are the ticks of all
+        runs alone, on one core; what a study takes beside these is reading the case, making building, directions and
+        people, and writing. Times are of the processor, of one process."""
+    )
+    evidence.table("work", rows, "Time of a study and of its loops.", {"over the loops": ".2f"})
+    bounds = {"sweep": 1.5}
+    for row in rows:
+        if row["study"] in bounds and not evidence.quick:
+            question = f"Time of a {row['study']} of {row['runs']} small runs over that of its loops"
+            evidence.verdict(at_most(question, row["over the loops"], bounds[row["study"]], "", WORK))
+
+
+def _runs(evidence: Evidence) -> list[Row]:
+    study = repeat(load_case(CASE), RUNS[evidence.quick], workers=1 if evidence.quick else WORKERS)
+    found = study.rows(columns=["seed", "last_out"])
+    return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in found]
+
+
+def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
+    return [
+        {
+            "statistic": task.statistic,
+            "runs": task.runs or None,
+            "until [%]": None if task.until is None else 100.0 * task.until,
+            "method": task.method,
+            **found,
+        }
+        for task, found in zip(tasks, evidence.map(covered, tasks), strict=True)
+    ]
+
+
+def _spread_out(count: int) -> FloatArray:
+    """Return the shares of a sample that is as regular as can be."""
+    return (np.arange(count) + 0.5) / count
+
+
+def _pairs(evidence: Evidence) -> list[Row]:
+    """Return what each change makes of the evacuation time."""
+    points: list[Mapping[str, Any]] = [{"simulation.duration": 300.0}, *CHANGES]
+    runs = PAIRS[evidence.quick]
+    study = sweep(load_case(CASE), points, runs, workers=1 if evidence.quick else WORKERS)
+    before = study.times(0)
+    rows = []
+    for point in study.points[1:]:
+        after = study.times(point.index)
+        both = np.isfinite(before) & np.isfinite(after)
+        one, other = before[both], after[both]
+        difference = other - one
+        error = float(difference.std(ddof=1)) / len(difference) ** 0.5
+        rows.append(
+            {
+                "change": point.label,
+                "pairs": int(both.sum()),
+                "difference [s]": float(difference.mean()),
+                "half interval [s]": 1.96 * error,
+                "correlation": float(np.corrcoef(one, other)[0, 1]),
+                "runs saved by": float((one.var(ddof=1) + other.var(ddof=1)) / difference.var(ddof=1)),
+            }
+        )
+    return rows
+
+
+def _work(evidence: Evidence) -> list[Row]:
+    """Return the time of studies and of their loops, after one run of each that is not counted."""
+    school, small = load_case("primary_school"), load_case(CASE)
+    repeat(school, 1, workers=1)
+    sweep(small, {"contact.model": SWEPT["contact.model"]}, 1, workers=1)
+    rows = []
+    studies: Mapping[str, Callable[[], Study]] = {
+        "sweep": lambda: sweep(small, SWEPT, SWEPT_RUNS[evidence.quick], workers=1),
+        "school": lambda: repeat(school, SCHOOL_RUNS[evidence.quick], workers=1),
+    }
+    for name, study_of in studies.items():
+        start = time.process_time()
+        study = study_of()
+        whole = time.process_time() - start
+        loops = sum(
+            _loop(simulation_of(study.case_of(point.index, run), will_run=True))
+            for point in study.points
+            for run in range(study.runs_of(point.index))
+        )
+        runs = len(study.points) * study.runs_of(0)
+        rows.append(
+            {"study": name, "runs": runs, "study [s]": whole, "loops [s]": loops, "over the loops": whole / loops}
+        )
+    return rows
+
+
+def _loop(simulation: Simulation) -> float:
+    start = time.process_time()
+    while not simulation.ended:
+        simulation.advance_tick()
+    return time.process_time() - start
+
+
+@cache
+def _colours() -> dict[str, str]:
+    return dict(zip(FIXED, ("#0072B2", "#009E73", "#D55E00"), strict=True))
+
+
+def _draw(fixed: Sequence[Row], stopped: Sequence[Row]) -> Any:
+    """Draw coverage over the number of runs."""
+    figure, axis = new_figure(7.0, 4.0)
+    axis.axhspan(LEAST_COVER, MOST_COVER, color="0.93")
+    axis.axhline(100.0 * CONFIDENCE, color="0.6", linewidth=0.8)
+    for name, colour in _colours().items():
+        of = [row for row in fixed if row["statistic"] == name]
+        axis.plot([row["runs"] for row in of], [row["covers [%]"] for row in of], "o-", color=colour, label=name)
+        of = [row for row in stopped if row["statistic"] == name]
+        place = [row["runs, median"] for row in of]
+        axis.plot(place, [row["covers [%]"] for row in of], "s", color=colour, markerfacecolor="none")
+    axis.set(xscale="log", xlabel="runs (open squares: median of stopped studies)", ylabel="covers [%]")
+    axis.legend(frameon=False)
+    return figure

@@ -1,0 +1,145 @@
+"""Where a building is looked at from: by default, from where most of its stairs and exits are seen."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from evac.arrays import FloatArray
+from evac.building.elevation import elevation
+from evac.building.model import Building, Level
+from evac.errors import ResultError
+
+ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # of the look on one storey, on several [degrees]
+TURNS = (20.0, -20.0, 35.0, -35.0)  # of the look off the short side of the building, at its front and back [degrees]
+CLEARANCES = (0.75, 0.9, 1.05)  # of a storey seen past the one above
+SPREAD = 0.3  # what a clearance of 1 more costs, as a share of hidden stairs and exits
+
+
+@dataclass(frozen=True)
+class Camera:
+    """How a building is looked at, in parallel projection; None is chosen for the building.
+
+    Parameters
+    ----------
+    azimuth : float, optional
+        Direction from the building to the eye in plan, counterclockwise from x [degrees]: -90 looks from the side of
+        low y. By default the one of eight slanting directions from which most of the stairs and exits are seen.
+    elevation : float, optional
+        Angle of the look with the horizontal, above 0 and below 90 [degrees]; by default 36 for several storeys,
+        58 for one.
+    stretch : float, optional
+        Factor on heights that pulls storeys apart; by default as much as it takes to look into each.
+    zoom : float
+        Factor on the size at which the building fills the picture.
+
+    Raises
+    ------
+    ResultError
+        A number is out of its range.
+    """
+
+    azimuth: float | None = None
+    elevation: float | None = None
+    stretch: float | None = None
+    zoom: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.azimuth is not None and not math.isfinite(self.azimuth):
+            raise ResultError(f"azimuth: the camera cannot look from {self.azimuth:g} degrees; give a finite number")
+        if self.elevation is not None and not 0.0 < self.elevation < 90.0:
+            raise ResultError(
+                f"elevation: the camera cannot look down by {self.elevation:g} degrees; give a number above 0 and "
+                "below 90, or ask for the plan view"
+            )
+        for name, value in (("stretch", self.stretch), ("zoom", self.zoom)):
+            if value is not None and not 0.0 < value < math.inf:
+                raise ResultError(f"{name}: the factor must be greater than 0, not {value:g}; 1 draws true sizes")
+
+
+@dataclass(frozen=True)
+class Aimed:
+    """A camera with all that was chosen for a building.
+
+    Attributes
+    ----------
+    axes : (3, 3) float64
+        Unit vectors to the right, up in the picture and towards the eye.
+    stretch : float
+    elevation : float [rad]
+    """
+
+    axes: FloatArray
+    stretch: float
+    elevation: float
+
+
+def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:
+    """Choose what a camera leaves open."""
+    heights = _floor_heights(levels)
+    angle = camera.elevation if camera.elevation is not None else ELEVATION if len(heights) > 1 else ELEVATION_FLAT
+    tilt = math.radians(angle)
+    if camera.azimuth is not None:
+        azimuths = [camera.azimuth]
+    else:
+        x, y = np.ptp(np.array([level.polygon.bounds for level in levels]).reshape(-1, 2), axis=0)
+        front = -90.0 if x >= y else 0.0
+        azimuths = [side + turn for side in (front, front + 180.0) for turn in TURNS]
+    choices: list[tuple[float, int, Aimed]] = []
+    for azimuth in azimuths:
+        axes = _axes(math.radians(azimuth), tilt)
+        for clearance in CLEARANCES if camera.stretch is None and len(heights) > 1 else CLEARANCES[:1]:
+            stretch = _clear_stretch(building, levels, heights, axes, clearance)
+            aimed = Aimed(axes, camera.stretch or stretch, tilt)
+            choices.append((_hidden(building, levels, aimed) + SPREAD * clearance, len(choices), aimed))
+    return min(choices, key=lambda choice: choice[:2])[2]
+
+
+def _axes(azimuth: float, tilt: float) -> FloatArray:
+    ground = np.array([math.cos(azimuth), math.sin(azimuth)])
+    toward = np.append(math.cos(tilt) * ground, math.sin(tilt))
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    return np.array([right, np.cross(toward, right), toward])
+
+
+def _floor_heights(levels: Sequence[Level]) -> FloatArray:
+    """Return the different heights of the floors, ascending [m]."""
+    return np.unique(np.round([level.z_min for level in levels if level.kind == "floor"], 1))
+
+
+def _clear_stretch(
+    building: Building, levels: Sequence[Level], heights: FloatArray, axes: FloatArray, clearance: float
+) -> float:
+    """Return the factor on heights at which that part of a storey is seen past the one above."""
+    if len(heights) < 2:
+        return 1.0
+    corners = building.vertices[np.unique(np.concatenate([level.triangles.ravel() for level in levels]))]
+    depth = np.ptp(corners[:, :2] @ axes[1, :2])
+    return max(1.0, float(clearance * depth / (np.diff(heights).min() * axes[1, 2])))
+
+
+def _hidden(building: Building, levels: Sequence[Level], aimed: Aimed) -> float:
+    """Return the shares of stairs and of exits that floors hide, added."""
+    rows = {level.index for level in levels}
+    stairs = [building.vertices[level.triangles].mean(axis=1) for level in levels if level.kind != "floor"]
+    exits = []
+    for exit_ in building.exits:
+        if exit_.level in rows:
+            ends = exit_.segments.reshape(-1, 2)
+            exits.append(np.column_stack([ends, elevation(building, np.full(len(ends), exit_.level), ends)]))
+    return sum(float(hides(levels, np.concatenate(points), aimed).mean()) for points in (stairs, exits) if points)
+
+
+def hides(levels: Sequence[Level], points: FloatArray, aimed: Aimed) -> NDArray[np.bool_]:
+    """Return which points (p, 3) [m] of the building are behind a floor of these levels."""
+    hidden = np.zeros(len(points), bool)
+    per_metre = aimed.axes[2, :2] / aimed.axes[2, 2] * aimed.stretch  # way in plan to the eye, per metre of height
+    for level in levels:
+        if level.kind == "floor":
+            rise = level.z_min - points[:, 2]
+            passing = points[:, :2] + rise[:, None] * per_metre
+            hidden |= (rise > 0.05) & shapely.contains_xy(level.polygon, *passing.T)
+    return hidden

@@ -1,0 +1,101 @@
+"""Exporters: recorded runs in the formats of other programs. The base class of exporter plugins."""
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from evac.errors import plugin_code
+from evac.output.files import EXPORT_FOLDER, writing
+from evac.parameters import Configurable
+
+if TYPE_CHECKING:
+    from evac.output.trajectory import Trajectory
+
+
+class Exporter(Configurable, ABC):
+    """Writes a recorded run in one format, for ``evac export RESULT --to NAME``."""
+
+    #: Ending of the file that it writes, in lower case, with the dot; empty if it writes several files to a folder.
+    suffix: ClassVar[str] = ""
+
+    @abstractmethod
+    def write(self, trajectory: "Trajectory", path: Path) -> Iterable[Path]:
+        """Write the run.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            To be looked at only. It may have no frame, as of a run that failed at once.
+        path : Path
+            File to write, or folder to write to if `suffix` is empty; the folder is there. What is there already
+            is overwritten.
+
+        Returns
+        -------
+        iterable of Path
+            The files written that a user opens; not those that these refer to.
+
+        Raises
+        ------
+        ResultError
+            The run has nothing that could be written in this format.
+        OSError
+            A file cannot be written; the command names the place.
+        """
+
+    def place(self, trajectory: "Trajectory") -> Path:
+        """Return where to write if the user names no place.
+
+        By default ``export/trajectory.SUFFIX`` or ``export/NAME/`` in the result folder.
+        """
+        folder = trajectory.path.parent / EXPORT_FOLDER
+        return folder / f"trajectory{self.suffix}" if self.suffix else folder / self.name
+
+
+def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = None) -> list[Path]:
+    """Write a recorded run with an exporter.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    exporter : Exporter
+    path : Path, optional
+        File, or folder for an exporter of several files, made if it is not there; by default `Exporter.place`.
+
+    Returns
+    -------
+    list of Path
+        The files that a user opens.
+
+    Raises
+    ------
+    ResultError
+        The run has nothing that could be written, or a file cannot be written.
+    PluginError
+        The exporter fails.
+    """
+    place = exporter.place(trajectory) if path is None else path
+    with plugin_code(f"{place}: exporter {exporter.name!r}"), writing(f"the {exporter.name} export", place):
+        (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
+        return list(exporter.write(trajectory, place))
+
+
+def file_stems(names: Iterable[str]) -> list[str]:
+    """Return a stem of a file name for each name, all different: other characters than ``a-z0-9._-`` become ``_``.
+
+    >>> file_stems(["ground", "flight z=0.00..1.50", "Ground"])
+    ['ground', 'flight_z_0.00..1.50', 'Ground_2']
+    """
+    stems: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._") or "unnamed"
+        stem, number = plain, 1
+        while stem.lower() in taken:  # some file systems do not tell upper from lower case
+            number += 1
+            stem = f"{plain}_{number}"
+        taken.add(stem.lower())
+        stems.append(stem)
+    return stems

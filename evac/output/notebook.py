@@ -1,0 +1,80 @@
+"""How results and buildings look in a notebook: tables, the egress curve, the replay in a frame, plans."""
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from evac.output.files import REPLAY_NAME
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from evac.building.model import Building
+    from evac.output.results import Results
+
+#: Larger replays are named and not shown, since they would be kept in the notebook [bytes].
+LARGEST_REPLAY = 5_000_000
+
+
+def results_html(results: "Results") -> str:
+    """Return what a notebook shows of the results of a run."""
+    last = "" if results.last_out is None else f"{results.last_out:.1f} s"
+    facts = {
+        "ended": results.ended,
+        "out": f"{results.evacuated} of {results.number_of_people}",
+        "last out": last,
+        "simulated": f"{results.time:.1f} s",
+        "contact model": results.case.contact.model,
+        "seed": results.seed,
+    }
+    exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
+    parts = [
+        f"<h4>{escape(results.case.title or results.case.source.name)}</h4>",
+        table_html((), facts.items()),
+        table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
+        "".join(f"<p>&#9888; {escape(line)}</p>" for line in (*results.warnings, *results.quality_warnings)),
+        figure_html(results.plot(), "egress curve"),
+        _replay_html(results),
+    ]
+    return "".join(parts)
+
+
+def building_figure(building: "Building") -> "Figure":
+    """Return the plan of every storey of a building, with its warnings."""
+    from evac.output.annotated import levels_figure
+
+    return levels_figure(building, building.findings, title=building.source.name)
+
+
+def table_html(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table; numbers are rounded to four digits."""
+    names = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(f'<td>{_cell(value)}</td>' for value in row)}</tr>" for row in rows)
+    return f"<table>{f'<tr>{names}</tr>' if head else ''}{body}</table>"
+
+
+def figure_html(figure: "Figure", alt: str) -> str:
+    """Return a figure as an image, with a text for those who cannot see it."""
+    with io.BytesIO() as file:
+        figure.savefig(file, format="png", dpi=90)
+        image = base64.b64encode(file.getvalue()).decode()
+    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{image}">'
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return escape(f"{value:.4g}" if isinstance(value, float) else str(value))
+
+
+def _replay_html(results: "Results") -> str:
+    """Return the replay of the result folder in a frame; nothing where there is none."""
+    path = results.folder / REPLAY_NAME if results.folder is not None else None
+    if path is None or not path.is_file():
+        return ""
+    if path.stat().st_size > LARGEST_REPLAY:
+        return f"<p>The replay is in {escape(str(path))}.</p>"
+    page = escape(path.read_text(encoding="utf-8"), quote=True)
+    return f'<iframe title="replay" style="width: 100%; height: 600px; border: 0" srcdoc="{page}"></iframe>'

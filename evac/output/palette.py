@@ -1,0 +1,41 @@
+"""Colours that all pictures share, so that a group, an exit or a wall looks the same in each of them."""
+
+from collections.abc import Sequence
+
+#: Colours of groups in their order: those of Okabe and Ito (2008, https://jfly.uni-koeln.de/color), which people with
+#: any kind of colour vision tell apart, without yellow and black, which are hard to see on floors and beside walls;
+#: then darker and lighter ones of the same hues.
+GROUPS = (
+    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#cc79a7"),
+    *("#004a75", "#9a6a00", "#00634a", "#8a3c00", "#2480ad", "#8f4a71"),
+    *("#6fb7e0", "#f5cc73", "#66c8ac", "#f0a070", "#a9d9f5", "#e6bcd3"),
+)
+NO_GROUP = "#6b7280"
+
+LEVELS = {"floor": "#e7ebf0", "flight": "#f3cf95", "landing": "#f7e2bf"}
+WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
+EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
+
+
+#: Colour map of each quantity. All are perceptually uniform, safe for the colour-blind, and seen on light and dark.
+MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis"}
+
+#: Colours at equal distances along each map, of which the others are interpolated (those of matplotlib).
+STOPS = {
+    "viridis": ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"],
+    "cividis": ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"],
+    "plasma": ["#0d0887", "#4c02a1", "#7e03a8", "#aa2395", "#cc4778", "#e66c5c", "#f89540", "#fdc527", "#f0f921"],
+}
+
+
+def group_colours(count: int) -> list[str]:
+    """Return one colour for each of `count` groups, and that of people of none last.
+
+    More groups than there are colours share them in turn.
+    """
+    return [*(GROUPS[k % len(GROUPS)] for k in range(count)), NO_GROUP]
+
+
+def rgb(colours: Sequence[str]) -> list[tuple[int, int, int]]:
+    """Return colours written ``#rrggbb`` as numbers from 0 to 255."""
+    return [(int(c[1:3], 16), int(c[3:5], 16), int(c[5:7], 16)) for c in colours]

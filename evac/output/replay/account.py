@@ -1,0 +1,204 @@
+"""What the page says of a run beside its motion: who everybody is, how it was run, how it ended, what to doubt."""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.arrays import FloatArray, IntArray
+from evac.building.model import Building
+from evac.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
+from evac.errors import ResultError
+from evac.output.files import PEOPLE_NAME, SUMMARY_NAME
+
+if TYPE_CHECKING:
+    from evac.output.results import Results
+    from evac.output.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Account:
+    """What is told of a run; of a killed one less is known than of one that ended.
+
+    Attributes
+    ----------
+    title : str
+    facts : sequence of (str, str)
+        Name and value, in the order in which they are shown.
+    warnings, quality_warnings : sequence of str
+    banner : (str, str) or None
+        ``"error"`` or ``"notice"``, and a text, of runs that did not end with everybody out.
+    groups : sequence of str
+    group : (n,) int32
+        Row of ``groups`` of each person, -1 for none.
+    radius : (n,) float64 [m]
+    speed : (n,) float64 [m/s] or None
+        Desired speed on the flat.
+    response_time : (n,) float64 [s] or None
+    exit_used : (n,) int32 or None
+        Row of the building's exits, -1 of people who are inside.
+    exit_time : (n,) float64 [s] or None
+        NaN of people who are inside.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]]
+    warnings: Sequence[str]
+    quality_warnings: Sequence[str]
+    banner: tuple[str, str] | None
+    groups: Sequence[str]
+    group: IntArray
+    radius: FloatArray
+    speed: FloatArray | None = None
+    response_time: FloatArray | None = None
+    exit_used: IntArray | None = None
+    exit_time: FloatArray | None = None
+
+
+def account_of_run(results: "Results", error: BaseException | None = None) -> Account:
+    """Return the account of a run that has just ended.
+
+    Parameters
+    ----------
+    results : Results
+        Of a run that failed, what it had come to.
+    error : BaseException, optional
+        Why it failed.
+    """
+    summary = results.summary() | ({} if error is None else {"ended": FAILED})
+    crowd = results.crowd
+    group = np.full(results.number_of_people, -1, np.int32)
+    for index, members in enumerate(results.groups):
+        group[members.rows] = index
+    return Account(
+        **_of_summary(summary, None if error is None else str(error)),
+        groups=[members.name for members in results.groups],
+        group=group,
+        radius=crowd.radius,
+        speed=crowd.speed[:, 0],
+        response_time=crowd.start_time,
+        exit_used=np.where(np.isfinite(crowd.exit_time), crowd.exit_used, -1).astype(np.int32),
+        exit_time=crowd.exit_time,
+    )
+
+
+def account_of_folder(trajectory: "Trajectory") -> Account:
+    """Return the account of a run from its result folder.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Beside its file, ``summary.json`` and ``people.csv`` tell more; of a killed run they are not there.
+
+    Raises
+    ------
+    ResultError
+        ``summary.json`` or ``people.csv`` cannot be read, or is of another run.
+    """
+    folder, header = trajectory.path.parent, trajectory.header
+    known: dict[str, Any] = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
+    path = folder / SUMMARY_NAME
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if summary["seed"] != header.get("seed") or summary["people"] != trajectory.number_of_people:
+            raise ResultError(f"{path}: of another run than {trajectory.path.name}; remove it, or run the case again")
+        account = Account(**_of_summary(summary, None), **known)
+    except FileNotFoundError:
+        facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
+        text = (
+            f"The run was killed, or has not ended: what was recorded ends at t = {trajectory.time[-1]:g} s. "
+            "Times of leaving are those of the recorded states."
+        )
+        account = Account(str(header.get("title", "")), facts, (), (), ("error", text), **known)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ResultError(f"{path}: cannot read the summary: {error!r}; remove it, or run the case again") from error
+    return _with_people(account, folder / PEOPLE_NAME, trajectory.building)
+
+
+def _with_people(account: Account, path: Path, building: Building) -> Account:
+    """Return an account with what the table of people tells, if it is there."""
+    exits = {exit_.name: exit_.index for exit_ in building.exits}
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        if len(rows) != len(account.radius):
+            raise ResultError(f"{path}: has {len(rows)} people, not {len(account.radius)}; run the case again")
+        return replace(
+            account,
+            speed=np.array([float(row["speed"]) for row in rows]),
+            response_time=np.array([float(row["response_time"]) for row in rows]),
+            exit_used=np.array([exits[row["exit"]] if row["exit"] else -1 for row in rows], np.int32),
+            exit_time=np.array([float(row["exit_time"] or "nan") for row in rows]),
+        )
+    except FileNotFoundError:
+        return account
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ResultError(f"{path}: cannot read the people: {error!r}; remove it, or run the case again") from error
+
+
+def _of_summary(summary: Mapping[str, Any], error: str | None) -> dict[str, Any]:
+    """Return what ``summary.json`` has for an account."""
+    case, contact = summary["case"], summary["contact"]
+    settings = case.get("simulation", {})
+    parameters = case.get("contact", {}).get(contact["model"], {})
+    last = summary["last_out"]
+    left = summary["people"] - summary["evacuated"]
+    facts = [
+        ("Building", case.get("building", {}).get("mesh", "")),
+        ("People", f"{summary['people']}, of whom {summary['evacuated']} got out"),
+        ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
+        ("Ended", f"{summary['ended']}, after {summary['simulated_time']:g} s"),
+        ("Contact model", _with_parameters(contact["model"], parameters)),
+        ("Forces", _plugins(case.get("forces", {}))),
+        ("Behaviours", _plugins(case.get("behaviours", {}))),
+        ("Time step", f"{settings['step']:g} s" if "step" in settings else ""),
+        ("Seed", str(summary["seed"])),
+        ("Versions", _versions(summary["versions"])),
+    ]
+    return {
+        "title": summary["title"],
+        "facts": [(name, value) for name, value in facts if value],
+        "warnings": summary["warnings"],
+        "quality_warnings": summary["quality_warnings"],
+        "banner": _banner(summary["ended"], summary["simulated_time"], left, summary["people"], error),
+    }
+
+
+def _banner(ended: str, time: float, left: int, people: int, error: str | None) -> tuple[str, str] | None:
+    inside = f"{left} of {people} people were still inside."
+    if ended == FAILED:
+        why = f" ({error})" if error else ""
+        return "error", f"This run failed at t = {time:.2f} s{why}. Until then, {people - left} of {people} got out."
+    if ended == INTERRUPTED:
+        return "error", f"This run was interrupted at t = {time:.2f} s, when {inside}"
+    if ended == NO_PROGRESS:
+        return "notice", f"The run ended at t = {time:.2f} s because nobody made progress any more: {inside}"
+    if ended == DURATION_OVER:
+        return "notice", f"The duration of the run was over at t = {time:.2f} s: {inside}"
+    return None
+
+
+def _plugins(tables: Mapping[str, Any]) -> str:
+    used = [_with_parameters(name, values) for name, values in tables.items() if values is not False]
+    return "; ".join(used) or "none"
+
+
+def _with_parameters(name: str, values: Mapping[str, Any]) -> str:
+    given = ", ".join(f"{key} = {_value(value)}" for key, value in values.items())
+    return f"{name} ({given})" if given else name
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
+    if isinstance(value, list):
+        return " to ".join(map(_value, value)) if len(value) == 2 else f"{len(value)} values"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _versions(versions: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {version}" for name, version in versions.items())

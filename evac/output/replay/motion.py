@@ -1,0 +1,176 @@
+"""Where everybody was, packed frame by frame: quantised, as second differences, compressed.
+
+The page takes the streams apart again (page/motion.js). All numbers are little-endian:
+
+- ``times``: float64, the time of each frame [s].
+- ``events``: int32. For each frame the number of people who were not in the frame before, then their persons and
+  their levels; the number who are no longer there, and these; the number who have changed the level, these and their
+  levels.
+- ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
+  centimetres. Positions before a person's first are taken to be zero, that before its second to be the first one.
+- ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
+- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the frame before: 0 below
+  `LEAST_FORCE`, else 1 + `PER_OCTAVE` log2(force / `LEAST_FORCE`), rounded.
+- ``wide``: int32. What has no room in a byte.
+
+A byte b of ``steps``, ``heights`` and ``forces`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is
+odd; 255 stands for the next number of ``wide``.
+"""
+
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.arrays import FloatArray, IntArray
+from evac.building.elevation import PLANE, elevation
+from evac.building.model import Building, Level
+
+#: Positions are kept to this [m].
+GRAIN = 0.01
+
+#: Contact forces below this count as none [N]; above, they are kept to 26 %.
+LEAST_FORCE = 10.0
+
+#: Codes of a force for each doubling.
+PER_OCTAVE = 1.5
+_ESCAPE = 255
+#: Arrays that go from one frame to the next.
+_STATE = ("level", "seen", "last", "before", "force")
+
+STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
+
+
+class _Stream:
+    """Bytes that are compressed as they come."""
+
+    def __init__(self, packed: bytes = b"") -> None:
+        # Few bytes come again in the same order, but some are much more frequent than others.
+        self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
+        self._ready = bytearray()
+        if packed:
+            self.write(zlib.decompress(packed))
+
+    def write(self, data: bytes) -> None:
+        self._ready += self._compressor.compress(data)
+
+    def packed(self) -> bytes:
+        """Return all that was written, compressed; writing can go on."""
+        return bytes(self._ready) + self._compressor.copy().flush()
+
+
+class MotionPacker:
+    """Packs one frame after the other; what it keeps is compressed already.
+
+    Parameters
+    ----------
+    people : int
+    building : Building
+    origin : (2,) float64 [m]
+        Plan point that positions count from.
+    """
+
+    def __init__(self, people: int, building: Building, origin: FloatArray) -> None:
+        self.frames = 0
+        self._origin = origin
+        self._building = building
+        self._planes = [level_plane(building, level) for level in building.levels]
+        self._uneven = np.array([not is_even(building, level) for level in building.levels])
+        self._level = np.full(people, -1, np.int32)  # in the frame before
+        self._seen = np.zeros(people, np.int32)  # frames of each person so far
+        self._last = np.zeros((people, 2), np.int64)  # positions in the frame before and in the one before that
+        self._before = np.zeros((people, 2), np.int64)
+        self._force = np.zeros(people, np.int64)  # codes in the frame before
+        self._streams = {name: _Stream() for name in STREAMS}
+
+    def add(
+        self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
+    ) -> None:
+        """Pack everybody who is inside at one time.
+
+        Parameters
+        ----------
+        time : float [s]
+            Later than that of the frame before.
+        person : (c,) int32
+            Ascending.
+        level : (c,) int32
+        position : (c, 2) float64 [m]
+        contact_force : (c,) float64 [N]
+        """
+        self.frames += 1
+        self._write("times", np.array([time], "<f8"))
+        self._write("events", self._events(person, level))
+        at = np.rint((position - self._origin) / GRAIN).astype(np.int64)
+        expected = np.where(self._seen[person, None] > 1, 2 * self._last[person] - self._before[person], 0)
+        expected = np.where(self._seen[person, None] == 1, self._last[person], expected)
+        self._numbers("steps", (at - expected).T.ravel())
+        self._before[person], self._last[person] = self._last[person], at
+        self._seen[person] += 1
+        uneven = np.flatnonzero(self._uneven[level])
+        if uneven.size:
+            self._numbers("heights", self._off_plane(level[uneven], position[uneven]))
+        octaves = np.log2(np.maximum(contact_force, LEAST_FORCE) / LEAST_FORCE)
+        codes = np.where(contact_force < LEAST_FORCE, 0, 1 + np.rint(PER_OCTAVE * octaves)).astype(np.int64)
+        self._numbers("forces", codes - self._force[person])
+        self._force[person] = codes
+
+    def streams(self) -> dict[str, bytes]:
+        """Return the compressed streams by name."""
+        return {name: stream.packed() for name, stream in self._streams.items()}
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return copies of everything that packing needs to go on to the same bytes."""
+        state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
+        state["frames"] = np.array([self.frames])
+        return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Restore what `state` returned, in a packer of the same people and building."""
+        for name in _STATE:
+            getattr(self, f"_{name}")[:] = state[name]
+        self.frames = int(state["frames"][0])
+        self._streams = {name: _Stream(state[f"stream.{name}"].tobytes()) for name in STREAMS}
+
+    def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
+        """Return who is new, who has gone, and who has changed the level since the frame before."""
+        now = np.full(len(self._level), -1, np.int32)
+        now[person] = level
+        new = np.flatnonzero((self._level < 0) & (now >= 0))
+        gone = np.flatnonzero((self._level >= 0) & (now < 0))
+        changed = np.flatnonzero((self._level >= 0) & (now >= 0) & (self._level != now))
+        self._level[:] = now
+        parts = ([new.size], new, now[new], [gone.size], gone, [changed.size], changed, now[changed])
+        return np.concatenate(parts).astype("<i4")
+
+    def _off_plane(self, level: IntArray, position: FloatArray) -> NDArray[np.int64]:
+        """Return heights above the planes of the levels [cm]."""
+        plane = np.array(self._planes)[level]
+        height = plane[:, 0] + (plane[:, 1:] * position).sum(axis=1)
+        off: NDArray[np.int64] = np.rint((elevation(self._building, level, position) - height) / GRAIN).astype(np.int64)
+        return off
+
+    def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
+        """Write whole numbers as bytes, and those that are too great to ``wide``."""
+        folded = np.where(values < 0, -2 * values - 1, 2 * values)
+        self._write(name, np.minimum(folded, _ESCAPE).astype(np.uint8))
+        self._write("wide", values[folded >= _ESCAPE].astype("<i4"))
+
+    def _write(self, name: str, values: NDArray[np.generic]) -> None:
+        self._streams[name].write(values.tobytes())
+
+
+def level_plane(building: Building, level: Level) -> tuple[float, float, float]:
+    """Return c, a, b of a level's plane z = c + a x + b y [m], through one of its vertices."""
+    x, y, z = building.vertices[level.triangles[0, 0]]
+    a, b = np.tan(level.slope) * level.uphill
+    return float(z - a * x - b * y), float(a), float(b)
+
+
+def is_even(building: Building, level: Level) -> bool:
+    """Return whether a level is one plane, to the precision that heights are computed with."""
+    own = building.vertices[np.unique(level.triangles)]
+    c, a, b = level_plane(building, level)
+    return bool(np.abs(own[:, 2] - c - own[:, :2] @ [a, b]).max() <= max(PLANE, 0.5 * GRAIN))

@@ -1,0 +1,96 @@
+// The view: a target on the floor, a direction, and the height of what is seen.
+
+const FIELD = 0.42;  // Vertical angle of view [rad]: long, so that sizes compare.
+
+class Camera {
+  constructor() {
+    Object.assign(this, { target: [0, 0, 0], azimuth: 0, tilt: 0.8, size: 20, isPlan: false, aspect: 1, reach: 100 });
+    this.matrix = new Float32Array(16);
+  }
+
+  update() {
+    const tilt = this.isPlan ? Math.PI / 2 : this.tilt, turn = this.azimuth;
+    const [c, s, ct, st] = [Math.cos(turn), Math.sin(turn), Math.cos(tilt), Math.sin(tilt)];
+    this.right = [c, s, 0];
+    this.up = [-s * st, c * st, ct];
+    this.toward = [s * ct, -c * ct, st];
+    const away = this.isPlan ? 2 * this.reach : this.size / (2 * Math.tan(FIELD / 2));
+    this.position = this.target.map((value, i) => value + away * this.toward[i]);
+    const near = Math.max(0.02 * away, away - 4 * this.reach), far = away + 6 * this.reach;
+    const [tall, wide] = [this.size / 2, this.size / 2 * this.aspect];
+    const rows = [this.right, this.up, this.toward].map((axis) => [...axis, -dot(axis, this.position)]);
+    const m = this.matrix;
+    for (let k = 0; k < 4; k++) {
+      const [x, y, z] = rows.map((row) => row[k]);
+      const last = k === 3 ? 1 : 0;
+      m[4 * k] = x * (this.isPlan ? 1 / wide : away / wide);
+      m[4 * k + 1] = y * (this.isPlan ? 1 / tall : away / tall);
+      m[4 * k + 2] = this.isPlan ? (-2 * z - last * (far + near)) / (far - near)
+                                 : (-(far + near) * z - last * 2 * far * near) / (far - near);
+      m[4 * k + 3] = this.isPlan ? last : -z;
+    }
+  }
+
+  // Place on the screen, from -1 to 1, and depth.
+  project([x, y, z]) {
+    const m = this.matrix, [a, b, c, w] = [0, 1, 2, 3].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]);
+    return [a / w, b / w, c / w];
+  }
+
+  // The ray through a place on the screen: where it starts, and its direction.
+  ray(x, y) {
+    const [u, v] = [x * this.size / 2 * this.aspect, y * this.size / 2];
+    const through = this.target.map((value, i) => value + u * this.right[i] + v * this.up[i]);
+    if (this.isPlan) return [through.map((value, i) => value + 2 * this.reach * this.toward[i]), this.toward.map((value) => -value)];
+    const along = through.map((value, i) => value - this.position[i]), length = Math.hypot(...along);
+    return [this.position, along.map((value) => value / length)];
+  }
+
+  // Shows all of the points, with a margin for names.
+  fit(points, margin) {
+    this.update();
+    const middle = [0, 1, 2].map((i) => {
+      const values = points.map((point) => point[i]);
+      return (Math.min(...values) + Math.max(...values)) / 2;
+    });
+    this.reach = Math.max(1, ...points.map((point) => Math.hypot(...point.map((value, i) => value - middle[i]))));
+    const spans = [this.right, this.up].map((axis) => {
+      const values = points.map((point) => dot(axis, point));
+      return [Math.min(...values), Math.max(...values)];
+    });
+    this.target = middle;
+    for (const [axis, [low, high]] of [[this.right, spans[0]], [this.up, spans[1]]]) {
+      const shift = (low + high) / 2 - dot(axis, this.target);
+      this.target = this.target.map((value, i) => value + shift * axis[i]);
+    }
+    const [wide, tall] = spans.map(([low, high]) => high - low);
+    this.size = margin * Math.max(tall, wide / this.aspect, 2);
+    this.update();
+    if (this.isPlan) return;
+    const most = Math.max(...points.map((point) => Math.max(...this.project(point).slice(0, 2).map(Math.abs))));
+    if (Number.isFinite(most) && most > 0.96) this.size *= most / 0.96;
+    this.update();
+  }
+
+  pan(dx, dy) {
+    const k = this.size / 2;
+    const ahead = this.isPlan ? this.up : [-Math.sin(this.azimuth), Math.cos(this.azimuth), 0];
+    const lean = this.isPlan ? 1 : 1 / Math.max(0.35, Math.sin(this.tilt));
+    this.target = this.target.map((value, i) => value - k * (this.aspect * dx * this.right[i] + lean * dy * ahead[i]));
+  }
+
+  orbit(dx, dy) {
+    this.azimuth -= dx;
+    this.tilt = Math.max(0.08, Math.min(1.55, this.tilt + dy));
+  }
+
+  // Zooms in at factors below 1, and keeps the place (x, y) of the screen.
+  zoom(factor, x = 0, y = 0) {
+    const size = Math.max(0.8, Math.min(8 * this.reach, this.size * factor));
+    const k = (this.size - size) / 2;
+    this.target = this.target.map((value, i) => value + k * (this.aspect * x * this.right[i] + y * this.up[i]));
+    this.size = size;
+  }
+}
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

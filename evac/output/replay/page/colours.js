@@ -1,0 +1,25 @@
+// Colours as bytes, and the colour maps of continuous quantities.
+
+const parts = (hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16));
+const packed = ([r, g, b]) => (255 << 24 | b << 16 | g << 8 | r) >>> 0;
+const unit = (hex) => parts(hex).map((part) => part / 255);
+
+// 256 packed colours along the stops of a map.
+function ramp(stops) {
+  const colours = stops.map(parts);
+  return Uint32Array.from({ length: 256 }, (_, k) => {
+    const place = k / 255 * (colours.length - 1);
+    const below = Math.min(Math.floor(place), colours.length - 2);
+    return packed(colours[below].map((part, i) => part + (place - below) * (colours[below + 1][i] - part)));
+  });
+}
+
+// The same map for a layer on a floor, which shows through where there is little.
+const veil = (share) => 0.92 * Math.min(1, share / 0.4) ** 0.8;
+const veiled = (colours) => colours.map((colour, k) => (colour & 0xffffff | Math.round(255 * veil(k / 255)) << 24) >>> 0);
+const onFloor = (stops, floor) => Array.from({ length: 17 }, (_, k) => {
+  const colour = ramp(stops)[Math.round(255 * k / 16)], share = veil(k / 16);
+  return `rgb(${[0, 8, 16].map((bits, i) => Math.round(share * (colour >> bits & 255) + (1 - share) * 255 * floor[i]))})`;
+});
+
+const gradient = (stops) => `linear-gradient(to right, ${stops.join(", ")})`;

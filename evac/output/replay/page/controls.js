@@ -1,0 +1,92 @@
+// Mouse, touch and keyboard.
+
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50];
+
+const KEYS = [
+  ["Space or K", "play or pause"],
+  ["← →", "one recorded state back or on; with Shift 10 s"],
+  ["Home, End", "to the start, to the end"],
+  ["[ ]", "slower, faster"],
+  ["P", "plan or 3D"],
+  ["Page up, Page down", "next level up or down; all levels beyond the last"],
+  ["C", "next colour of people"],
+  ["L", "density layer on the floors"],
+  ["F, 0", "show everything; back to how it opened"],
+  ["+ −", "zoom"],
+  ["W A S D", "move"],
+  ["Q E, R V", "turn, tilt"],
+  ["I, T, ?", "about this run, light or dark, these keys"],
+  ["Escape", "deselect, close"],
+  ["Drag, one finger", "turn (in a plan: move)"],
+  ["Shift or right drag, two fingers", "move; two fingers zoom as well"],
+  ["Wheel", "zoom to the pointer"],
+  ["Click, tap", "who is it?"],
+];
+
+// Calls `act` with the names of what the pointers on the canvas do.
+function listenToPointers(canvas, camera, act) {
+  const pointers = new Map();
+  let moved = 0;
+  const middle = () => {
+    const all = [...pointers.values()];
+    const [x, y] = [0, 1].map((i) => all.reduce((sum, at) => sum + at[i], 0) / all.length);
+    const apart = all.length > 1 ? Math.hypot(all[0][0] - all[1][0], all[0][1] - all[1][1]) : 0;
+    return [x, y, apart];
+  };
+  const place = (x, y) => {
+    const box = canvas.getBoundingClientRect();
+    return [2 * (x - box.left) / box.width - 1, 1 - 2 * (y - box.top) / box.height];
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    moved = pointers.size > 1 ? 99 : 0;
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!pointers.has(event.pointerId)) return;
+    const [x, y, apart] = middle();
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    const [nx, ny, now] = middle(), { clientWidth: width, clientHeight: height } = canvas;
+    moved += Math.hypot(nx - x, ny - y);
+    if (moved < 4) return;
+    if (apart && now) camera.zoom(apart / now, ...place(nx, ny));
+    if (camera.isPlan || pointers.size > 1 || event.shiftKey || event.buttons & 6) camera.pan(2 * (nx - x) / width, -2 * (ny - y) / height);
+    else camera.orbit(4 * (nx - x) / height, 3 * (ny - y) / height);
+    act.look();
+  });
+  const release = (event) => {
+    if (event.type === "pointerup" && pointers.has(event.pointerId) && moved < 4) act.click(...place(event.clientX, event.clientY));
+    pointers.delete(event.pointerId);
+  };
+  for (const type of ["pointerup", "pointercancel"]) canvas.addEventListener(type, release);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    camera.zoom(Math.exp(0.0015 * Math.max(-300, Math.min(300, event.deltaY * (event.deltaMode ? 20 : 1)))), ...place(event.clientX, event.clientY));
+    act.look();
+  }, { passive: false });
+}
+
+function listenToKeys(camera, act) {
+  const view = (change) => () => { change(); act.look(); };
+  const keys = {
+    " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
+    "[": () => act.faster(-1), "]": () => act.faster(1), p: act.plan, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
+    c: act.recolour, l: act.layer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
+    escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
+    w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),
+    q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)),
+  };
+  addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    const at = event.target, key = event.key.toLowerCase();
+    const isTyped = at.matches?.("select") || (at.matches?.("button") && (key === " " || key === "enter"));
+    if (isTyped) return;
+    if (key === "arrowleft" || key === "arrowright") {
+      if (at.matches?.("input")  && at.id !== "slider") return;
+      act.step(key === "arrowright" ? 1 : -1, event.shiftKey);
+    } else if (keys[key]) keys[key]();
+    else return;
+    event.preventDefault();
+  });
+}

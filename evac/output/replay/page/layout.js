@@ -1,0 +1,101 @@
+// Where levels are shown: storeys above each other or side by side, and which of them.
+
+const SAME_STOREY = 0.5;  // Floors that differ by less in height make one storey [m].
+
+// Gives every level a storey; stairs belong to the storey below.
+function findStoreys(levels) {
+  const floors = levels.filter((level) => level.kind === "floor");
+  const storeys = [];
+  for (const floor of (floors.length ? floors : levels).toSorted((a, b) => a.z[0] - b.z[0])) {
+    const top = storeys[storeys.length - 1];
+    if (top && floor.z[0] - top.z < SAME_STOREY) top.names.push(floor.name);
+    else storeys.push({ z: floor.z[0], names: [floor.name] });
+  }
+  storeys.forEach((storey) => {
+    storey.name = storey.names.length > 2 ? `level ${storey.z.toFixed(2)} m` : storey.names.join(", ");
+  });
+  for (const level of levels) {
+    level.storey = 0;
+    storeys.forEach((storey, index) => { if (storey.z <= level.z[0] + SAME_STOREY) level.storey = index; });
+  }
+  return storeys;
+}
+
+// Least x, least y, greatest x, greatest y of triangles [m].
+function planBox(triangles, vertices, grain) {
+  const box = [Infinity, Infinity, -Infinity, -Infinity];
+  for (const v of triangles) {
+    const x = vertices[3 * v] * grain, y = vertices[3 * v + 1] * grain;
+    box[0] = Math.min(box[0], x);
+    box[1] = Math.min(box[1], y);
+    box[2] = Math.max(box[2], x);
+    box[3] = Math.max(box[3], y);
+  }
+  return box;
+}
+
+class Layout {
+  constructor(building, grain, storeys) {
+    this.building = building;
+    this.grain = grain;
+    this.storeys = storeys;
+    this.base = storeys[0].z;
+    this.boxes = building.levels.map((level) => planBox(level.triangles, building.vertices, grain));
+    this.box = [0, 1, 2, 3].map((i) => Math[i < 2 ? "min" : "max"](...this.boxes.map((box) => box[i])));
+    this.extent = [this.box[2] - this.box[0], this.box[3] - this.box[1]];
+    this.shift = building.levels.map(() => [0, 0]);
+    this.visible = building.levels.map(() => true);
+    this.spread = 1;
+  }
+
+  // Height factor at which a storey seen from the default direction does not hide much of the one below.
+  clearSpread(elevation) {
+    if (this.storeys.length < 2) return 1;
+    const gaps = this.storeys.slice(1).map((storey, k) => storey.z - this.storeys[k].z);
+    const depth = Math.min(...this.extent);
+    return Math.max(1, Math.min(8, 0.62 * depth * Math.tan(elevation) / Math.min(...gaps)));
+  }
+
+  // `storey` is -1 for all of them.
+  arrange(isPlan, storey, spread, aspect) {
+    this.isPlan = isPlan;
+    this.storey = storey;
+    this.spread = isPlan || storey >= 0 ? 1 : spread;
+    const many = this.storeys.length, gap = 0.08 * Math.max(...this.extent) + 1;
+    const [width, depth] = [this.extent[0] + gap, this.extent[1] + gap];
+    let columns = 1, best = Infinity;
+    for (let n = 1; n <= many; n++) {
+      const size = Math.max(n * width / aspect, Math.ceil(many / n) * depth);
+      if (size < best) [columns, best] = [n, size];
+    }
+    this.building.levels.forEach((level, index) => {
+      const aside = isPlan && storey < 0 ? level.storey : 0;
+      this.shift[index] = [(aside % columns) * width, -Math.floor(aside / columns) * depth];
+      this.visible[index] = storey < 0 || level.storey === storey || (!isPlan && this.leadsDown(level, storey));
+    });
+  }
+
+  leadsDown(level, storey) {
+    return level.kind !== "floor" && level.storey === storey - 1;
+  }
+
+  height(z) { return this.base + (z - this.base) * this.spread; }
+
+  place(level, x, y, z) {
+    const [dx, dy] = this.shift[level];
+    return [x + dx, y + dy, this.height(z)];
+  }
+
+  // Corners of everything visible, to fit the view to.
+  corners() {
+    const found = [];
+    this.building.levels.forEach((level, index) => {
+      if (!this.visible[index]) return;
+      const [x1, y1, x2, y2] = this.boxes[index];
+      for (const x of [x1, x2]) for (const y of [y1, y2]) for (const z of [level.z[0], level.z[1] + 1.2]) {
+        found.push(this.place(index, x, y, z));
+      }
+    });
+    return found;
+  }
+}

@@ -1,0 +1,276 @@
+// Puts everything together, and shows the time that is to be shown.
+
+const TILT = 0.72;  // Of the first view [rad].
+const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
+const BAR = 56;  // Height of the tools over the picture.
+const LEAST_PIXELS = 0.6;
+const SLOW_FRAME = 60;  // [ms]
+const TELL_EVERY = 120;  // While it plays, numbers are shown this often, and the density of many people [ms].
+const SHADOWED = 3000;  // So many people have shadows.
+
+async function start() {
+  const about = JSON.parse(new TextDecoder().decode(await inflate("about")));
+  const streams = await inflateMotion();
+  const motion = unpackMotion(streams, about.building.levels, about.group.length, about.grain);
+  const record = new Record(about, motion);
+  const storeys = findStoreys(about.building.levels);
+  const layout = new Layout(about.building, about.grain, storeys);
+  const density = new Density(layout, QUANTITIES.density.greatest);
+  const series = new Series(record, storeys);
+  const people = new People(record, density);
+  const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
+  const labels = new Labels(by("labels"), record, layout);
+  const panel = new Panel(record, series, layout, people);
+  const state = {
+    time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: layout.clearSpread(TILT),
+    layer: false, selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
+  };
+  const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
+  let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
+  const drawn = [];
+
+  const redraw = () => {
+    if (isStale) return;
+    isStale = true;
+    requestAnimationFrame(show);
+  };
+  const aspect = () => canvas.clientWidth / Math.max(1, canvas.clientHeight);
+
+  function fit() {
+    camera.aspect = aspect();
+    camera.isPlan = state.isPlan;
+    if (state.isPlan) camera.azimuth = 0;
+    camera.fit(layout.corners(), 1.08);
+    const share = Math.min(0.3, BAR / canvas.clientHeight);
+    camera.zoom(1 / (1 - share));
+    camera.pan(0, -share);
+    redraw();
+  }
+
+  function arrange() {
+    layout.arrange(state.isPlan, state.storey, state.spread, aspect());
+    isBuilt = false;
+    by("view-3d").setAttribute("aria-pressed", !state.isPlan);
+    by("view-plan").setAttribute("aria-pressed", state.isPlan);
+    by("storey").value = state.storey;
+    by("spread-tool").hidden = state.isPlan || state.storey >= 0 || storeys.length < 2;
+    redraw();
+  }
+
+  function applyTheme() {
+    const style = getComputedStyle(document.documentElement), of = (name) => unit(style.getPropertyValue(`--${name}`).trim());
+    look = { background: of("ground"), floors: ["floor", "flight", "landing"].map(of), solids: ["wall", "wall-top", "desk"].map(of), mark: of("mark") };
+    redraw();
+  }
+
+  function recolour() {
+    by("colour").value = state.quantity;
+    panel.showLegend(state.quantity, state.highlighted, (index) => { state.highlighted = index; recolour(); });
+    by("layer").setAttribute("aria-pressed", state.layer);
+    by("layer-legend").hidden = !state.layer;
+    by("layer-legend").innerHTML = `<div class="ends"><span>Density on the floors</span></div>${bar(onFloor(about.colours.maps.density, look.floors[0]), density.greatest, "1/m²")}`;
+    redraw();
+  }
+
+  function selectedPlace(now) {
+    if (state.selected === null) return null;
+    for (let k = 0; k < people.count; k++) {
+      if (now.person[people.shown[k]] !== state.selected) continue;
+      const [x, y, z] = people.bodies.subarray(4 * k, 4 * k + 3);
+      return { name: `Person ${state.selected}`, at: [x, y, z + 1.95] };
+    }
+    return null;
+  }
+
+  function select(p) {
+    state.selected = p;
+    stage.mesh("track", p === null ? [] : trackMesh(layout, record, p, look.mark), [3, 4]);
+    redraw();
+  }
+
+  function show() {
+    isStale = false;
+    const began = performance.now();
+    const pixels = Math.min(devicePixelRatio, state.pixels);
+    const [width, height] = [Math.round(canvas.clientWidth * pixels), Math.round(canvas.clientHeight * pixels)];
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    camera.aspect = aspect();
+    camera.update();
+    const shut = record.closedAt(state.time);
+    if (!isBuilt || shut !== closed) {
+      closed = shut;
+      stage.build(layout, density, closed, { exit: unit(about.colours.exit), closed: unit(about.colours.closed) });
+      select(state.selected);
+      isBuilt = true;
+    }
+    const now = record.at(state.time);
+    const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;
+    if (isLate && (state.layer || state.quantity === "density")) {
+      felt = began;
+      density.update(now);
+      stage.setDensity(density);
+    }
+    people.update(now, layout, state.quantity, state.highlighted, state.selected);
+    stage.draw(camera, people, { ...look, layer: state.layer, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    labels.update(camera, closed, selectedPlace(now));
+    updateScale(camera, canvas.clientHeight);
+    if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
+    drawn.push(performance.now() - began);
+  }
+
+  function tell(now) {
+    told = performance.now();
+    panel.update(state.time, now);
+    panel.tellPerson(state.selected, state.time, now);
+    chart.update(state.time);
+    by("slider").value = state.time;
+    by("slider").setAttribute("aria-valuetext", `${seconds(state.time)}, ${now.count} people inside`);
+  }
+
+  function play(time) {
+    if (!state.isPlaying) return;
+    if (last !== null) spare(time - last);
+    if (last !== null) state.time = Math.min(record.end, state.time + state.speed * Math.min(0.25, (time - last) / 1000));
+    last = time;
+    if (state.time >= record.end) pause();
+    isStale = true;
+    show();
+    if (state.isPlaying) requestAnimationFrame(play);
+  }
+
+  // Where drawing is slow, motion is shown with fewer pixels; a picture that stands has all.
+  function spare(took) {
+    state.took = 0.8 * state.took + 0.2 * Math.min(took, 400);
+    if (state.took < SLOW_FRAME || state.pixels <= LEAST_PIXELS) return;
+    Object.assign(state, { pixels: Math.max(LEAST_PIXELS, 0.8 * Math.min(state.pixels, devicePixelRatio)), took: 0 });
+  }
+
+  function pause() {
+    Object.assign(state, { isPlaying: false, pixels: MOST_PIXELS, took: 0 });
+    redraw();
+    by("play").textContent = "▶";
+    by("play").setAttribute("aria-label", "Play");
+  }
+
+  const act = {
+    look: redraw,
+    restart() {
+      pause();
+      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: false, highlighted: null });
+      for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
+      act.speed(1);
+      select(null);
+      recolour();
+      turnBack();
+      arrange();
+      fit();
+    },
+    fit,
+    toggle() {
+      if (state.isPlaying) return pause();
+      if (state.time >= record.end) state.time = record.begin;
+      Object.assign(state, { isPlaying: true });
+      last = null;
+      by("play").textContent = "❚❚";
+      by("play").setAttribute("aria-label", "Pause");
+      requestAnimationFrame(play);
+    },
+    seek(time) { state.time = Math.max(record.begin, Math.min(record.end, time)); redraw(); },
+    step(by, isLong) {
+      if (isLong) return act.seek(state.time + 10 * by);
+      const k = record.frameAt(state.time), isBetween = state.time > motion.times[k] + 1e-9;
+      act.seek(motion.times[Math.max(0, Math.min(record.frames - 1, k + (by < 0 && isBetween ? 0 : by)))]);
+    },
+    faster(by) { act.speed(SPEEDS[Math.max(0, Math.min(SPEEDS.length - 1, SPEEDS.indexOf(state.speed) + by))]); },
+    speed(speed) { state.speed = speed; by("speed").value = speed; },
+    plan() { act.view(!state.isPlan); },
+    view(isPlan) {
+      if (isPlan === state.isPlan) return;
+      if (isPlan) camera.turned = camera.azimuth; else camera.azimuth = camera.turned;
+      state.isPlan = isPlan;
+      arrange();
+      fit();
+    },
+    climb(by) { act.storey(Math.max(-1, state.storey + by >= storeys.length ? -1 : state.storey < 0 && by < 0 ? storeys.length - 1 : state.storey + by)); },
+    storey(storey) { if (storeys.length > 1) { state.storey = storey; arrange(); fit(); } },
+    spread(spread) { state.spread = spread; arrange(); fit(); },
+    recolour() { const all = Object.keys(QUANTITIES); act.colour(all[(all.indexOf(state.quantity) + 1) % all.length]); },
+    colour(quantity) { state.quantity = quantity; recolour(); },
+    layer() { state.layer = !state.layer; recolour(); },
+    theme() {
+      document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+      applyTheme();
+      recolour();
+      if (state.selected !== null) select(state.selected);
+    },
+    select,
+    deselect() { select(null); },
+    click(x, y) { camera.update(); const p = people.pick(camera.ray(x, y)); select(p < 0 ? null : p); },
+  };
+
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; applyTheme(); };
+  dark.addEventListener("change", follow);
+  stage.setScale(veiled(people.ramps.density));
+  stage.setDensity(density);
+  fillChoices();
+  listen();
+  isStale = false;
+  follow();
+  act.restart();
+  by("loading").hidden = true;
+  new ResizeObserver(redraw).observe(canvas);
+  return { record, layout, density, series, people, camera, state, act, stage, drawn };
+
+  function turnBack() {
+    camera.tilt = storeys.length > 1 ? TILT : 0.95;
+    camera.azimuth = camera.turned = layout.extent[0] >= layout.extent[1] ? 0.35 : 0.35 - Math.PI / 2;
+  }
+
+  function fillChoices() {
+    const options = (id, entries) => {
+      by(id).innerHTML = entries.map(([value, text]) => `<option value="${escaped(value)}">${escaped(text)}</option>`).join("");
+    };
+    options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
+    by("storey-tool").hidden = storeys.length < 2;
+    options("colour", Object.entries(QUANTITIES).map(([name, { label }]) => [name, label]));
+    options("curve", Object.keys(chart.curves).map((name) => [name, name]));
+    options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
+    by("speed").value = state.speed;
+    Object.assign(by("slider"), { min: record.begin, max: record.end });
+    by("spread").value = by("spread").max = Math.max(2, 1.6 * state.spread);
+    Object.assign(by("spread"), { min: 1, value: state.spread });
+    by("keys").tBodies[0].innerHTML = KEYS.map(([keys, what]) => `<tr><td><kbd>${keys}</kbd></td><td>${what}</td></tr>`).join("");
+    chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
+  }
+
+  function listen() {
+    const on = (id, type, action) => by(id).addEventListener(type, action);
+    on("play", "click", act.toggle);
+    on("slider", "input", () => act.seek(Number(by("slider").value)));
+    on("speed", "change", () => act.speed(Number(by("speed").value)));
+    on("view-3d", "click", () => act.view(false));
+    on("view-plan", "click", () => act.view(true));
+    on("storey", "change", () => act.storey(Number(by("storey").value)));
+    on("spread", "input", () => act.spread(Number(by("spread").value)));
+    on("layer", "click", act.layer);
+    on("fit", "click", fit);
+    on("colour", "change", () => act.colour(by("colour").value));
+    on("curve", "change", () => {
+      chart.show(by("curve").value, (name, index) => panel.lineColour(name === "people out" ? index - 1 : index));
+      redraw();
+    });
+    on("theme", "click", act.theme);
+    on("show-info", "click", () => by("info").showModal());
+    on("show-help", "click", () => by("help").showModal());
+    on("person-close", "click", act.deselect);
+    listenToPointers(canvas, camera, act);
+    listenToKeys(camera, act);
+  }
+}
+
+start().then((replay) => { window.replay = Object.assign(replay, { opened: performance.now() }); }, (error) => {
+  by("loading").hidden = false;
+  by("loading").textContent = `The replay cannot be shown: ${error.message}`;
+  throw error;
+});

@@ -1,0 +1,108 @@
+// Triangles of the building, as the layout places it.
+
+function floorMesh(layout, density) {
+  const { building, grain } = layout, { vertices } = building, values = [];
+  building.levels.forEach((level, index) => {
+    if (!layout.visible[index]) return;
+    const kind = KINDS.indexOf(level.kind);
+    for (const v of level.triangles) {
+      const [x, y, z] = [0, 1, 2].map((i) => vertices[3 * v + i] * grain);
+      values.push(...layout.place(index, x, y, z), ...density.texel(index, x, y), Math.max(0, kind), z);
+    }
+  });
+  return values;
+}
+
+// Walls stand outside their line, so that the floor inside keeps its width.
+function solidMesh(layout) {
+  const { building, grain } = layout, values = [];
+  const thick = Math.max(0.07, Math.max(...layout.extent) / 420);
+  const quad = (a, b, c, d, normal, kind) => {
+    for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...normal, kind);
+  };
+  building.levels.forEach((level, index) => {
+    if (!layout.visible[index]) return;
+    const { walls, furniture } = level;
+    for (const [a, b, normal] of sidesOf(furniture.sides, grain)) {
+      const low = [layout.place(index, ...a), layout.place(index, ...b)], raise = ([x, y, z]) => [x, y, z + DESK_HEIGHT];
+      quad(low[0], low[1], raise(low[1]), raise(low[0]), normal, 2);
+    }
+    for (const [[x1, y1, z1], [x2, y2, z2], normal] of sidesOf(walls, grain)) {
+      const [ox, oy] = [-thick * normal[0], -thick * normal[1]];
+      const low = [layout.place(index, x1, y1, z1), layout.place(index, x2, y2, z2)];
+      const far = [layout.place(index, x1 + ox, y1 + oy, z1), layout.place(index, x2 + ox, y2 + oy, z2)];
+      const raise = ([x, y, z]) => [x, y, z + WALL_HEIGHT];
+      quad(low[0], low[1], raise(low[1]), raise(low[0]), normal, 0);
+      quad(far[1], far[0], raise(far[0]), raise(far[1]), normal.map((part) => -part), 0);
+      quad(raise(low[0]), raise(low[1]), raise(far[1]), raise(far[0]), [0, 0, 1], 1);
+      quad(low[0], raise(low[0]), raise(far[0]), far[0], [-normal[1], normal[0], 0], 0);
+      quad(low[1], raise(low[1]), raise(far[1]), far[1], [normal[1], -normal[0], 0], 0);
+    }
+    for (let t = 0; t < furniture.top.length; t += 2) {
+      const [x, y, z] = layout.place(index, furniture.top[t] * grain, furniture.top[t + 1] * grain, level.z[0]);
+      values.push(x, y, z + DESK_HEIGHT, 0, 0, 1, 2);
+    }
+  });
+  return values;
+}
+
+// The ends of each segment, and the direction to its left, which is inside.
+function* sidesOf(segments, grain) {
+  for (let s = 0; s < segments.length; s += 6) {
+    const [x1, y1, z1, x2, y2, z2] = segments.slice(s, s + 6).map((value) => value * grain);
+    const length = Math.hypot(x2 - x1, y2 - y1);
+    if (length) yield [[x1, y1, z1], [x2, y2, z2], [-(y2 - y1) / length, (x2 - x1) / length, 0]];
+  }
+}
+
+// Exits and closed doors: a curtain of light that fades upwards, and a strip on the floor.
+function glowMesh(layout, closed, colours) {
+  const { building, grain } = layout, values = [];
+  const wide = Math.max(0.25, Math.max(...layout.extent) / 220);
+  const curtain = (level, segments, colour) => {
+    for (let s = 0; s < segments.length; s += 6) {
+      const [x1, y1, z1, x2, y2, z2] = segments.slice(s, s + 6).map((value) => value * grain);
+      const length = Math.hypot(x2 - x1, y2 - y1) || 1;
+      const a = layout.place(level, x1, y1, z1), b = layout.place(level, x2, y2, z2);
+      const [ox, oy] = [(y2 - y1) / length * wide, -(x2 - x1) / length * wide];
+      const lift = ([x, y, z], by) => [x, y, z + by], push = ([x, y, z]) => [x + ox, y + oy, z + 0.03];
+      const corners = [[a, 0.75], [b, 0.75], [lift(b, EXIT_HEIGHT), 0.05], [a, 0.75], [lift(b, EXIT_HEIGHT), 0.05], [lift(a, EXIT_HEIGHT), 0.05],
+                       [lift(a, 0.03), 0.95], [lift(b, 0.03), 0.95], [push(b), 0.35], [lift(a, 0.03), 0.95], [push(b), 0.35], [push(a), 0.35]];
+      for (const [corner, share] of corners) values.push(...corner, ...colour, share);
+    }
+  };
+  building.exits.forEach((exit, index) => {
+    if (!layout.visible[exit.level]) return;
+    const isClosed = closed.includes(building.portals.length + index);
+    curtain(exit.level, exit.segments, isClosed ? colours.closed : colours.exit);
+  });
+  building.portals.forEach((portal, index) => {
+    if (!closed.includes(index)) return;
+    for (const level of portal.levels) if (layout.visible[level]) curtain(level, portal.segments, colours.closed);
+  });
+  return values;
+}
+
+// The way of one person: a flat ribbon on the floor.
+function trackMesh(layout, record, p, colour) {
+  const { motion } = record, values = [], half = Math.max(0.05, Math.max(...layout.extent) / 600);
+  let last = null;
+  for (let k = 0; k < record.frames; k++) {
+    const row = record.rowOf(k, p);
+    if (row < 0) continue;
+    const level = motion.level[row];
+    const [x, y, z] = layout.place(level, motion.x[row], motion.y[row], motion.z[row]);
+    const point = { x, y, z: z + 0.04, storey: layout.building.levels[level].storey, isVisible: layout.visible[level] };
+    if (!last) { last = point; continue; }
+    const length = Math.hypot(point.x - last.x, point.y - last.y);
+    if (length < 0.02) continue;
+    const jumps = layout.isPlan && point.storey !== last.storey;
+    if (point.isVisible && last.isVisible && !jumps) {
+      const [ox, oy] = [-(point.y - last.y) / length * half, (point.x - last.x) / length * half];
+      const [a, b, c, d] = [[last, 1], [point, 1], [point, -1], [last, -1]].map(([at, side]) => [at.x + side * ox, at.y + side * oy, at.z]);
+      for (const corner of [a, b, c, a, c, d]) values.push(...corner, ...colour, 0.85);
+    }
+    last = point;
+  }
+  return values;
+}

@@ -1,0 +1,118 @@
+// The panel beside the picture: counts, legend, tables, and who is selected; what is told about the run.
+
+const by = (id) => document.getElementById(id);
+const seconds = (time) => `${time.toFixed(1)} s`;
+const escaped = (text) => String(text).replace(/[&<>"]/g, (sign) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[sign]);
+
+class Panel {
+  constructor(record, series, layout, people) {
+    Object.assign(this, { record, series, layout, people });
+    const { groups } = record.colours;
+    this.lineColour = (index) => LINES[index % LINES.length];
+    this.exits = this.table("exits", series.exits, 2);
+    this.stairs = this.table("stairs", series.stairs, 2);
+    this.storeys = this.table("storeys", series.storeys, 1);
+    by("stair-section").hidden = !series.stairs.length;
+    by("storey-section").hidden = series.storeys.length < 2;
+    this.groupNames = [...record.groups, "no group"].map((name, index) => ({ name, index, colour: groups[index] ?? record.colours.none }))
+      .filter(({ index }) => record.group.some((group) => group === (index < record.groups.length ? index : -1)));
+    this.tellAbout();
+  }
+
+  table(id, rows, columns) {
+    return rows.map(({ name }, index) => {
+      const row = by(id).tBodies[0].insertRow();
+      const swatch = rows.length > 1 ? `<span class="swatch" style="background:${this.lineColour(index)}"></span>` : "";
+      row.insertCell().innerHTML = swatch + escaped(name);
+      return Array.from({ length: columns }, () => row.insertCell());
+    });
+  }
+
+  tellAbout() {
+    const { record } = this;
+    by("facts").innerHTML = record.facts.map(([name, value]) => `<dt>${escaped(name)}</dt><dd>${escaped(value)}</dd>`).join("");
+    const list = (title, lines) => lines.length ? `<h3>${title}</h3><ul>${lines.map((line) => `<li>${escaped(line)}</li>`).join("")}</ul>` : "";
+    by("warnings").innerHTML = list("Quality warnings", record.quality_warnings) + list("Warnings about building and people", record.warnings)
+      || "<h3>No warnings</h3>";
+    const doubts = record.quality_warnings.length;
+    by("doubts").hidden = !doubts;
+    by("doubts").textContent = doubts;
+    by("doubts").title = `${doubts} quality warning${doubts > 1 ? "s" : ""}`;
+    if (!record.banner) return;
+    by("banner").hidden = false;
+    by("banner").className = record.banner[0];
+    by("banner").textContent = record.banner[1];
+  }
+
+  // The legend; a click on a group shows it alone.
+  showLegend(quantity, highlighted, highlight) {
+    const { colours } = this.record;
+    if (quantity !== "group") {
+      const { unit } = QUANTITIES[quantity], most = this.people.greatestOf(quantity);
+      by("legend").innerHTML = bar(colours.maps[quantity], most, unit);
+      return;
+    }
+    const list = document.createElement("ul");
+    for (const { name, index, colour } of this.groupNames) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.innerHTML = `<span class="swatch" style="background:${colour}"></span>${escaped(name)}`;
+      button.setAttribute("aria-pressed", highlighted === index);
+      button.addEventListener("click", () => highlight(highlighted === index ? null : index));
+      list.append(Object.assign(document.createElement("li")));
+      list.lastChild.append(button);
+    }
+    by("legend").replaceChildren(list);
+  }
+
+  update(time, now) {
+    const { series, record } = this;
+    by("time").textContent = seconds(time);
+    const out = countUpTo(series.out, time);
+    by("inside").textContent = now.count;
+    by("outside").textContent = out;
+    series.exits.forEach(({ times }, index) => {
+      this.exits[index][0].textContent = countUpTo(times, time);
+      this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
+    });
+    series.stairs.forEach(({ times, inside }, index) => {
+      this.stairs[index][0].textContent = countUpTo(times, time);
+      this.stairs[index][1].textContent = inside[now.frame];
+    });
+    series.storeys.forEach(({ inside }, index) => { this.storeys[index][0].textContent = inside[now.frame]; });
+  }
+
+  // Who somebody is, and where and how fast at the time shown.
+  tellPerson(p, time, now) {
+    by("person").hidden = p === null;
+    if (p === null) return;
+    const { record } = this, i = now.person.subarray(0, now.count).indexOf(p), isInside = i >= 0;
+    const group = record.group[p] < 0 ? "no group" : record.groups[record.group[p]];
+    const left = record.outTime[p] < Infinity, exit = record.building.exits[record.outBy[p]];
+    const facts = [["Group", group]];
+    if (isInside) {
+      const force = record.forceOf(now.row[i]);
+      facts.push(["Level", record.building.levels[now.level[i]].name]);
+      facts.push(["Speed", `${this.people.valueOf("speed", now, i).toFixed(2)} m/s`]);
+      facts.push(["Contact force", force ? `about ${short(Number(force.toPrecision(2)))} N` : `below ${record.least_force} N`]);
+      facts.push(["Waited so far", seconds(record.waiting()[now.row[i]])]);
+    } else {
+      facts.push(["Level", time < record.outTime[p] ? "not inside yet" : "out"]);
+    }
+    if (record.speed) facts.push(["Desired speed", `${(record.speed[p] / 100).toFixed(2)} m/s`]);
+    if (record.response_time) facts.push(["Response time", `${(record.response_time[p] / 100).toFixed(2)} s`]);
+    facts.push(["Body radius", `${(record.radius[p] / 10).toFixed(1)} cm`]);
+    facts.push(["Exit time", left ? (record.hasTimes ? `${record.outTime[p].toFixed(2)} s` : `by ${seconds(record.outTime[p])}`) : "did not get out"]);
+    if (left) facts.push(["Exit used", `${exit ? exit.name : "unknown"}${record.hasTimes ? "" : " (the nearest)"}`]);
+    if (by("person-name").textContent !== `Person ${p}`) by("person-name").textContent = `Person ${p}`;
+    by("person-facts").innerHTML = facts.map(([name, value]) => `<dt>${name}</dt><dd>${escaped(value)}</dd>`).join("");
+  }
+}
+
+// Colours of exits, stairs and levels in charts; colour-blind people tell them apart.
+const LINES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a939e"];
+
+const bar = (stops, most, unit) => `<div class="bar" style="background:${gradient(stops)}"></div>`
+  + `<div class="ends"><span>0</span><span>${short(most / 2)}</span><span>≥ ${short(most)} ${unit}</span></div>`;
+
+const short = (value) => value >= 1000 ? value.toLocaleString("en").replaceAll(",", "\u202f") : value;

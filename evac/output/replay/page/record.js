@@ -1,0 +1,187 @@
+// The run: everybody at any time, and what follows from positions: speeds, waiting times, times of leaving.
+
+const SLOW = 0.2;  // Whoever is slower waits [m/s].
+
+class Record {
+  constructor(about, motion) {
+    Object.assign(this, about);
+    this.motion = motion;
+    this.people = about.group.length;
+    this.frames = motion.times.length;
+    this.begin = motion.times[0];
+    this.end = motion.times[this.frames - 1];
+    this.cached = new Map();
+    this.findExits();
+    this.now = this.room(this.people);
+  }
+
+  room(count) {
+    const floats = () => new Float32Array(count);
+    return { count: 0, person: new Uint32Array(count), row: new Uint32Array(count), level: new Uint16Array(count),
+             x: floats(), y: floats(), z: floats() };
+  }
+
+  // Times of leaving are those of the run where they are known, else those of the first frame without the person.
+  findExits() {
+    const { motion } = this;
+    this.lastRow = new Int32Array(this.people).fill(-1);
+    this.lastFrame = new Int32Array(this.people).fill(-1);
+    for (let k = 0; k < this.frames; k++) {
+      for (let row = motion.first[k]; row < motion.first[k + 1]; row++) {
+        this.lastRow[motion.person[row]] = row;
+        this.lastFrame[motion.person[row]] = k;
+      }
+    }
+    this.hasTimes = this.exit_time !== null;
+    this.outTime = new Float64Array(this.people).fill(Infinity);
+    this.outBy = new Int32Array(this.people).fill(-1);
+    this.outAt = new Float32Array(2 * this.people);
+    for (let p = 0; p < this.people; p++) {
+      const gone = this.lastFrame[p] + 1 < this.frames;
+      if (this.hasTimes && this.exit_time[p] >= 0) {
+        this.outTime[p] = this.exit_time[p] / 100;
+        this.outBy[p] = this.exit_used[p];
+      } else if (gone && !this.hasTimes) {
+        this.outTime[p] = motion.times[this.lastFrame[p] + 1];
+      }
+      if (this.outTime[p] < Infinity && this.lastRow[p] >= 0) this.leadOut(p);
+    }
+  }
+
+  // Takes the nearest point of the exit used, or of the nearest exit on the level if it is not known.
+  leadOut(p) {
+    const row = this.lastRow[p], { x, y, level } = this.motion;
+    let least = Infinity;
+    this.building.exits.forEach((exit, index) => {
+      if (this.outBy[p] >= 0 && this.hasTimes ? index !== this.outBy[p] : exit.level !== level[row]) return;
+      for (let s = 0; s < exit.segments.length; s += 6) {
+        const [x1, y1, , x2, y2] = exit.segments.slice(s, s + 6).map((value) => value * this.grain);
+        const along = (x2 - x1) ** 2 + (y2 - y1) ** 2;
+        const share = Math.max(0, Math.min(1, ((x[row] - x1) * (x2 - x1) + (y[row] - y1) * (y2 - y1)) / along));
+        const px = x1 + share * (x2 - x1), py = y1 + share * (y2 - y1);
+        const off = Math.hypot(px - x[row], py - y[row]);
+        if (off >= least) continue;
+        least = off;
+        this.outBy[p] = index;
+        this.outAt.set([px, py], 2 * p);
+      }
+    });
+    if (least === Infinity) this.outAt.set([x[row], y[row]], 2 * p);
+  }
+
+  // The last frame at or before a time.
+  frameAt(time) {
+    const { times } = this.motion;
+    let low = 0, high = this.frames - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (times[middle] <= time + 1e-9) low = middle; else high = middle - 1;
+    }
+    return low;
+  }
+
+  rowOf(k, p) {
+    const { first, person } = this.motion;
+    let low = first[k], high = first[k + 1] - 1;
+    while (low <= high) {
+      const middle = (low + high) >> 1;
+      if (person[middle] === p) return middle;
+      if (person[middle] < p) low = middle + 1; else high = middle - 1;
+    }
+    return -1;
+  }
+
+  // Everybody inside at a time, between two frames on the straight line; whoever leaves goes to the exit.
+  at(time) {
+    const { motion, now } = this;
+    const { first, person, level, x, y, z, times } = motion;
+    const k = this.frameAt(time);
+    const isLast = k + 1 >= this.frames;
+    const span = isLast ? 1 : times[k + 1] - times[k];
+    const share = isLast ? 0 : Math.min(1, (time - times[k]) / span);
+    let other = isLast ? 0 : first[k + 1], count = 0;
+    const end = isLast ? 0 : first[k + 2];
+    for (let row = first[k]; row < first[k + 1]; row++) {
+      const p = person[row];
+      while (other < end && person[other] < p) other++;
+      let next = row, u = 0;
+      now.level[count] = level[row];
+      if (other < end && person[other] === p) {
+        next = other;
+        u = share;
+        if (share > 0.5) now.level[count] = level[next];
+      } else if (!isLast && time >= this.outTime[p]) continue;
+      now.person[count] = p;
+      now.row[count] = row;
+      if (next === row && !isLast && this.outTime[p] < Infinity) {
+        u = Math.min(1, (time - times[k]) / Math.max(1e-6, this.outTime[p] - times[k]));
+        now.x[count] = x[row] + u * (this.outAt[2 * p] - x[row]);
+        now.y[count] = y[row] + u * (this.outAt[2 * p + 1] - y[row]);
+        now.z[count++] = z[row];
+        continue;
+      }
+      now.x[count] = x[row] + u * (x[next] - x[row]);
+      now.y[count] = y[row] + u * (y[next] - y[row]);
+      now.z[count++] = z[row] + u * (z[next] - z[row]);
+    }
+    now.count = count;
+    now.frame = k;
+    return now;
+  }
+
+  // Speed of each row of a frame [m/s], along the slope: from the frame before to the frame after.
+  speeds(k) {
+    const known = this.cached.get(k);
+    if (known) return known;
+    const { first, person, x, y, z, times } = this.motion;
+    const a = Math.max(0, k - 1), b = Math.min(this.frames - 1, k + 1);
+    const speeds = new Float32Array(first[k + 1] - first[k]);
+    let before = first[a], after = first[b];
+    for (let row = first[k]; row < first[k + 1]; row++) {
+      const p = person[row];
+      while (before < first[a + 1] && person[before] < p) before++;
+      while (after < first[b + 1] && person[after] < p) after++;
+      const from = before < first[a + 1] && person[before] === p ? before : row;
+      const to = after < first[b + 1] && person[after] === p ? after : row;
+      const span = times[to === row ? k : b] - times[from === row ? k : a];
+      const way = Math.hypot(x[to] - x[from], y[to] - y[from], z[to] - z[from]);
+      speeds[row - first[k]] = span > 0 ? way / span : 0;
+    }
+    if (this.cached.size > 64) this.cached.clear();
+    this.cached.set(k, speeds);
+    return speeds;
+  }
+
+  // Time that each row's person has been slower than SLOW since its response [s].
+  waiting() {
+    if (this.waited) return this.waited;
+    const { first, person, x, y, z, times } = this.motion;
+    this.waited = new Float32Array(person.length);
+    const last = new Int32Array(this.people).fill(-1);
+    for (let k = 0; k < this.frames; k++) {
+      const span = k ? times[k] - times[k - 1] : 0;
+      for (let row = first[k]; row < first[k + 1]; row++) {
+        const p = person[row], from = last[p];
+        last[p] = row;
+        if (from < 0) continue;
+        const way = Math.hypot(x[row] - x[from], y[row] - y[from], z[row] - z[from]);
+        const waits = way < SLOW * span && times[k - 1] >= this.responseOf(p);
+        this.waited[row] = this.waited[from] + (waits ? span : 0);
+      }
+    }
+    return this.waited;
+  }
+
+  responseOf(p) { return this.response_time ? this.response_time[p] / 100 : 0; }
+
+  // Contact force of a row [N], and of a code.
+  forceOf(row) { return this.forceOfCode(this.motion.force[row]); }
+
+  forceOfCode(code) { return code ? this.least_force * 2 ** ((code - 1) / this.codes_per_octave) : 0; }
+
+  closedAt(time) {
+    let closed = [];
+    for (const [since, links] of this.closed) if (since <= time + 1e-9) closed = links;
+    return closed;
+  }
+}

@@ -1,0 +1,146 @@
+// Shaders. Lengths are metres.
+
+const HEAD = `#version 300 es
+precision highp float;
+uniform mat4 view;
+uniform vec3 right, up;
+`;
+
+// Six vertices for each person, who is a texel of two textures. Software draws this much faster than instances.
+const FIND = `
+precision highp sampler2D;
+uniform sampler2D bodies, tints;
+vec4 body;  // place, radius
+vec4 tint;
+vec2 corner;
+void find() {
+  int person = gl_VertexID / 6, turn = gl_VertexID % 6, width = textureSize(bodies, 0).x;
+  ivec2 texel = ivec2(person % width, person / width);
+  body = texelFetch(bodies, texel, 0);
+  tint = texelFetch(tints, texel, 0);
+  corner = vec2(turn == 1 || turn == 2 || turn == 4 ? 1.0 : -1.0, turn == 2 || turn == 4 || turn == 5 ? 1.0 : -1.0);
+}
+`;
+
+const FLOOR = [HEAD + `
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec2 texel;
+layout(location = 2) in vec2 tone;  // kind of the level, true height
+out vec2 cell;
+out vec2 shade;
+void main() {
+  cell = texel;
+  shade = tone;
+  gl_Position = view * vec4(place, 1.0);
+}`, HEAD + `
+uniform vec3 floors[3];
+uniform sampler2D density, scale;
+uniform float layer;
+in vec2 cell;
+in vec2 shade;
+out vec4 colour;
+void main() {
+  int kind = int(shade.x + 0.5);
+  vec3 base = floors[kind];
+  if (kind == 1) {  // treads of a flight
+    float tread = shade.y / 0.175, wide = fwidth(tread);
+    float edge = smoothstep(0.0, 0.12 + wide, fract(tread)) ;
+    base *= mix(mix(0.80, 1.0, edge), 0.95, clamp(1.6 * wide - 0.3, 0.0, 1.0));
+  }
+  if (layer > 0.5) {
+    vec4 heat = texture(scale, vec2(texture(density, cell).r * 0.996 + 0.002, 0.5));
+    base = mix(base, heat.rgb, heat.a);
+  }
+  colour = vec4(base, 1.0);
+}`];
+
+const SOLID = [HEAD + `
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec4 surface;  // normal, kind: 0 wall, 1 top of a wall, 2 furniture
+uniform vec3 solids[3];
+out vec3 tint;
+void main() {
+  float light = 0.72 + 0.28 * max(0.0, dot(surface.xyz, normalize(vec3(-0.4, -0.65, 0.65))));
+  tint = solids[int(surface.w + 0.5)] * light;
+  gl_Position = view * vec4(place, 1.0);
+}`, HEAD + `
+in vec3 tint;
+out vec4 colour;
+void main() { colour = vec4(tint, 1.0); }`];
+
+const GLOW = [HEAD + `
+layout(location = 0) in vec3 place;
+layout(location = 1) in vec4 tint;
+out vec4 shade;
+void main() {
+  shade = tint;
+  gl_Position = view * vec4(place, 1.0);
+}`, HEAD + `
+in vec4 shade;
+out vec4 colour;
+void main() { colour = vec4(shade.rgb * shade.a, shade.a); }`];
+
+// People are an ellipsoid of the body's radius and a sphere on it, as outlines that face the eye and are shaded as
+// if round. Depth is that of the upright axis, so that nobody stands out of a wall or sinks into the floor.
+const PERSON = [HEAD + FIND + `
+out vec2 at;
+flat out vec3 trunk;  // half width, half height, height of the centre
+flat out vec2 head;  // radius, height of the centre
+flat out vec3 shade;
+void main() {
+  find();
+  float upright = length(up.z), lying = length(up.xy), r = body.w, h = 0.6 * r;
+  trunk = vec3(r, length(vec2(r * lying, 0.70 * upright)), -0.14 * upright);
+  head = vec2(h, (0.56 + 0.55 * h) * upright);
+  float top = max(trunk.z + trunk.y, head.y + h) * 1.03, bottom = (trunk.z - trunk.y) * 1.03;
+  at = vec2(1.06 * r * corner.x, corner.y > 0.0 ? top : bottom);
+  shade = tint.rgb;
+  gl_Position = view * vec4(body.xyz + vec3(0.0, 0.0, 0.84) + at.x * right + at.y * up, 1.0);
+  vec4 axis = view * vec4(body.xyz + vec3(0.0, 0.0, corner.y > 0.0 ? 1.7 : 0.05), 1.0);
+  gl_Position.z = axis.z / axis.w * gl_Position.w;
+}`, HEAD + `
+in vec2 at;
+flat in vec3 trunk;
+flat in vec2 head;
+flat in vec3 shade;
+out vec4 colour;
+void main() {
+  vec2 a = vec2(at.x, at.y - trunk.z) / trunk.xy, b = vec2(at.x, at.y - head.y) / head.x;
+  float body = dot(a, a), top = dot(b, b), nearest = min(body, top);
+  float cover = clamp((1.0 - nearest) / (fwidth(nearest) + 1e-4) + 0.5, 0.0, 1.0);
+  if (cover <= 0.0) discard;
+  bool isHead = top < 1.0;
+  vec2 n = isHead ? b : a;
+  float facing = sqrt(max(0.0, 1.0 - dot(n, n)));
+  float light = 0.66 + 0.40 * max(0.0, dot(vec3(n, facing), vec3(-0.36, 0.66, 0.66)));
+  vec3 tone = isHead ? mix(shade, vec3(1.0), 0.28) : shade;
+  colour = vec4(tone * light, cover);
+}`];
+
+// A soft shadow on the floor under each person, and a ring around whoever is selected.
+const SHADOW = [HEAD + FIND + `
+uniform float widen;
+out vec2 off;
+flat out float ring;
+void main() {
+  find();
+  ring = tint.a;
+  off = corner;
+  float size = body.w * (ring < 0.5 ? 2.4 * widen : 1.5);
+  gl_Position = view * vec4(body.xyz + vec3(corner * size, 0.02), 1.0);
+}`, HEAD + `
+uniform vec3 mark;
+in vec2 off;
+flat in float ring;
+out vec4 colour;
+void main() {
+  float away = length(off);
+  if (ring < 0.5) {
+    float band = smoothstep(0.40, 0.50, away) * (1.0 - smoothstep(0.88, 0.98, away));
+    float glow = 0.35 * (1.0 - smoothstep(0.0, 1.0, away));
+    float share = max(band, glow);
+    colour = vec4(mark * share, share);
+  } else {
+    colour = vec4(0.0, 0.0, 0.0, 0.30 * (1.0 - smoothstep(0.30, 1.0, away)));
+  }
+}`];

@@ -1,0 +1,204 @@
+"""Who makes which runs when: this process at once, others where they pay, or an executor of somebody else."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from evac.ending import Stopped
+from evac.errors import EvacError, SimulationError
+from evac.phases import Progress
+from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, LocalPool, died, workers_of
+from evac.study.points import Point
+from evac.study.runs import Order, Row, make_runs
+from evac.study.shared import GROUNDS, GroundFile, simulation_of, write_ground
+
+#: What a further process costs: it joins where it has so much work at least [s].
+JOINING = 1.5
+
+#: So often in a row processes may die before the study gives up.
+MOST_DEATHS = 3
+
+#: How long the number of workers of somebody else's executor is believed [s].
+WORKERS_FOR = 5.0
+
+#: Runs of one point that are to be made: its order and their numbers.
+Task = tuple[Order, tuple[int, ...]]
+
+
+class Conductor:
+    """Makes the runs that are asked for, and hands over each row as soon as it is known.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    on_row : callable
+        Called with each row, in the order in which runs end; it may ask for more.
+    workers : int
+        Processes of this machine, this one among them. Others are not started for work that takes less time than they
+        take to start. Without meaning where there is an executor.
+    executor : Executor, optional
+        Anything with the interface of `concurrent.futures`: it makes all runs, in tasks of several where they are
+        short. Its workers must be able to import evac and plugins, and to read the file of the building.
+    """
+
+    def __init__(
+        self, points: Sequence[Point], on_row: Callable[[Row], None], workers: int, executor: Executor | None = None
+    ) -> None:
+        self._points = points
+        self._on_row = on_row
+        self._executor = executor
+        self._pool = LocalPool(workers - 1) if executor is None and workers > 1 else None
+        self._waiting: deque[Task] = deque()
+        self._running: dict[Future[list[Row]], tuple[Task, int]] = {}  # each with the pool that it runs in, by number
+        self._pools, self._deaths = 0, 0
+        self._spent, self._made = 0.0, 0
+        self._begun: float | None = None  # when the run of this process did
+        self._failure: EvacError | None = None
+        self._workers: tuple[float, int | None] = (-math.inf, None)
+        self._folder = Path()
+        self._files: dict[str, GroundFile] = {}
+
+    def ask(self, order: Order, runs: Iterable[int]) -> None:
+        """Ask for runs of a point."""
+        self._waiting.extend((order, (run,)) for run in runs)
+
+    def conduct(self) -> None:
+        """Make all runs that have been asked for, and those that are asked for meanwhile.
+
+        Raises
+        ------
+        EvacError
+            As `evac.run`, from a run that fails.
+        SimulationError
+            Processes die again and again.
+        """
+        at_once = True
+        with TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True) as folder:
+            self._folder = Path(folder)
+            try:
+                while self._waiting or self._running:
+                    self._look_after_others()
+                    if self._waiting and self._executor is None:
+                        self._make_here()
+                    elif self._running:
+                        wait(self._running, return_when=FIRST_COMPLETED)
+                at_once = False
+            finally:
+                for future in self._running:
+                    future.cancel()
+                if self._pool is not None:
+                    self._pool.close(at_once)
+
+    def _look_after_others(self) -> None:
+        self._collect()
+        self._submit()
+
+    def _make_here(self) -> None:
+        """Make one task in this process, and look after the others meanwhile: their rows do not wait for its end."""
+        order, runs = self._waiting.popleft()
+        self._begun = time.perf_counter()
+        rows = make_runs(order, runs, self._points[order.point].case, self._tick)
+        self._begun = None
+        if self._failure is not None:
+            raise self._failure
+        for row in rows:
+            self._note(row)
+
+    def _tick(self, progress: Progress) -> None:
+        try:
+            self._look_after_others()
+        except EvacError as error:  # of another run: this one is not to blame
+            self._failure = error
+            raise Stopped from error
+
+    def _note(self, row: Row) -> None:
+        self._spent += row.wall_time
+        self._made += 1
+        self._on_row(row)
+
+    def _seconds(self) -> float:
+        """Return what a run takes [s], as far as is known."""
+        known = self._spent / self._made if self._made else 0.0
+        return max(known, time.perf_counter() - self._begun) if self._begun is not None else known
+
+    def _submit(self) -> None:
+        """Hand over tasks, as many as can be at work soon."""
+        if self._executor is not None:
+            workers = self._workers_there()
+            room = UNKNOWN_IN_FLIGHT if workers is None else max(UNKNOWN_IN_FLIGHT, 4 * workers)
+        elif self._pool is not None and self._waiting:
+            joining = min(self._pool.workers, int(self._seconds() * len(self._waiting) / JOINING))
+            joining = max(joining, min(self._pool.workers, len(self._running)))  # who has joined stays
+            room = 2 * joining if joining == self._pool.workers else joining
+        else:
+            return
+        while self._waiting and len(self._running) < room:
+            task = self._next_task()
+            executor = self._executor or (self._pool.executor if self._pool else None)
+            assert executor is not None
+            try:
+                self._running[executor.submit(make_runs, *task)] = task, self._pools
+            except BrokenExecutor:
+                self._waiting.appendleft(task)
+                self._renew()
+
+    def _next_task(self) -> Task:
+        """Take runs of one point that make a task; for an executor of somebody else, several short ones."""
+        order, runs = self._waiting.popleft()
+        if self._executor is not None and self._made:
+            share = math.ceil((len(self._waiting) + 1) / (2 * (self._workers_there() or 1)))
+            wanted = min(share, math.ceil(TASK_SECONDS / max(self._seconds(), 1e-3)))
+            while len(runs) < wanted and self._waiting and self._waiting[0][0] == order:
+                runs += self._waiting.popleft()[1]
+        return replace(order, ground=self._shared(order)), runs
+
+    def _workers_there(self) -> int | None:
+        """Return how many workers the executor has; asking takes a message to and fro."""
+        assert self._executor is not None
+        now = time.monotonic()
+        if now - self._workers[0] > WORKERS_FOR:
+            self._workers = now, workers_of(self._executor)
+        return self._workers[1]
+
+    def _shared(self, order: Order) -> GroundFile:
+        """Return the file of a ground, which this process writes, and makes if it must, when it is first needed."""
+        if order.key not in self._files:
+            case = self._points[order.point].case
+            ground = GROUNDS.get(order.key) or simulation_of(case, order.key, will_run=False).scene.ground
+            self._files[order.key] = write_ground(ground, self._folder)
+        return self._files[order.key]
+
+    def _collect(self) -> None:
+        """Take the rows of tasks that have ended; those of a process that died are made again."""
+        for future in [future for future in self._running if future.done()]:
+            task, pool = self._running.pop(future)
+            error = None if future.cancelled() else future.exception()
+            if isinstance(error, EvacError):
+                raise error
+            if self._pool is not None and isinstance(error, BrokenExecutor):
+                self._waiting.appendleft(task)
+                if pool == self._pools:
+                    self._renew()
+            elif error is not None or future.cancelled():
+                runs = task[1]
+                raise SimulationError(
+                    f"the task of runs {runs[0]} to {runs[-1]} failed on its worker: {error!r}; look at its log, and go"
+                    " on with --resume"
+                ) from error
+            else:
+                self._deaths = 0
+                for row in future.result():
+                    self._note(row)
+
+    def _renew(self) -> None:
+        """Start other processes after one has been killed, unless that happens again and again."""
+        self._deaths += 1
+        if self._pool is None or self._deaths > MOST_DEATHS:
+            raise died()
+        self._pools += 1
+        self._pool.renew()

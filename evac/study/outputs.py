@@ -1,0 +1,272 @@
+"""What a study leaves beside its rows: tables for people, a summary, pictures."""
+
+import json
+import math
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.arrays import FloatArray
+from evac.assembly import providers
+from evac.output.files import (
+    CONVERGENCE_NAME,
+    EGRESS_NAME,
+    EGRESS_PICTURE_NAME,
+    MEDIAN_REPLAY_NAME,
+    REPLAY_NAME,
+    RUNS_NAME,
+    STATISTICS_NAME,
+    SUMMARY_NAME,
+    SWEEP_PICTURE_NAME,
+    WORST_REPLAY_NAME,
+    writing,
+)
+from evac.output.results import plain, versions, write_csv
+from evac.simulation import Simulation
+from evac.study.convergence import convergence, settled
+from evac.study.statistics import PERCENTILES
+
+if TYPE_CHECKING:
+    from evac.study.study import Study
+
+#: Times of an egress curve over runs; longer studies have them farther apart than ``output.every``.
+MOST_TIMES = 2000
+
+#: What runs are ranked by for replays.
+COUNTED = ("run", "last_out", "out")
+
+#: What runs.csv has of each row, between the parameters and the exits.
+RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
+
+
+def write_outputs(study: "Study") -> None:
+    """Write runs.csv, statistics.csv, convergence.csv, egress.csv, pictures, and summary.json last.
+
+    Rows are read one after the other: the memory that this takes does not depend on the number of people times runs.
+
+    Raises
+    ------
+    ResultError
+        A file cannot be written.
+    """
+    folder = study.folder
+    with writing("the results", folder):
+        write_runs(study, folder / RUNS_NAME)
+        rows = statistics_rows(study)
+        write_csv(folder / STATISTICS_NAME, rows[0], (map(_field, row.values()) for row in rows))
+        measures = [convergence(curves(study, point.index)) for point in study.points]
+        _write_convergence(measures, folder / CONVERGENCE_NAME)
+        egress_curves = [egress(study, point.index) for point in study.points]
+        _write_egress(study, egress_curves, folder / EGRESS_NAME)
+        if study.points[0].case.output.picture:
+            if len(study.points) == 1:
+                _draw_egress(study, egress_curves[0], folder / EGRESS_PICTURE_NAME)
+            else:
+                _draw_statistics(study, folder / SWEEP_PICTURE_NAME)
+        text = json.dumps(plain(summary(study, measures)), indent=2, ensure_ascii=False)
+        (folder / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+
+
+def write_replays(study: "Study") -> None:
+    """Make the median and the worst run of a study of one point again, and write their replays.
+
+    They are those of the (lower) median and of the greatest evacuation time; runs with people left are worse than any
+    other, the worse the fewer are out. Of a single run there is the median alone.
+
+    Raises
+    ------
+    EvacError
+        As `evac.run`.
+    """
+    found = [(row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED)]
+    ranked = [run for _, _, run in sorted(found)]
+    chosen = {MEDIAN_REPLAY_NAME: ranked[(len(ranked) - 1) // 2], WORST_REPLAY_NAME: ranked[-1]}
+    for name, run in list(chosen.items())[: len(ranked)]:
+        changes = {"output.replay": True, "output.animation": False, "output.trajectory": False}
+        case = study.case_of(0, run).change(changes)
+        with writing("the replays", study.folder), TemporaryDirectory(dir=study.folder) as place:
+            Simulation(case, Path(place)).run()
+            (Path(place) / REPLAY_NAME).replace(study.folder / name)
+
+
+def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
+    """Return what summary.json holds."""
+    case = study.points[0].case
+    found = []
+    for point, one, rows in zip(study.points, study.statistics, measures, strict=True):
+        entry: dict[str, Any] = {"parameters": point.parameters, "statistics": asdict(one), "settled": settled(rows)}
+        if study.rule.until is not None:
+            entry["known"] = study.rule.is_known(study.times(point.index), study.populations(point.index))
+        if study.seeds.repetitions > 1:
+            entry["variation"] = asdict(study.variation(point.index))
+        found.append(entry)
+    return {
+        "title": case.title,
+        "runs": sum(one.runs for one in study.statistics),
+        "blocked": sum(one.blocked for one in study.statistics),
+        "first_seed": study.seeds.first,
+        "rule": asdict(study.rule),
+        "points": found,
+        "case": case.to_dict(),
+        "plugins": providers(case),
+        "versions": versions(),
+    }
+
+
+def statistics_rows(study: "Study") -> list[dict[str, Any]]:
+    """Return a row for each point: its parameters, then the numbers of `Statistics`."""
+    keys = parameter_keys(study)
+    return [
+        {"point": point.index} | {key: point.parameters.get(key) for key in keys} | one.as_row()
+        for point, one in zip(study.points, study.statistics, strict=True)
+    ]
+
+
+def parameter_keys(study: "Study") -> list[str]:
+    """Return the parameters of a study, in order."""
+    return list(dict.fromkeys(key for point in study.points for key in point.parameters))
+
+
+def write_runs(study: "Study", path: Path) -> None:
+    """Write runs.csv: a row for each run, with two columns for each exit, and without single people."""
+    names: dict[str, None] = {}
+    for row in study.rows(columns=["exits"]):
+        names.update(dict.fromkeys(exit_["name"] for exit_ in row["exits"]))
+    own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
+    if study.seeds.repetitions > 1:
+        own.insert(3, "population_seed")
+    head = [*own, *(f"{name}: {what}" for name in names for what in ("people", "last_out")), "quality_warnings"]
+
+    def lines() -> Iterator[list[Any]]:
+        for row in study.rows(columns=[*own, "exits", "quality_warnings"]):
+            used = {exit_["name"]: exit_ for exit_ in row["exits"]}
+            exits = [used.get(name, {}).get(what) for name in names for what in ("people", "last_out")]
+            yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"])]
+
+    write_csv(path, head, lines())
+
+
+def egress(study: "Study", point: int) -> dict[str, FloatArray]:
+    """Return mean and percentiles over the runs of a point of the number of people out; who is left is never out.
+
+    Returns
+    -------
+    dict of str to (k,) float64
+        ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean_over_runs``, and
+        ``percentile_5_over_runs``, ``percentile_50_over_runs`` and ``percentile_95_over_runs``.
+    """
+    end = max(row["time"] for row in study.rows(point, ["time"]))
+    every = study.points[point].case.output.every
+    every *= math.ceil(end / every / MOST_TIMES)
+    time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
+    # NaN sorts last, behind every time.
+    rows = (row["exit_time"] for row in study.rows(point, ["exit_time"]))
+    out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in rows])
+    columns = {"time": time, "mean_over_runs": out.mean(axis=0)}
+    for of in PERCENTILES:
+        columns[f"percentile_{of:g}_over_runs"] = np.percentile(out, of, axis=0)
+    return columns
+
+
+def curves(study: "Study", point: int) -> Iterator[FloatArray]:
+    """Yield the ascending exit times of the complete runs of a point."""
+    for row in study.rows(point, ["blocked", "exit_time"]):
+        if not row["blocked"]:
+            yield np.sort(row["exit_time"])
+
+
+def _write_convergence(measures: Sequence[list[dict[str, Any]]], path: Path) -> None:
+    columns = ("runs", "TET", "SD", "ERD", "EPC", "SC")
+    rows = ([point, *(_field(row[name]) for name in columns)] for point, found in enumerate(measures) for row in found)
+    write_csv(path, ("point", *columns), rows)
+
+
+def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], path: Path) -> None:
+    """Write the curves of all points below one another; of a single point without its number."""
+    is_single = len(study.points) == 1
+    rows = (
+        row if is_single else (point, *row)
+        for point, columns in enumerate(curves)
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True)
+    )
+    write_csv(path, [*([] if is_single else ["point"]), *curves[0]], rows)
+
+
+def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) -> None:
+    from evac.output.pictures import new_axes, save
+
+    low, median, high = (columns[f"percentile_{of:g}_over_runs"] for of in PERCENTILES)
+    time, mean = columns["time"], columns["mean_over_runs"]
+    one = study.statistics[0]
+    case = study.points[0].case
+    note = f"{one.runs} runs, everybody out in {one.runs - one.blocked}"
+    people = sum(group.count for group in case.people)
+    figure, axes = new_axes(f"{textwrap.fill(case.title, 90)}\n{note}", people)
+    label = f"percentiles {PERCENTILES[0]:g} to {PERCENTILES[-1]:g} over runs"
+    axes.fill_between(time, low, high, color="#9fb3c8", label=label)
+    axes.plot(time, median, color="#486581", linewidth=1.2, linestyle="--", label="median over runs")
+    axes.plot(time, mean, color="#1f2933", linewidth=2.0, label="mean over runs")
+    axes.set_xlim(0.0, float(time[-1]))
+    axes.legend(frameon=False, loc="lower right")
+    save(figure, path)
+
+
+def _draw_statistics(study: "Study", path: Path) -> None:
+    """Draw mean and percentiles of the evacuation time at each point, over the last number that is swept, if any."""
+    from evac.output.pictures import new_plain_axes, save
+
+    keys = parameter_keys(study)
+    values = {key: [point.parameters.get(key) for point in study.points] for key in keys}
+    numeric = [key for key in keys if all(_is_number(value) for value in values[key]) and len(set(values[key])) > 1]
+    along = numeric[-1] if numeric else None
+    others = [key for key in keys if key != along]
+
+    def along_of(index: int) -> float:
+        return float(values[along][index]) if along else float(index)  # type: ignore[arg-type]
+
+    title = f"{textwrap.fill(study.points[0].case.title, 90)}\n"
+    figure, axes = new_plain_axes(title, along or "point", "evacuation time [s]", 0.6)
+    lines: dict[str, list[int]] = {}
+    for point in study.points:
+        name = ", ".join(f"{key} = {point.parameters.get(key)}" for key in others) if along else ""
+        lines.setdefault(name, []).append(point.index)
+    for number, (name, members) in enumerate(lines.items()):
+        if along:
+            members = sorted(members, key=along_of)
+        place = [along_of(k) for k in members]
+        found = [study.statistics[k] for k in members]
+        colour = f"C{number % 10}"
+        mean = np.array([one.mean.value for one in found])
+        spread = np.abs([[one.mean.value - one.mean.low, one.mean.high - one.mean.value] for one in found]).T
+        line = "o-" if along else "o"
+        axes.errorbar(place, mean, np.nan_to_num(spread), fmt=line, color=colour, capsize=3, label=name or None)
+        greatest = np.array([one.percentiles[-1].value for one in found])
+        axes.plot(place, np.where(np.isfinite(greatest), greatest, np.nan), "^", color=colour, markerfacecolor="none")
+    if not along:
+        labels = [textwrap.fill(point.label, 24) for point in study.points]
+        axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
+    note = (
+        "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, where reached"
+    )
+    axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
+    if any(lines) and len(lines) <= 12:
+        axes.legend(frameon=False, fontsize=8)
+    save(figure, path)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _field(value: Any) -> Any:
+    """Return what a CSV file has of a value: nothing for one that is not there, ``inf`` for one that is endless."""
+    if isinstance(value, float) and math.isnan(value):
+        return None
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value

@@ -1,0 +1,282 @@
+"""The rows of a study on disk: each there as soon as its run is done, in columns that every data frame library reads.
+
+While runs go on, rows are appended to ``runs.arrows``, a stream of Arrow's: each row is one record batch, written with
+one call, so that a kill leaves at most the last one incomplete, which is cut off when the file is opened again. When
+the study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is removed. Neither
+SQLite (rows, not columns) nor Parquet (which is unreadable without its end) serves for both.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.ipc
+import pyarrow.parquet as pq
+
+from evac.errors import ResultError
+from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, writing
+from evac.study.points import Point
+from evac.study.runs import Row
+
+#: Rows are read so many at a time, and written in groups of about so many bytes.
+BATCH_ROWS = 32
+GROUP_BYTES = 16 * 2**20
+
+EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("last_out", pa.float64())]))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What is known of a stored run without reading it."""
+
+    last_out: float  # [s], infinite where people are left
+    offset: int = -1  # in the stream; -1: in the Parquet file
+
+
+def schema_of(points: Sequence[Point]) -> pa.Schema:
+    """Return the columns of the rows of a study; its parameters have one each."""
+    keys = dict.fromkeys(key for point in points for key in point.parameters)
+    kinds = {key: _kind([point.parameters.get(key) for point in points]) for key in keys}
+    return pa.schema(
+        [
+            ("point", pa.int32()),
+            ("run", pa.int32()),
+            ("seed", pa.int64()),
+            ("population_seed", pa.int64()),
+            *kinds.items(),
+            ("ended", pa.string()),
+            ("blocked", pa.bool_()),
+            ("time", pa.float64()),
+            ("people", pa.int32()),
+            ("out", pa.int32()),
+            ("last_out", pa.float64()),
+            ("exits", EXITS),
+            ("quality_warnings", pa.list_(pa.string())),
+            ("exit_time", pa.list_(pa.float64())),
+            ("exit_used", pa.list_(pa.int16())),
+        ]
+    )
+
+
+class Store:
+    """The rows of one study in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        There already. Rows of the study that are in it are taken up.
+    points : sequence of Point
+
+    Raises
+    ------
+    ResultError
+        The files there cannot be read or written, or are of another study.
+
+    Attributes
+    ----------
+    entries : dict of (int, int) to Entry
+        By point and run. This is all that is kept in memory, however many people there are.
+    """
+
+    def __init__(self, folder: Path, points: Sequence[Point]) -> None:
+        self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
+        self._points = points
+        self.schema = schema_of(points)
+        self.entries: dict[tuple[int, int], Entry] = {}
+        self._file: Any = None
+        self._end = 0
+        with writing("the rows", folder):
+            if self._parquet_path.is_file():
+                self._index_parquet()
+            if self._stream_path.is_file():
+                self._index_stream()
+
+    def append(self, row: Row) -> None:
+        """Write a row; it is on disk when this returns."""
+        with writing("the rows", self._stream_path):
+            if self._file is None:
+                self._file = self._stream_path.open("r+b" if self._end else "wb", buffering=0)
+                if not self._end:
+                    self._end = self._file.write(self.schema.serialize())
+                self._file.seek(self._end)
+            data = memoryview(self._batch(row).serialize())
+            if self._file.write(data) != len(data):
+                raise OSError("the disk is full")
+            self.entries[row.point, row.run] = Entry(row.last_out, self._end)
+            self._end += len(data)
+
+    def rows(self, wanted: Iterable[tuple[int, int]], columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+        """Yield stored rows as dictionaries of plain values and arrays, in the order wanted.
+
+        Parameters
+        ----------
+        wanted : iterable of (point, run)
+            Rising, each of `entries`.
+        columns : sequence of str
+            By default all.
+        """
+        names = list(columns) or self.schema.names
+        for batch in self._batches(wanted, names):
+            found = {name: batch.column(name) for name in names}
+            for k in range(batch.num_rows):
+                yield {name: _value(column, k) for name, column in found.items()}
+
+    def compact(self, wanted: Sequence[tuple[int, int]]) -> None:
+        """Write the rows wanted, rising, to the Parquet file, which replaces it and the stream."""
+        new = self._parquet_path.with_suffix(".new")
+        with writing("the rows", self._parquet_path):
+            with pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
+                group: list[pa.RecordBatch] = []
+                size = 0
+                for batch in self._batches(wanted, self.schema.names):
+                    group.append(batch)
+                    size += batch.nbytes
+                    if size >= GROUP_BYTES:
+                        writer.write_table(pa.Table.from_batches(group, self.schema))
+                        group, size = [], 0
+                if group:
+                    writer.write_table(pa.Table.from_batches(group, self.schema))
+            _replace(new, self._parquet_path)
+            self.close()
+            self._stream_path.unlink(missing_ok=True)
+        self._end = 0
+        self.entries = {key: Entry(self.entries[key].last_out) for key in wanted}
+
+    def table(self) -> pa.Table:
+        """Return all rows as one table, sorted by point and run."""
+        return pa.Table.from_batches(self._batches(sorted(self.entries), self.schema.names), self.schema)
+
+    def move(self, folder: Path) -> None:
+        """Note that the folder has been renamed; the stream must be closed."""
+        self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
+
+    def close(self) -> None:
+        """Close the stream, all rows written down."""
+        if self._file is not None:
+            os.fsync(self._file.fileno())
+            self._file.close()
+            self._file = None
+
+    def _index_parquet(self) -> None:
+        try:
+            with pq.ParquetFile(self._parquet_path) as file:
+                self._check_schema(file.schema_arrow, self._parquet_path)
+                for batch in file.iter_batches(columns=["point", "run", "last_out"]):
+                    columns = (batch.column(name).to_pylist() for name in ("point", "run", "last_out"))
+                    for point, run, last_out in zip(*columns, strict=True):
+                        self.entries[point, run] = Entry(math.inf if last_out is None else last_out)
+        except pa.ArrowException as error:
+            raise ResultError(f"{self._parquet_path}: damaged: {error}; remove it to begin the study anew") from error
+
+    def _index_stream(self) -> None:
+        """Take up the rows of the stream up to the last complete one; what comes after it is overwritten."""
+        size = self._stream_path.stat().st_size
+        with pa.OSFile(str(self._stream_path)) as file:
+            try:
+                self._check_schema(pa.ipc.read_schema(pa.ipc.read_message(file)), self._stream_path)
+                self._end = file.tell()
+                while self._end < size:
+                    batch = pa.ipc.read_record_batch(pa.ipc.read_message(file), self.schema)
+                    if file.tell() > size:
+                        break
+                    point, run, last_out = (batch.column(name)[0].as_py() for name in ("point", "run", "last_out"))
+                    self.entries[point, run] = Entry(math.inf if last_out is None else last_out, self._end)
+                    self._end = file.tell()
+            except (pa.ArrowException, EOFError, OSError):
+                pass  # cut off by a kill
+        if self._end < size:
+            with self._stream_path.open("r+b") as stream:
+                stream.truncate(self._end)
+
+    def _check_schema(self, found: pa.Schema, path: Path) -> None:
+        if not found.equals(self.schema):
+            raise ResultError(f"{path}: has other columns than this study; choose another folder (--out)")
+
+    def _batches(self, wanted: Iterable[tuple[int, int]], names: Sequence[str]) -> Iterator[pa.RecordBatch]:
+        """Yield the rows wanted in batches, in order, each from where it is."""
+        old = self._parquet_rows(names)
+        stream = pa.OSFile(str(self._stream_path)) if self._stream_path.is_file() else None
+        try:
+            for key in wanted:
+                entry = self.entries[key]
+                if entry.offset < 0:
+                    yield next(batch for found, batch in old if found == key)
+                elif stream is not None:
+                    stream.seek(entry.offset)
+                    yield pa.ipc.read_record_batch(pa.ipc.read_message(stream), self.schema).select(list(names))
+        finally:
+            if stream is not None:
+                stream.close()
+
+    def _parquet_rows(self, names: Sequence[str]) -> Iterator[tuple[tuple[int, int], pa.RecordBatch]]:
+        """Yield the rows of the Parquet file one by one with their keys."""
+        if not self._parquet_path.is_file():
+            return
+        columns = list(dict.fromkeys(["point", "run", *names]))
+        with pq.ParquetFile(self._parquet_path) as file:
+            for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=columns):
+                keys = zip(batch.column("point").to_pylist(), batch.column("run").to_pylist(), strict=True)
+                for k, key in enumerate(keys):
+                    yield key, batch.slice(k, 1).select(list(names))
+
+    def _batch(self, row: Row) -> pa.RecordBatch:
+        """Return a row as Arrow has it."""
+        values: Mapping[str, Any] = {
+            "point": row.point,
+            "run": row.run,
+            "seed": row.seed,
+            "population_seed": row.population_seed,
+            "ended": row.ended,
+            "blocked": row.is_blocked,
+            "time": row.time,
+            "people": len(row.exit_time),
+            "out": int(np.isfinite(row.exit_time).sum()),
+            "last_out": None if row.is_blocked else row.last_out,
+            "exits": [
+                {"name": name, "people": people, "last_out": None if math.isnan(last) else last}
+                for name, people, last in row.exits
+            ],
+            "quality_warnings": list(row.quality_warnings),
+            "exit_time": row.exit_time,
+            "exit_used": row.exit_used,
+        }
+        parameters = self._points[row.point].parameters
+        columns = []
+        for field in self.schema:
+            value = values[field.name] if field.name in values else _plain(parameters.get(field.name), field.type)
+            columns.append(pa.array([value], field.type))
+        return pa.RecordBatch.from_arrays(columns, schema=self.schema)
+
+
+def _kind(values: Sequence[Any]) -> pa.DataType:
+    """Return the type of a column for the values of a parameter; what is no number or truth value goes as text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {bool}:
+        return pa.bool_()
+    if kinds == {int}:
+        return pa.int64()
+    return pa.float64() if kinds <= {int, float} else pa.string()
+
+
+def _plain(value: Any, kind: pa.DataType) -> Any:
+    return str(value) if value is not None and pa.types.is_string(kind) else value
+
+
+def _value(column: pa.Array, k: int) -> Any:
+    """Return a value of a column; a list of numbers as an array."""
+    kind = column.type
+    if pa.types.is_list(kind) and (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)):
+        return column[k].values.to_numpy(zero_copy_only=False)
+    return column[k].as_py()
+
+
+def _replace(new: Path, path: Path) -> None:
+    """Put a file that is complete in the place of another, which is there all the time."""
+    with new.open("r+b") as file:
+        os.fsync(file.fileno())
+    new.replace(path)

@@ -1,0 +1,203 @@
+"""A study: its points, its rows, and what they say."""
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from os import cpu_count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evac.arrays import FloatArray
+from evac.errors import EvacError
+from evac.study import imo
+from evac.study.conduct import Conductor
+from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
+from evac.study.points import Point, Seeds
+from evac.study.runs import Order, Row, order_of
+from evac.study.statistics import Estimate, Statistics, statistics
+from evac.study.stopping import Rule
+from evac.study.store import Store
+
+if TYPE_CHECKING:
+    import pandas
+    import pyarrow
+
+    from evac.output.results import Results
+    from evac.scenario.case import Case
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a study is, once a row."""
+
+    done: int
+    wanted: int  # so far: a study that stops when it knows enough may want more
+    row: Row | None  # None at the start, where `done` rows were there already
+
+
+class Study:
+    """Runs of a case, or of several under parameters of a sweep, with the same seeds at every point.
+
+    Made by `evac.repeat` and `evac.sweep`.
+
+    Attributes
+    ----------
+    points : tuple of Point
+    seeds : Seeds
+    rule : Rule
+    folder : Path
+        Where the rows are.
+    """
+
+    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> None:
+        self.points = tuple(points)
+        self.seeds, self.rule, self.folder = seeds, rule, folder
+        keys = [key_of(point.case) for point in self.points]
+        digests = [digest_of(point.case, key) for point, key in zip(self.points, keys, strict=True)]
+        self._orders = [order_of(*of) for of in zip(self.points, [seeds] * len(keys), digests, keys, strict=True)]
+        identity = identity_of(self.points, seeds, digests)
+        if resume:
+            check_identity(self.folder, identity)
+        else:
+            write_identity(self.folder, identity)
+        self._store = Store(self.folder, self.points)
+        self._wanted = [rule.first] * len(self.points)
+        self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
+
+    def __repr__(self) -> str:
+        return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
+
+    def move(self, folder: Path) -> None:
+        """Note that the folder has been renamed."""
+        self.folder = folder
+        self._store.move(folder)
+
+    def conduct(
+        self,
+        workers: int | None = None,
+        executor: Executor | None = None,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> None:
+        """Make all runs that are missing, and put the rows in order."""
+        conductor: Conductor
+
+        def on_row(row: Row) -> None:
+            self._store.append(row)
+            self._there[row.point] += 1
+            order = self._orders[row.point]
+            conductor.ask(order, self._advanced(order))
+            if progress is not None:
+                progress(Progress(self.done, sum(self._wanted), row))
+
+        conductor = Conductor(self.points, on_row, workers or cpu_count() or 1, executor)
+        for order in self._orders:
+            missing = self._missing(order, range(self.rule.first)) or self._advanced(order)
+            conductor.ask(order, missing)
+        if progress is not None:
+            progress(Progress(self.done, sum(self._wanted), None))
+        try:
+            conductor.conduct()
+        finally:
+            self._store.close()
+        self._store.compact(sorted(self._store.entries))
+
+    @property
+    def done(self) -> int:
+        """Number of runs that are made, of those that are wanted so far."""
+        return sum(self._there)
+
+    def runs_of(self, point: int) -> int:
+        """Return the number of runs of a point that its statistics are over."""
+        return self._wanted[point]
+
+    def times(self, point: int) -> FloatArray:
+        """Return the evacuation times (runs,) [s] of a point by run; infinite where people are left."""
+        return np.array([self._store.entries[point, run].last_out for run in range(self._wanted[point])])
+
+    def populations(self, point: int) -> list[int]:
+        """Return which population each run of a point is of."""
+        return [self.seeds.population(run) for run in range(self._wanted[point])]
+
+    @cached_property
+    def statistics(self) -> tuple[Statistics, ...]:
+        """The statistics of each point."""
+        confidence = self.rule.confidence
+        return tuple(
+            statistics(self.times(point.index), self.populations(point.index), confidence) for point in self.points
+        )
+
+    def deciding(self, point: int) -> Estimate:
+        """Return the statistic that the study stops by, at one point."""
+        return self.rule.estimate(self.times(point), self.populations(point))
+
+    def variation(self, point: int) -> imo.Variation:
+        """Return what the IMO's scheme asks of the runs of a point."""
+        return imo.variation(self.times(point), self.populations(point))
+
+    def rows(self, point: int | None = None, columns: Sequence[str] = ()) -> Iterable[dict[str, Any]]:
+        """Yield the rows that the statistics are over, of one point or all, read one after the other.
+
+        Parameters
+        ----------
+        point : int, optional
+        columns : sequence of str
+            Names as in `table`; by default all.
+        """
+        chosen = self.points if point is None else (self.points[point],)
+        wanted = [(one.index, run) for one in chosen for run in range(self._wanted[one.index])]
+        return self._store.rows(wanted, columns)
+
+    def table(self) -> "pyarrow.Table":
+        """Return all rows as an Arrow table: it takes the memory of all exit times."""
+        return self._store.table()
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return all rows as a data frame of pandas.
+
+        Raises
+        ------
+        EvacError
+            pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: F401
+        except ImportError as error:
+            raise EvacError('pandas is not installed: pip install "evac[frames]", or use table()') from error
+        return self.table().to_pandas()
+
+    def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":
+        """Make one run again, with all outputs of `evac.run`.
+
+        Parameters
+        ----------
+        point, run : int
+        folder : str or Path, optional
+            Result folder.
+        """
+        from evac.running import run as run_case
+
+        return run_case(self.case_of(point, run), folder)
+
+    def case_of(self, point: int, run: int) -> "Case":
+        """Return the case of one run, with its seeds."""
+        return self.points[point].case.change(self.seeds.changes(run))
+
+    def _missing(self, order: Order, runs: Iterable[int]) -> list[int]:
+        return [run for run in runs if (order.point, run) not in self._store.entries]
+
+    def _advanced(self, order: Order) -> list[int]:
+        """Look at a point whose wanted runs are all there, again and again; return what it wants then."""
+        point = order.point
+        while self._there[point] == self._wanted[point]:
+            before = self._wanted[point]
+            self._wanted[point] = self.rule.wanted(self.times(point), self.populations(point))
+            if self._wanted[point] == before:
+                break
+            missing = self._missing(order, range(before, self._wanted[point]))
+            self._there[point] = self._wanted[point] - len(missing)
+            if missing:
+                return missing
+        return []

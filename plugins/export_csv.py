@@ -1,0 +1,35 @@
+"""Exporter "csv": the recorded motion as one table in text."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from evac.hookspecs import hookimpl
+from evac.output.exporter import Exporter
+from evac.output.tables import motion_table
+from evac.output.trajectory import Trajectory
+
+
+class CsvExporter(Exporter):
+    """A CSV table with a row for each person and recorded time."""
+
+    name = "csv"
+    suffix = ".csv"
+
+    def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
+        """Write the columns of `evac.output.tables.MOTION_COLUMNS`."""
+        table = motion_table(trajectory)
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(table)
+            writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+        return [path]
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_exporters() -> Sequence[type[Exporter]]:
+    """Return the exporter."""
+    return [CsvExporter]

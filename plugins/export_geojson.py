@@ -1,0 +1,83 @@
+"""Exporter "geojson": the building in plan, for geographic information systems and drawings."""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from shapely.geometry import MultiLineString, mapping
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building.model import Building
+from evac.hookspecs import hookimpl
+from evac.output.exporter import Exporter
+from evac.output.trajectory import Trajectory
+
+#: Stands at the head of the file: RFC 7946 expects longitude and latitude unless both sides agree otherwise.
+COORDINATES = "plan of the building: x and y in metres, not longitude and latitude (RFC 7946, section 4)"
+
+
+class GeojsonExporter(Exporter):
+    """The building as GeoJSON: levels, walls, portals, exits and areas with names, in plan coordinates."""
+
+    name = "geojson"
+    suffix = ".geojson"
+
+    def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
+        """Write one collection of features; each says its ``kind``, ``name``, ``level`` and heights [m]."""
+        building = trajectory.building
+        data = {
+            "type": "FeatureCollection",
+            "coordinates": COORDINATES,
+            "building": building.source.name,
+            "features": [*_surfaces(building), *_lines(building)],
+        }
+        path.write_text(json.dumps(data, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
+        return [path]
+
+    def place(self, trajectory: Trajectory) -> Path:
+        """Return ``export/building.geojson`` in the result folder."""
+        return super().place(trajectory).with_name("building.geojson")
+
+
+def _surfaces(building: Building) -> Iterable[dict[str, Any]]:
+    """Return the levels and the areas."""
+    for level in building.levels:
+        more = {"stair": level.stair, "z_min": level.z_min, "z_max": level.z_max, "slope": level.slope}
+        yield _feature(level.polygon, level.kind, level.name, [level.name], **more)
+    for area in building.areas:
+        yield _feature(area.polygon, "area", area.name, [building.levels[area.level].name])
+
+
+def _lines(building: Building) -> Iterable[dict[str, Any]]:
+    """Return the walls of each level, the portals and the exits."""
+    for level in building.levels:
+        walls = building.walls[building.wall_level == level.index]
+        if len(walls):
+            yield _feature(_drawn(walls), "wall", f"walls of {level.name}", [level.name])
+    for portal in building.portals:
+        levels = [building.levels[index].name for index in portal.levels]
+        more = {"width": portal.width, "open": building.is_open(portal)}
+        yield _feature(_drawn(portal.segments), "portal", portal.name, levels, **more)
+    for exit_ in building.exits:
+        more = {"width": exit_.width, "open": building.is_open(exit_)}
+        yield _feature(_drawn(exit_.segments), "exit", exit_.name, [building.levels[exit_.level].name], **more)
+
+
+def _drawn(segments: FloatArray) -> BaseGeometry:
+    return MultiLineString([segment for segment in segments.reshape(-1, 2, 2)])
+
+
+def _feature(shape: BaseGeometry, kind: str, name: str, levels: list[str], **more: Any) -> dict[str, Any]:
+    properties = {"kind": kind, "name": name, "levels": levels, **more}
+    return {"type": "Feature", "properties": properties, "geometry": mapping(shape)}
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_exporters() -> Sequence[type[Exporter]]:
+    """Return the exporter."""
+    return [GeojsonExporter]

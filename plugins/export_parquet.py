@@ -1,0 +1,48 @@
+"""Exporter "parquet": the recorded motion as one table for pandas, Polars, DuckDB or R."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from evac.errors import ResultError
+from evac.hookspecs import hookimpl
+from evac.output.exporter import Exporter
+from evac.output.tables import MOTION_COLUMNS, motion_table
+from evac.output.trajectory import Trajectory
+
+
+class ParquetExporter(Exporter):
+    """A Parquet table with a row for each person and recorded time (pip install evac[parquet])."""
+
+    name = "parquet"
+    suffix = ".parquet"
+
+    def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
+        """Write the columns of `evac.output.tables.MOTION_COLUMNS`, each with its unit as metadata of the field."""
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ImportError as error:
+            raise ResultError(
+                f"Parquet files need pyarrow ({error}); install it with pip install evac[parquet], or export to csv"
+            ) from error
+        columns = motion_table(trajectory)
+        words = pyarrow.dictionary(pyarrow.int32(), pyarrow.string())
+        arrays = [
+            pyarrow.array(values).cast(words) if values.dtype == object else pyarrow.array(values)
+            for values in columns.values()
+        ]
+        fields = [
+            pyarrow.field(name, array.type, metadata={"unit": MOTION_COLUMNS[name]})
+            for name, array in zip(columns, arrays, strict=True)
+        ]
+        parquet.write_table(pyarrow.table(arrays, schema=pyarrow.schema(fields)), path)
+        return [path]
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_exporters() -> Sequence[type[Exporter]]:
+    """Return the exporter."""
+    return [ParquetExporter]

@@ -1,0 +1,33 @@
+"""Exporter "vtk": an animation for ParaView."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from evac.hookspecs import hookimpl
+from evac.output.exporter import Exporter
+from evac.output.trajectory import Trajectory
+
+
+class VtkExporter(Exporter):
+    """An animation for ParaView: people frame by frame, and the building in named blocks."""
+
+    name = "vtk"
+
+    def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
+        """Write ``animation.pvd`` and the files that it lists."""
+        from evac.output.vtk_export import export_vtk
+
+        return [export_vtk(trajectory, path)]
+
+    def place(self, trajectory: Trajectory) -> Path:
+        """Return the result folder, where a run with ``output.animation`` writes the same files."""
+        return trajectory.path.parent
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_exporters() -> Sequence[type[Exporter]]:
+    """Return the exporter."""
+    return [VtkExporter]

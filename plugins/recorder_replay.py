@@ -1,0 +1,79 @@
+"""Recorder "replay": the run as one page, replay.html, written when it ends, however it ends."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.hookspecs import hookimpl
+from evac.output.files import REPLAY_NAME
+from evac.output.recorder import Recorder
+
+if TYPE_CHECKING:
+    from evac.output.replay.writer import ReplayWriter
+    from evac.output.results import Results
+    from evac.simulation import Simulation
+
+
+class ReplayRecorder(Recorder):
+    """Writes ``replay.html`` to the result folder, unless ``output.replay`` is false; without a folder nothing."""
+
+    name = "replay"
+    writer: "ReplayWriter | None" = None
+    _recorded = -1.0
+
+    def start(self, simulation: "Simulation") -> None:
+        """Make room for the building and the people."""
+        if simulation.folder is not None and simulation.case.output.replay:
+            from evac.output.replay.writer import ReplayWriter
+
+            self.writer = ReplayWriter(len(simulation.population.crowd.radius), simulation.building)
+        self._recorded = -1.0
+
+    def record(self, simulation: "Simulation") -> None:
+        """Take the state."""
+        if self.writer is not None:
+            crowd = simulation.population.crowd
+            rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
+            state = (rows, crowd.level[rows], crowd.position[rows], crowd.contact_force[rows])
+            self.writer.add(simulation.time, *state, simulation.building.closed)
+            self._recorded = simulation.time
+
+    def finish(self, simulation: "Simulation", results: "Results | None") -> None:
+        """Take the state at the end, unless it is there already."""
+        if simulation.time > self._recorded:
+            self.record(simulation)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what has been taken so far, compressed."""
+        return {} if self.writer is None else {"recorded": np.array([self._recorded])} | self.writer.state()
+
+    def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on with what had been taken."""
+        self.start(simulation)
+        if self.writer is not None and state:
+            self.writer.restore(state)
+            self._recorded = float(state["recorded"][0])
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_recorders() -> Sequence[type[Recorder]]:
+    """Return the recorder of replays."""
+    return [ReplayRecorder]
+
+
+@hookimpl
+def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
+    """Write the page, of a run that has failed as well; not where the user did not want to wait for results."""
+    if error is not None and not isinstance(error, Exception):
+        return
+    for recorder in simulation.recorders:
+        if isinstance(recorder, ReplayRecorder) and recorder.writer is not None and simulation.folder is not None:
+            from evac.output.replay.account import account_of_run
+
+            account = account_of_run(simulation.results() if results is None else results, error)
+            recorder.writer.write(simulation.folder / REPLAY_NAME, account)

@@ -1,0 +1,70 @@
+"""evac replay, and which outputs a run leaves."""
+
+import pytest
+
+from evac.errors import ScenarioError
+from evac.output.files import REPLAY_NAME
+from evac.scenario.loading import load_case
+
+ALL = {"tables", "picture", "replay", "trajectory", "animation"}
+FILES = {
+    "tables": {"egress.csv", "people.csv"},
+    "picture": {"egress.png"},
+    "replay": {"replay.html"},
+    "trajectory": {"trajectory.evac"},
+    "animation": {"animation.pvd", "building.vtp", "frames"},
+}
+
+
+def run(evac, *off):
+    few = ["people.people.number=2", "simulation.duration=0.5"]
+    switches = [f"output.{key}={str(key not in off).lower()}" for key in sorted(ALL)]
+    assert evac("run", "square_room", "--out", "r", "--set", *few, *switches) == 3
+
+
+@pytest.mark.parametrize("off", [{"tables"}, {"picture"}, {"replay"}, {"animation"}, {"trajectory", "animation"}, ALL])
+def test_each_output_can_be_switched_off(evac, tmp_path, off):
+    run(evac, *off)
+    left = set().union({"summary.json"}, *(FILES[key] for key in ALL - off))
+    assert {path.name for path in (tmp_path / "r").iterdir()} == left
+
+
+def test_outputs_are_on_but_for_the_animation(tmp_path):
+    case = load_case("square_room")
+    assert case.output.animation  # in the shipped cases
+    table = {key: value for key, value in case.to_dict()["output"].items() if key in ALL}
+    fields = type(case.output).model_fields
+    assert {key: fields[key].default for key in table} == {key: key != "animation" for key in ALL}
+
+
+def test_an_animation_without_a_trajectory_is_refused():
+    with pytest.raises(ScenarioError, match=r"output\.animation"):
+        load_case("square_room", {"output.trajectory": False})
+
+
+def test_vtk_switches_the_animation_on(evac, tmp_path):
+    few = ["people.people.number=2", "simulation.duration=0.5", "output.animation=false", "output.picture=false"]
+    evac("run", "square_room", "--out", "r", "--vtk", "--set", *few)
+    assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_a_replay_is_made_again(evac, tmp_path, result, capsys):
+    assert evac("replay", result, "--out", tmp_path / "page.html", "--every", "2") == 0
+    assert "states up to" in capsys.readouterr().out
+    page = (tmp_path / "page.html").read_text()
+    assert len(page) < len((result / REPLAY_NAME).read_text())
+
+
+def test_the_same_replay_is_made_again(evac, tmp_path, result):
+    """From the recorded trajectory, whose positions are rounded: to the same page but for single centimetres."""
+    assert evac("replay", result, "--out", tmp_path / "page.html") == 0
+    before, after = (len(path.read_text()) for path in (result / REPLAY_NAME, tmp_path / "page.html"))
+    assert abs(before - after) < 0.01 * before
+
+
+def test_median_and_worst_runs_are_replayed(evac, tmp_path):
+    few = ["people.people.number=4", "output.picture=false"]
+    assert evac("repeat", "square_room", "--runs", "3", "--jobs", "1", "--out", "r", "--replay", "--set", *few) == 0
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert {"replay-median.html", "replay-worst.html"} < names
+    assert names.isdisjoint({"trajectory.evac", "replay.html", "frames"})

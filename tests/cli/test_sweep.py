@@ -1,0 +1,50 @@
+"""evac sweep: points of the command line and of tables."""
+
+import csv
+
+import pytest
+
+from evac.cli.sweep import swept
+from evac.errors import ScenarioError
+
+FEW = ("--runs", "2", "--jobs", "1")
+
+
+def rows_of(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_has_a_point_for_each_combination(evac, tmp_path, capsys):
+    values = ("people.people.number=3,4", "contact.model=dem,nsm2", "output.animation=false")
+    assert evac("sweep", "square_room", *FEW, "--seed", "7", "--set", *values) == 0
+    rows = rows_of(tmp_path / "square_room-sweep" / "runs.csv")
+    assert [(row["people.people.number"], row["contact.model"]) for row in rows[::2]] == [
+        ("3", "dem"),
+        ("3", "nsm2"),
+        ("4", "dem"),
+        ("4", "nsm2"),
+    ]
+    assert [row["seed"] for row in rows] == ["7", "8"] * 4
+    assert len(rows_of(tmp_path / "square_room-sweep" / "statistics.csv")) == 4
+    assert (tmp_path / "square_room-sweep" / "statistics.png").read_bytes().startswith(b"\x89PNG")
+    assert "in 8 of 8 runs" in capsys.readouterr().out
+
+
+def test_a_table_names_the_points(evac, tmp_path):
+    (tmp_path / "table.csv").write_text("case,people.people.number\nsquare_room,3\nsquare_room,2\n")
+    assert evac("sweep", "--table", "table.csv", *FEW, "--out", "r", "--set", "output.picture=false") == 0
+    assert [row["people"] for row in rows_of(tmp_path / "r" / "runs.csv")] == ["3", "3", "2", "2"]
+
+
+@pytest.mark.parametrize("words", [("sweep",), ("sweep", "square_room"), ("sweep", "square_room", "--set", "a.b=1")])
+def test_nothing_to_sweep_is_bad_input(evac, words):
+    assert evac(*words) == 2
+
+
+def test_values_are_divided_at_commas_outside_brackets():
+    several, fixed = swept(["a.b=1,2.5,x", "a.c=[1,2],[3]", 'a.d="x,y"', "a.e={ k = 1, l = 2 }"])
+    assert several == {"a.b": [1, 2.5, "x"], "a.c": [[1, 2], [3]]}
+    assert fixed == ['a.d="x,y"', "a.e={ k = 1, l = 2 }"]
+    with pytest.raises(ScenarioError, match=r"a\.b"):
+        swept(["a.b=1,,2"])

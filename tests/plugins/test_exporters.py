@@ -1,0 +1,146 @@
+"""What exporters write, read with the programs that it is for."""
+
+import csv
+import json
+import sqlite3
+
+import numpy as np
+import pytest
+from shapely.geometry import shape
+
+from evac.errors import ResultError
+from evac.output.exporter import export, file_stems
+from evac.output.tables import MOTION_COLUMNS, motion_table
+from evac.output.trajectory import read_trajectory
+from evac.registry import BUILTIN_EXPORTERS, Registry
+
+pedpy = pytest.importorskip("pedpy")
+EXPORTERS = Registry(builtins=BUILTIN_EXPORTERS).exporters
+
+
+@pytest.fixture(scope="module")
+def trajectory(tmp_path_factory):
+    """Two seconds of the shipped school."""
+    import evac
+
+    folder = tmp_path_factory.mktemp("school")
+    evac.run(evac.load("primary_school", {"simulation.duration": 2.0, "output.animation": False}), folder / "result")
+    return read_trajectory(folder / "result")
+
+
+def test_jupedsim_files_are_read_by_pedpy(trajectory, tmp_path):
+    files = {path.stem: path for path in export(trajectory, EXPORTERS["jupedsim"](), tmp_path / "out")}
+    levels = {name for k in range(len(trajectory)) for name in np.unique(trajectory.level[k]).tolist()} - {-1}
+    assert len(files) == len(levels)
+    for name in ("ground", "first", "second"):
+        motion = pedpy.load_trajectory_from_jupedsim_sqlite(trajectory_file=files[name])
+        area = pedpy.load_walkable_area_from_jupedsim_sqlite(trajectory_file=files[name])
+        level = trajectory.building.level_named(name)
+        assert area.area == pytest.approx(level.polygon.area)
+        assert motion.frame_rate == 2.0
+        people = motion.data[motion.data.frame == 3]
+        there = trajectory.level[3] == level.index
+        assert people.id.tolist() == np.flatnonzero(there).tolist()
+        np.testing.assert_array_equal(people[["x", "y"]], trajectory.position[3, there])
+
+
+def test_jupedsim_files_have_the_schema_of_version_2(trajectory, tmp_path):
+    (path, *_) = export(trajectory, EXPORTERS["jupedsim"](), tmp_path)
+    base = sqlite3.connect(path)
+    metadata = dict(base.execute("SELECT key, value FROM metadata"))
+    assert metadata["version"] == "2"
+    assert {"fps", "xmin", "xmax", "ymin", "ymax"} < set(metadata)
+    frames = base.execute("SELECT frame, geometry_hash FROM frame_data ORDER BY frame").fetchall()
+    assert [frame for frame, _ in frames] == list(range(5))
+    assert {key for _, key in frames} == {base.execute("SELECT hash FROM geometry").fetchone()[0]}
+    assert base.execute("SELECT wkt FROM geometry").fetchone()[0].startswith("GEOMETRYCOLLECTION (POLYGON")
+    lengths = base.execute("SELECT ori_x * ori_x + ori_y * ori_y FROM trajectory_data").fetchall()
+    np.testing.assert_allclose(lengths, 1.0)
+    base.close()
+
+
+def test_pedpy_takes_a_level_in_one_call(trajectory):
+    motion, area = trajectory.to_pedpy("ground")
+    assert motion.number_pedestrians == (trajectory.level[0] == 0).sum()
+    assert area.area == pytest.approx(trajectory.building.levels[0].polygon.area)
+    cells = pedpy.compute_individual_voronoi_polygons(traj_data=motion, walkable_area=area)
+    assert cells.density.min() > 0.0
+    speed = pedpy.compute_individual_speed(traj_data=motion, frame_step=1)
+    assert speed.speed.between(0.0, 3.0).all()
+    with pytest.raises(ResultError, match="'ground'"):
+        trajectory.to_pedpy("grund")
+    with pytest.raises(ResultError, match="nobody"):
+        trajectory.to_pedpy("upper landing z=4.95")
+
+
+def test_a_last_frame_between_two_output_times_is_left_out(trajectory, tmp_path):
+    from evac.output.frame_rate import regular_frames
+
+    class Fewer:
+        path = trajectory.path
+        time = np.array([0.0, 0.5, 1.0, 1.3])
+
+    frames, rate = regular_frames(Fewer)
+    assert (frames.tolist(), rate) == ([0, 1, 2], 2.0)
+    Fewer.time = np.array([0.0])
+    with pytest.raises(ResultError, match="two or more"):
+        regular_frames(Fewer)
+    Fewer.time = np.array([0.0, 0.5, 1.3, 1.8])
+    with pytest.raises(ResultError, match="frame 2"):
+        regular_frames(Fewer)
+
+
+def test_tables_hold_everybody_at_every_time(trajectory, tmp_path):
+    table = motion_table(trajectory)
+    assert list(table) == list(MOTION_COLUMNS)
+    (path,) = export(trajectory, EXPORTERS["csv"](), tmp_path / "motion.csv")
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 5 * trajectory.number_of_people
+    frame, last = trajectory[4], rows[-1]
+    assert (last["group"], last["level"]) == ("teacher_2b", "second")
+    for name, value in {"x": frame["position"][-1, 0], "z": frame["z"][-1], "speed": frame["speed"][-1]}.items():
+        assert float(last[name]) == value
+
+
+def test_parquet_equals_the_table_and_has_units(trajectory, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (path,) = export(trajectory, EXPORTERS["parquet"](), tmp_path / "motion.parquet")
+    read = parquet.read_table(path)
+    for name, values in motion_table(trajectory).items():
+        assert read.column(name).to_pylist() == values.tolist()
+        assert read.schema.field(name).metadata[b"unit"].decode() == MOTION_COLUMNS[name]
+
+
+def test_geojson_has_the_building_by_name(trajectory, tmp_path):
+    (path,) = export(trajectory, EXPORTERS["geojson"](), tmp_path / "building.geojson")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    found = {(one["properties"]["kind"], one["properties"]["name"]): one for one in data["features"]}
+    building = trajectory.building
+    assert "metres" in data["coordinates"]
+    for level in building.levels:
+        assert shape(found[level.kind, level.name]["geometry"]).equals(level.polygon)
+        assert found[level.kind, level.name]["properties"]["z_max"] == level.z_max
+    for exit_ in building.exits:
+        assert shape(found["exit", exit_.name]["geometry"]).length == pytest.approx(exit_.width)
+    walls = sum(shape(one["geometry"]).length for (kind, _), one in found.items() if kind == "wall")
+    assert walls == pytest.approx(np.hypot(*(building.walls[:, 2:] - building.walls[:, :2]).T).sum())
+    assert len(found) == len(data["features"])
+    assert {name for kind, name in found if kind == "area"} == {area.name for area in building.areas}
+
+
+def test_a_place_that_cannot_be_written_is_named(trajectory, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    for exporter in EXPORTERS.values():
+        with pytest.raises(ResultError, match="taken"):
+            export(trajectory, exporter(), tmp_path / "taken" / "inside")
+
+
+def test_names_of_files_are_safe_and_differ():
+    assert file_stems(["a/b", "a b", "A_b", "..", "flight z=0.00..1.50"]) == [
+        "a_b",
+        "a_b_2",
+        "A_b_3",
+        "unnamed",
+        "flight_z_0.00..1.50",
+    ]

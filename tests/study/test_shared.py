@@ -1,0 +1,85 @@
+"""Building and directions that runs have in common: when they do, and that they are read without copies."""
+
+import mmap
+
+import numpy as np
+import pytest
+
+import evac
+from evac.assembly import ground_key
+from evac.simulation import Simulation
+from evac.study.shared import read_ground, write_ground
+
+
+@pytest.fixture(scope="module")
+def case():
+    return evac.load("square_room", {"people.people.number": 5})
+
+
+def bits(results):
+    return results.crowd.exit_time.tobytes(), results.crowd.distance.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_same"),
+    [
+        ({"simulation.seed": 9}, True),
+        ({"people.people.number": 7}, True),
+        ({"contact.model": "dem"}, True),
+        ({"people.people.mass": 80.0}, True),
+        ({"people.people.radius": 0.2}, False),
+        ({"directions.spacing": 0.11}, False),
+        ({"building.scale": 1.001}, False),
+        ({"people.people.strategy": "shortest"}, False),
+        ({"people.people.exits": ["door"]}, False),
+    ],
+)
+def test_the_key_differs_exactly_where_building_or_directions_do(case, changes, is_same):
+    """A case whose key is that of another makes the same ground by itself."""
+    changed = case.change(changes)
+    assert (ground_key(changed) == ground_key(case)) == is_same
+    if is_same:
+        one, other = (Simulation(of, will_run=False).scene.ground for of in (case, changed))
+        assert one.fields.packed.direction.tobytes() == other.fields.packed.direction.tobytes()
+        assert one.world.wall.tobytes() == other.world.wall.tobytes()
+
+
+def test_another_building_in_the_same_file_has_another_key(tmp_path, case):
+    text = case.mesh.read_text()
+    (tmp_path / "room.msh").write_text(text)
+    one = ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")}))
+    (tmp_path / "room.msh").write_text(text + "\n")
+    assert ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")})) != one
+
+
+def test_a_run_on_a_ground_from_a_file_has_the_same_bits(tmp_path, case):
+    alone = Simulation(case).run()
+    ground = read_ground(write_ground(Simulation(case, will_run=False).scene.ground, tmp_path))
+    again = [Simulation(case, ground=ground).run() for _ in range(2)]
+    assert bits(again[0]) == bits(again[1]) == bits(alone)
+
+
+def test_arrays_are_mapped_and_cannot_be_written(tmp_path, case):
+    ground = read_ground(write_ground(Simulation(case, will_run=False).scene.ground, tmp_path))
+    array = ground.fields.packed.direction
+    while array.base is not None and not isinstance(array.base, memoryview | mmap.mmap):
+        array = array.base
+    assert isinstance(array.base.obj if isinstance(array.base, memoryview) else array.base, mmap.mmap)
+    with pytest.raises(ValueError, match="read-only"):
+        ground.fields.packed.direction[0] = 0.0
+
+
+def test_a_door_that_closes_in_one_run_is_open_in_the_next(case):
+    ground = Simulation(case, will_run=False).scene.ground
+    one, other = Simulation(case, ground=ground), Simulation(case, ground=ground)
+    one.scene.set_open("door", False)
+    assert one.building.closed
+    assert not other.building.closed
+    assert not np.array_equal(one.scene.world.wall_open, other.scene.world.wall_open)
+
+
+def test_a_file_that_was_changed_is_not_read(tmp_path, case):
+    file = write_ground(Simulation(case, will_run=False).scene.ground, tmp_path)
+    file.frame.write_bytes(b"other")
+    with pytest.raises(OSError, match="changed"):
+        read_ground(file)

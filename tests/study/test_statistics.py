@@ -1,0 +1,128 @@
+"""Intervals against exact answers and true coverage; what blocked runs do to each number."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from evac.errors import ScenarioError
+from evac.study.statistics import (
+    bootstrap_interval,
+    estimate,
+    least_runs,
+    mean_interval,
+    percentile,
+    percentile_interval,
+    share_interval,
+    statistics,
+)
+
+
+@pytest.mark.parametrize("of", [0, 5, 37.5, 50, 95, 100])
+def test_a_percentile_is_that_of_numpy_as_long_as_times_are_finite(of):
+    times = np.random.default_rng(1).lognormal(size=9)
+    assert percentile(times, of) == pytest.approx(np.percentile(times, of), rel=1e-12)
+
+
+def test_a_percentile_among_endless_runs_is_endless():
+    times = np.array([3.0, math.inf, 1.0, 2.0, math.inf])
+    assert [percentile(times, of) for of in (0, 25, 50, 51, 75, 100)] == [1.0, 2.0, 3.0, math.inf, math.inf, math.inf]
+
+
+@pytest.mark.parametrize("of", [5.0, 50.0, 75.0, 90.0, 95.0, 99.0])
+def test_fewer_runs_than_least_runs_bound_no_percentile(of):
+    """Both sides miss with at most 2.5 %: none of n values is beyond the percentile with probability p^n."""
+    least, share = least_runs(of), max(0.01 * of, 1.0 - 0.01 * of)
+    assert binom.pmf(least, least, share) <= 0.025 < binom.pmf(least - 1, least - 1, share)
+    times = np.random.default_rng(2).lognormal(size=least)
+    assert np.isfinite(percentile_interval(times, of)).all()
+    assert not np.isfinite(percentile_interval(times[1:], of)).all()
+
+
+def test_the_95th_percentile_needs_72_runs():
+    assert least_runs(95.0) == 72
+
+
+@pytest.mark.parametrize(("runs", "of"), [(10, 50), (30, 25), (72, 95), (100, 95), (99, 5), (250, 95)])
+@pytest.mark.parametrize("law", ["lognormal", "exponential"])
+def test_intervals_of_percentiles_cover_them(runs, of, law):
+    rng = np.random.default_rng(3)
+    samples = rng.lognormal(0.0, 0.1, (1000, runs)) if law == "lognormal" else rng.exponential(1.0, (1000, runs))
+    many = rng.lognormal(0.0, 0.1, 10**6) if law == "lognormal" else rng.exponential(1.0, 10**6)
+    true = np.percentile(many, of)
+    low, high = np.array([percentile_interval(sample, of) for sample in samples]).T
+    assert 0.925 <= np.mean((low <= true) & (true <= high)) <= 0.97
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8, 20])
+@pytest.mark.parametrize(("sigma", "least"), [(0.05, 0.92), (0.6, 0.90)])
+def test_the_interval_of_a_mean_covers_it(n, sigma, least):
+    """Log-normal samples, more skewed than times of egress are for sigma = 0.6; 95 % is asked for."""
+    samples = np.random.default_rng(4).lognormal(0.0, sigma, (500, n))
+    low, high = np.array([mean_interval(sample) for sample in samples]).T
+    true = math.exp(0.5 * sigma**2)
+    assert np.mean((low <= true) & (true <= high)) >= least
+
+
+def test_the_interval_depends_on_the_times_alone():
+    times = np.random.default_rng(5).lognormal(size=12)
+    assert mean_interval(times) == mean_interval(times.copy())
+    assert mean_interval(np.full(12, 3.0)) == (3.0, 3.0)
+
+
+def test_blocked_runs_count_as_endless_and_are_told():
+    times = np.concatenate([np.linspace(10.0, 12.0, 97), np.full(3, math.inf)])
+    found = statistics(times)
+    assert (found.runs, found.blocked, found.greatest) == (100, 3, math.inf)
+    assert found.mean.runs == 97
+    assert found.mean.value == pytest.approx(11.0)
+    assert "3 of 100" in found.mean.note
+    low, median, high = found.percentiles
+    assert math.isfinite(median.high)
+    assert low.note == median.note == ""
+    assert math.isfinite(high.value)
+    assert high.high == math.inf
+    assert "3 of 100" in high.note
+    assert high.relative_half_width == math.inf
+
+
+def test_statistics_of_blocked_runs_alone():
+    found = statistics(np.full(4, math.inf))
+    assert found.blocked_share == 1.0
+    assert math.isnan(found.mean.value)
+    assert all(one.value == math.inf for one in found.percentiles)
+    assert found.blocked_low == pytest.approx(0.025**0.25)
+
+
+def test_one_run_has_no_interval():
+    found = statistics(np.array([7.0]))
+    assert found.mean.value == 7.0
+    assert math.isnan(found.mean.low)
+    assert math.isnan(found.standard_deviation)
+
+
+def test_the_interval_of_a_share_is_exact():
+    low, high = share_interval(3, 20)
+    assert binom.sf(2, 20, low) == pytest.approx(0.025)
+    assert binom.cdf(3, 20, high) == pytest.approx(0.025)
+    assert share_interval(0, 20)[0] == 0.0
+    assert share_interval(20, 20)[1] == 1.0
+
+
+def test_runs_of_the_same_people_are_no_sample_of_their_number():
+    """Ten populations, five times the same: the interval is that of ten values, not of fifty."""
+    values = np.random.default_rng(6).lognormal(0.0, 0.2, 10)
+    times, populations = np.repeat(values, 5), np.repeat(np.arange(10), 5)
+    mean = estimate("mean", times, populations)
+    assert (mean.low, mean.high) == pytest.approx(mean_interval(values))
+    low, high = bootstrap_interval(times, np.median, populations)
+    alone = percentile_interval(times, 50)
+    assert high - low > 1.5 * (alone[1] - alone[0])
+    assert "10 populations" in estimate("percentile 50", times, populations).note
+
+
+@pytest.mark.parametrize("name", ["median", "percentile", "percentile 0", "percentile 100", "percentile x"])
+def test_unknown_statistics_are_refused(name):
+    with pytest.raises(ScenarioError, match=name):
+        estimate(name, np.ones(3))

@@ -1,0 +1,74 @@
+"""When studies stop, and that their intervals keep their coverage."""
+
+import math
+
+import numpy as np
+import pytest
+
+from evac.errors import ScenarioError
+from evac.study.stopping import GROWTH, Rule, fixed, until_known
+
+ALONE = range(10**6)
+
+
+def test_a_fixed_number_of_runs_looks_at_nothing():
+    rule = fixed(7)
+    assert (rule.first, rule.wanted(np.full(7, math.inf), ALONE)) == (7, 7)
+    assert rule.is_known(np.full(7, math.inf), ALONE)
+
+
+def test_a_study_stops_when_its_interval_is_narrow_enough():
+    times = np.random.default_rng(1).lognormal(2.0, 0.08, 2000)
+    rule = until_known(0.02)
+    runs, looks = rule.first, [rule.first]
+    while (wanted := rule.wanted(times[:runs], ALONE)) > runs:
+        assert wanted >= GROWTH * runs
+        runs = wanted
+        looks.append(runs)
+    assert rule.is_known(times[:runs], ALONE)
+    assert not rule.is_known(times[: looks[-2]], ALONE)
+    assert 50 < runs < 200
+
+
+def test_no_more_runs_than_the_most_are_wanted():
+    times = np.random.default_rng(2).lognormal(0.0, 2.0, 60)
+    rule = until_known(0.01, most=60)
+    assert rule.wanted(times[:20], ALONE) == 60
+    assert rule.wanted(times, ALONE) == 60
+    assert not rule.is_known(times, ALONE)
+
+
+def test_a_percentile_without_an_interval_wants_more_runs():
+    rule = until_known(0.05, "percentile 95", least=10)
+    assert rule.wanted(np.linspace(1.0, 2.0, 10), ALONE) > 10
+    assert until_known(0.05, "percentile 95").first == 80
+
+
+def test_numbers_of_runs_are_whole_populations():
+    rule = Rule(7, 50, 0.001, repetitions=5)
+    assert rule.first == 10
+    assert rule.wanted(np.random.default_rng(3).lognormal(size=10), np.arange(10) // 5) % 5 == 0
+
+
+@pytest.mark.parametrize(
+    ("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)]
+)
+def test_intervals_of_stopped_studies_cover(statistic, until, true):
+    rng, rule, covered = np.random.default_rng(4), until_known(until, statistic), 0
+    for _ in range(200):
+        times, runs = rng.lognormal(0.0, 0.08, rule.most), rule.first
+        while (wanted := rule.wanted(times[:runs], ALONE)) > runs:
+            runs = wanted
+        found = rule.estimate(times[:runs], ALONE)
+        covered += found.low <= true <= found.high
+    assert 0.91 <= covered / 200 <= 0.99
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"until": 0.0}, {"until": 1.5}, {"until": 0.1, "least": 0}, {"until": 0.1, "least": 9, "most": 8}]
+)
+def test_numbers_out_of_range_are_refused(arguments):
+    with pytest.raises(ScenarioError):
+        until_known(**arguments)
+    with pytest.raises(ScenarioError):
+        fixed(0)

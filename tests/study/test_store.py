@@ -1,0 +1,121 @@
+"""Rows on disk: what a kill leaves, what is read back, and in which order."""
+
+import math
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import evac
+from evac.errors import ResultError
+from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME
+from evac.study.points import grid
+from evac.study.runs import Row
+from evac.study.store import Store
+
+
+@pytest.fixture(scope="module")
+def points():
+    return grid(evac.load("square_room"), {"people.people.number": [3, 4], "contact.model": ["dem"]})
+
+
+def row(point, run, people=3):
+    times = np.arange(1.0, people + 1.0) + run
+    blocked = run == 2
+    if blocked:
+        times[-1] = np.nan
+    ended = "no progress" if blocked else "everybody out"
+    return Row(
+        point=point,
+        run=run,
+        seed=run + 1,
+        population_seed=None,
+        ended=ended,
+        time=10.0,
+        last_out=math.inf if blocked else float(times[-1]),
+        exits=(("door", people, 3.0), ("hatch", 0, math.nan)),
+        exit_time=times,
+        exit_used=np.zeros(people, np.int16),
+        quality_warnings=("deep",) * run,
+        wall_time=0.1,
+    )
+
+
+def filled(folder, points, keys):
+    store = Store(folder, points)
+    for key in keys:
+        store.append(row(*key))
+    return store
+
+
+def test_rows_are_read_as_they_were_written_in_the_order_wanted(tmp_path, points):
+    store = filled(tmp_path, points, [(1, 0), (0, 2), (0, 0)])
+    rows = list(store.rows([(0, 0), (0, 2), (1, 0)]))
+    assert [(one["point"], one["run"]) for one in rows] == [(0, 0), (0, 2), (1, 0)]
+    assert [one["people.people.number"] for one in rows] == [3, 3, 4]
+    assert rows[1]["last_out"] is None
+    assert rows[1]["blocked"]
+    assert rows[1]["quality_warnings"] == ["deep", "deep"]
+    assert rows[0]["exits"][1] == {"name": "hatch", "people": 0, "last_out": None}
+    np.testing.assert_array_equal(rows[1]["exit_time"], [3.0, 4.0, np.nan])
+    assert store.entries[0, 2].last_out == math.inf
+    store.close()
+
+
+def test_a_file_that_was_cut_anywhere_keeps_its_complete_rows(tmp_path, points):
+    """As a kill leaves it, at every length; a row that is appended then is read after those."""
+    path = tmp_path / RUNS_STREAM_NAME
+    store = Store(tmp_path, points)
+    ends = []
+    for run in range(3):
+        store.append(row(0, run))
+        ends.append(path.stat().st_size)
+    store.close()
+    whole = path.read_bytes()
+    for length in [0, 1, 7, 8, *range(9, len(whole), 61), *(end - 1 for end in ends), *ends]:
+        path.write_bytes(whole[:length])
+        again = Store(tmp_path, points)
+        complete = [(0, run) for run, end in enumerate(ends) if end <= length]
+        assert list(again.entries) == complete
+        again.append(row(1, 0))
+        again.close()
+        last = Store(tmp_path, points)
+        assert [one["run"] for one in last.rows([*complete, (1, 0)])] == [*range(len(complete)), 0]
+
+
+def test_compacted_rows_are_sorted_whatever_their_order_was(tmp_path, points):
+    keys = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1)]
+    tables = []
+    for name, order in (("a", keys), ("b", keys[::-1])):
+        (tmp_path / name).mkdir()
+        store = filled(tmp_path / name, points, order)
+        store.compact(keys)
+        assert not (tmp_path / name / RUNS_STREAM_NAME).exists()
+        tables.append((tmp_path / name / RUNS_PARQUET_NAME).read_bytes())
+    assert tables[0] == tables[1]
+    assert pq.read_table(tmp_path / "a" / RUNS_PARQUET_NAME).column("run").to_pylist() == [0, 1, 2, 0, 1]
+
+
+def test_a_compacted_study_takes_more_rows(tmp_path, points):
+    filled(tmp_path, points, [(0, 0), (1, 0)]).compact([(0, 0), (1, 0)])
+    store = Store(tmp_path, points)
+    assert list(store.entries) == [(0, 0), (1, 0)]
+    store.append(row(0, 1))
+    store.compact(sorted(store.entries))
+    found = Store(tmp_path, points).table()
+    assert found.column("point").to_pylist() == [0, 0, 1]
+    assert found.column("exit_time").to_pylist()[1] == [2.0, 3.0, 4.0]
+
+
+def test_rows_of_other_parameters_are_refused(tmp_path, points):
+    filled(tmp_path, points, [(0, 0)]).close()
+    with pytest.raises(ResultError, match="other columns"):
+        Store(tmp_path, grid(points[0].case, {"simulation.step": [0.01]}))
+
+
+def test_memory_does_not_hold_the_people(tmp_path, points):
+    store = filled(tmp_path, points, [])
+    for run in range(50):
+        store.append(row(0, run, people=2000))
+    store.close()
+    assert all(type(value) in (int, float) for entry in store.entries.values() for value in vars(entry).values())

@@ -1,0 +1,239 @@
+"""Studies as a whole: the runs are those of their seeds whoever makes them; going on; failures."""
+
+import concurrent.futures
+import csv
+import json
+import textwrap
+
+import numpy as np
+import pytest
+
+import evac
+from evac.errors import PluginError, ResultError, ScenarioError
+from evac.output.files import RUNS_STREAM_NAME
+from evac.study.executors import in_processes
+
+
+@pytest.fixture(scope="module")
+def case():
+    return evac.load(
+        "square_room",
+        {"people.people.number": 5, "simulation.seed": 5, "output.every": 0.5, "output.picture": False},
+    )
+
+
+class StopError(Exception):
+    pass
+
+
+def stopping_after(count):
+    def progress(state):
+        if state.row is not None and state.done >= count:
+            raise StopError
+
+    return progress
+
+
+def test_runs_are_those_of_their_seeds(case):
+    study = evac.repeat(case, 3, workers=2)
+    rows = list(study.rows())
+    assert [row["seed"] for row in rows] == [5, 6, 7]
+    for row in rows:
+        alone = evac.run(study.case_of(0, row["run"]))
+        assert alone.crowd.exit_time.tobytes() == row["exit_time"].tobytes()
+        assert row["exits"][0]["people"] == 5
+    assert len({row["exit_time"].tobytes() for row in rows}) == 3
+
+
+def test_tables_do_not_depend_on_who_makes_the_runs(case, tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)  # processes join for the least work
+    with concurrent.futures.ThreadPoolExecutor(2) as executor:
+        studies = [
+            evac.repeat(case, 6, folder=tmp_path / "1", workers=1),
+            evac.repeat(case, 6, folder=tmp_path / "2", workers=2),
+            evac.repeat(case, 6, folder=tmp_path / "3", executor=executor),
+        ]
+    for name in ("runs.parquet", "runs.csv", "statistics.csv", "egress.csv", "convergence.csv", "summary.json"):
+        assert len({(study.folder / name).read_bytes() for study in studies}) == 1, name
+
+
+def test_a_sweep_has_the_same_seeds_at_each_point(case):
+    study = evac.sweep(case, {"contact.model": ["nsm2", "dem"], "people.people.number": [3, 4]}, 2, workers=1)
+    frame = study.to_pandas()
+    assert frame["seed"].tolist() == [5, 6] * 4
+    assert frame["people"].tolist() == [3, 3, 4, 4] * 2
+    assert frame["contact.model"].tolist() == ["nsm2"] * 4 + ["dem"] * 4
+    alone = evac.run(case.change({"contact.model": "dem", "people.people.number": 4, "simulation.seed": 6}))
+    assert frame["exit_time"].iloc[-1].tobytes() == alone.crowd.exit_time.tobytes()
+
+
+def test_buildings_are_made_once(case, monkeypatch):
+    from evac import assembly
+    from evac.study.shared import GROUNDS
+
+    made = []
+    make_building = assembly.make_building
+    monkeypatch.setattr(assembly, "make_building", lambda case: made.append(case) or make_building(case))
+    monkeypatch.setattr(GROUNDS, "_kept", type(GROUNDS._kept)())
+    evac.sweep(case, {"contact.model": ["nsm2", "dem"], "directions.spacing": [0.1, 0.12]}, 2, workers=1)
+    assert len(made) == 2
+
+
+def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
+    whole = evac.repeat(case, 5, folder=tmp_path / "whole", workers=1)
+    with pytest.raises(StopError):
+        evac.repeat(case, 5, folder=tmp_path / "r", workers=1, progress=stopping_after(2))
+    assert (tmp_path / "r.running" / RUNS_STREAM_NAME).is_file()
+    made = []
+    again = evac.repeat(
+        case, 5, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row)
+    )
+    assert [row and row.run for row in made] == [None, 2, 3, 4]
+    assert again.table().equals(whole.table())
+    for name in ("runs.parquet", "summary.json"):
+        assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_complete_study_takes_more_runs(case, tmp_path):
+    evac.repeat(case, 2, folder=tmp_path / "r", workers=1)
+    made = []
+    evac.repeat(case, 4, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row))
+    assert [row and row.run for row in made] == [None, 2, 3]
+    fewer = evac.repeat(case, 3, folder=tmp_path / "r", workers=1, resume=True)
+    assert fewer.statistics[0].runs == 3
+    assert fewer.table().num_rows == 4  # what has been made is kept
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"people.people.number": 6}, "case.people.0.number"),
+        ({"simulation.seed": 6}, "first_seed"),
+        ({"contact.nsm2.velocity_tolerance": 1e-5}, "case.contact.nsm2.velocity_tolerance"),
+    ],
+)
+def test_a_changed_case_does_not_go_on(case, tmp_path, changes, key):
+    evac.repeat(case.change({"contact.model": "nsm2"}), 1, folder=tmp_path / "r", workers=1)
+    with pytest.raises(ResultError, match=key):
+        evac.repeat(case.change({"contact.model": "nsm2", **changes}), 2, folder=tmp_path / "r", resume=True)
+
+
+def test_a_changed_building_or_plugin_does_not_go_on(case, tmp_path):
+    mesh = tmp_path / "room.msh"
+    mesh.write_text(case.mesh.read_text())
+    own = case.change({"building.mesh": str(mesh)})
+    evac.repeat(own, 1, folder=tmp_path / "r", workers=1)
+    mesh.write_text(case.mesh.read_text() + "\n")
+    with pytest.raises(ResultError, match="building"):
+        evac.repeat(own, 2, folder=tmp_path / "r", resume=True)
+
+
+def test_rows_of_a_stopped_study_are_not_overwritten(case, tmp_path):
+    with pytest.raises(StopError):
+        evac.repeat(case, 3, folder=tmp_path / "r", workers=1, progress=stopping_after(1))
+    with pytest.raises(ResultError, match="--resume"):
+        evac.repeat(case, 3, folder=tmp_path / "r", workers=1)
+    with pytest.raises(ResultError, match="no study"):
+        evac.repeat(case, 3, folder=tmp_path / "none", resume=True)
+
+
+def test_a_study_stops_when_it_knows_enough(case):
+    study = evac.repeat(case, until=0.2, least=8, most=30, workers=1)
+    assert study.rule.is_known(study.times(0), study.populations(0))
+    assert 8 <= study.runs_of(0) <= 30
+    assert study.table().num_rows == study.runs_of(0)
+    narrow = evac.repeat(case, until=0.001, least=2, most=4, workers=1)
+    assert narrow.runs_of(0) == 4
+    assert not narrow.rule.is_known(narrow.times(0), narrow.populations(0))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"runs": 0}, {"runs": 2, "until": 0.1}, {"least": 3}, {"runs": 2, "workers": 0}, {"runs": 7, "repetitions": 5}],
+)
+def test_arguments_that_contradict_are_refused(case, arguments):
+    with pytest.raises(ScenarioError):
+        evac.repeat(case, **arguments)
+
+
+def test_blocked_runs_are_told(case, tmp_path):
+    study = evac.repeat(case.change({"simulation.duration": 3.0}), 6, folder=tmp_path / "r", workers=1)
+    blocked = [row["blocked"] for row in study.rows(columns=["blocked"])]
+    assert 0 < sum(blocked) == study.statistics[0].blocked
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["blocked"] == sum(blocked)
+    with (tmp_path / "r" / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["last_out"] == "" for row in rows] == blocked
+    with (tmp_path / "r" / "statistics.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert row["greatest"] == "inf"
+
+
+def test_curves_of_the_folder(case, tmp_path):
+    study = evac.repeat(case, 3, folder=tmp_path / "r", workers=1)
+    with (tmp_path / "r" / "egress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    end = max(float(row["time"]) for row in study.rows(columns=["time"]))
+    assert float(rows[-2]["time"]) < end <= float(rows[-1]["time"])
+    assert float(rows[-1]["mean_over_runs"]) == 5.0
+    at = float(rows[4]["time"])
+    out = [np.sum(row["exit_time"] <= at) for row in study.rows(columns=["exit_time"])]
+    assert float(rows[4]["mean_over_runs"]) == pytest.approx(np.mean(out))
+
+
+def test_one_run_is_made_again_into_a_folder(case, tmp_path):
+    study = evac.repeat(case, 2, workers=1)
+    results = study.run_again(0, 1, tmp_path / "again")
+    assert (tmp_path / "again" / "trajectory.evac").is_file()
+    assert results.crowd.exit_time.tobytes() == list(study.rows())[1]["exit_time"].tobytes()
+
+
+FAILING = """
+    from evac import Behaviour, hookimpl
+    evac_interface = 2
+
+    class Odd(Behaviour):
+        '''Fails or kills its process.'''
+        name = "odd"
+
+        def act(self, crowd, time):
+            {act}
+
+    @hookimpl
+    def evac_behaviours():
+        return [Odd]
+"""
+
+
+def with_plugin(tmp_path, act, **changes):
+    path = tmp_path / "odd.py"
+    path.write_text(textwrap.dedent(FAILING).format(act=act))
+    few = {"people.people.number": 3, "behaviours.odd": {}, "output.picture": False}
+    return evac.load("square_room", few | changes, plugin_files=[path])
+
+
+def test_a_run_that_fails_tells_its_seed(tmp_path):
+    with pytest.raises(PluginError, match="oops") as caught:
+        evac.repeat(with_plugin(tmp_path, "raise ValueError('oops')", **{"simulation.seed": 8}), 1, workers=1)
+    assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
+
+
+def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    mark = tmp_path / "killed"
+    kill = "(mark.touch(), os.kill(os.getpid(), 9))"
+    act = f"import os, multiprocessing, pathlib; mark = pathlib.Path({str(mark)!r}); "
+    act += f"multiprocessing.parent_process() and not mark.exists() and {kill}"
+    case = with_plugin(tmp_path, act)
+    study = evac.repeat(case, 8, workers=2)
+    assert mark.exists()
+    assert study.table().equals(evac.repeat(case, 8, workers=1).table())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_processes_keep_the_order_of_the_items(workers):
+    import math
+
+    # A function that a new process can import: `tests` is importable only where pytest runs.
+    assert list(in_processes(math.factorial, [3, 1, 2], workers)) == [6, 1, 2]
