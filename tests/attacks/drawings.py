@@ -188,6 +188,8 @@ def _ground_of(lines: list[str]) -> float | None:
             flags = values if kind in ("LWPOLYLINE", "POLYLINE") else flags
             if kind == "ENDSEC":
                 break
+            if kind == "POLYLINE" and corners:
+                return None
             if is_end:
                 if flags.get(8) != "walkablearea" or int(flags.get(70, "0")) != 1 or len(corners) != 4:
                     return None
@@ -195,7 +197,7 @@ def _ground_of(lines: list[str]) -> float | None:
                 corners = []
     except (ValueError, IndexError):
         return None
-    if not shapes or not all(one.is_valid for one in shapes):
+    if corners or not shapes or not all(one.is_valid for one in shapes):
         return None
     return float(shapely.union_all(shapes).area)
 
