@@ -55,16 +55,16 @@ def walked_surface(
     BuildingError
         What is left cannot be cut into triangles; names the place.
     """
+    heights = points[mesh.triangles][:, :, 2]
+    has_treads = treads and may_have_treads(heights[np.ptp(heights, axis=1) <= weld][:, 0])
+    has_bodies = headroom > 0.0 and bool(is_steep.any())
+    if not (has_treads or has_bodies) or is_steep.all():
+        return mesh, points
     vertices, index = weld_points(points, weld)
-    triangles = np.unique(np.sort(index[mesh.triangles], axis=1), axis=0, return_index=True)[1]
-    cells = index[mesh.triangles[triangles]]
-    wide = least_height(vertices[cells]) > weld
-    rows, cells = triangles[wide], cells[wide]
-    steep = is_steep[rows]
-    flat_heights = vertices[cells[~steep]][np.ptp(vertices[cells[~steep]][:, :, 2], axis=1) <= weld][:, 0, 2]
-    has_treads = treads and may_have_treads(flat_heights)
-    has_bodies = headroom > 0.0 and bool(steep.any())
-    if not (has_treads or has_bodies) or steep.all():
+    rows = np.unique(np.sort(index[mesh.triangles], axis=1), axis=0, return_index=True)[1]
+    rows = rows[least_height(vertices[index[mesh.triangles[rows]]]) > weld]
+    cells, steep = index[mesh.triangles[rows]], is_steep[rows]
+    if steep.all():
         return mesh, points
     body = bodies(len(vertices), cells)
     tags = {name: mask[rows][~steep] for name, mask in mesh.cell_tags.items()}
