@@ -7,6 +7,10 @@ FLAT_ANGLE = 3.0
 WALKABLE_ANGLE = 50.0
 #: Metres per unit of a building's file.
 SCALE = 1.0
+#: Axis of a building's file that points upwards.
+UP = "z"
+#: Least height above the ground of solid bodies, and above and below flights [m].
+HEADROOM = 2.0
 
 #: Distance of the nodes of the grid of directions [m].
 SPACING = 0.1

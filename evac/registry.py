@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 #: Modules of the built-in importers; enough to read a building alone.
 BUILTIN_IMPORTERS = (
+    "evac_plugins.import_dxf",
     "evac_plugins.import_geojson",
     "evac_plugins.import_ifc",
     "evac_plugins.import_meshio",

@@ -1,30 +1,51 @@
-"""Importer of Wavefront OBJ files: vertices and polygons, nothing else.
+"""Importer of Wavefront OBJ files: vertices, polygons and the names of their groups.
 
-meshio's reader fails on the texture indices (``vt``) that most exporters write.
+Libraries were tried: meshio fails on the texture indices (``vt``) that most exporters write; trimesh leaves out the
+names of groups and cuts polygons that are not convex into fans, which cover ground that is not there.
 """
 
+import fnmatch
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from evac.building.findings import Finding
 from evac.building.importer import Importer
 from evac.building.surfacemesh import SurfaceMesh
 from evac.hookspecs import hookimpl
+from evac.parameters import Parameter, did_you_mean
+
+#: What a group can be, and the tag of its faces; ``ignore`` leaves them out.
+KINDS = {"exit": "exit", "stair": "stair", "room": "area", "floor": "floor", "obstacle": "obstacle", "ignore": ""}
+#: The kinds that the name of a group says where it holds the word, the first of them first.
+WORDS = ("exit", "stair", "room", "floor")
 
 
 class ObjImporter(Importer):
-    """The ``v`` and ``f`` lines of Wavefront OBJ files.
+    """The vertices, faces, lines and groups (``v``, ``f``, ``l``, ``g``, ``o``) of Wavefront OBJ files.
 
-    Texture and normal indices (``f 1/2/3``) and every other line are passed over; negative indices count from the last
-    vertex read.
+    Groups with `exit`, `stair`, `room` or `floor` in their names are such; `names` says it for others. Texture and
+    normal indices (``f 1/2/3``) and every other line are passed over; negative indices count from the last vertex read.
     """
 
     name = "obj"
     suffixes = (".obj",)
 
+    names = Parameter(
+        None,
+        "what groups are, as a table of patterns to exit, stair, room, floor, obstacle, ignore or \"\": "
+        'names = { "Treppe*" = "stair" }',
+    )  # fmt: skip
+
     def read(self, path: Path) -> SurfaceMesh:
-        """Read vertices and polygons; raise ValueError that names the line if one cannot be read."""
+        """Read vertices, polygons and groups; raise ValueError that names the line if one cannot be read."""
+        kinds = self._table()
         points: list[list[float]] = []
         faces: list[list[int]] = []
+        edges: list[list[int]] = []
+        groups, face_group, edge_group = [""], list[int](), list[int]()
         text = path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ")
         if "\0" in text:
             raise ValueError("the text is not UTF-8; save it as UTF-8")
@@ -35,19 +56,72 @@ class ObjImporter(Importer):
                     x, y, z = rest[:3]
                     points.append([float(x), float(y), float(z)])
                 elif word == "f":
-                    faces.append(_face([int(corner.partition("/")[0]) for corner in rest], len(points)))
+                    faces.append(_rows(rest, len(points), 3))
+                    face_group.append(len(groups) - 1)
+                elif word == "l":
+                    chain = _rows(rest, len(points), 2)
+                    edges += [[a, b] for a, b in itertools.pairwise(chain)]
+                    edge_group += [len(groups) - 1] * (len(chain) - 1)
+                elif word in ("g", "o"):
+                    groups.append(" ".join(rest))
             except ValueError as error:
                 raise ValueError(f"line {number}: {line.strip()!r}: {error}") from error
-        return SurfaceMesh(points, faces)
+        return _tagged(points, faces, edges, [_tag(name, kinds) for name in groups], face_group, edge_group, groups)
+
+    def _table(self) -> dict[str, str]:
+        """Return the patterns of names and what they say, checked."""
+        given = self.names or {}
+        if not isinstance(given, dict):
+            raise ValueError(f'names must be a table such as {{ "Treppe*" = "stair" }}, not {given!r}')
+        for pattern, kind in given.items():
+            if kind not in ("", *KINDS):
+                raise ValueError(f"names: {pattern!r} is no {kind!r}; {did_you_mean(str(kind), list(KINDS))}")
+        return given
 
 
-def _face(corners: list[int], n_points: int) -> list[int]:
-    """Return the rows of a face's vertices."""
-    if 0 in corners or min(corners, default=1) < -n_points:
-        raise ValueError("a face counts its vertices from 1, or backwards from -1, the last one above it")
-    if len(corners) < 3:
-        raise ValueError(f"a face has only {len(corners)} corners")
-    return [corner - 1 if corner > 0 else n_points + corner for corner in corners]
+def _rows(corners: list[str], n_points: int, least: int) -> list[int]:
+    """Return the rows of the vertices of a face or a line."""
+    numbers = [int(corner.partition("/")[0]) for corner in corners]
+    what = "a face" if least == 3 else "a line"
+    if 0 in numbers or min(numbers, default=1) < -n_points:
+        raise ValueError(f"{what} counts its vertices from 1, or backwards from -1, the last one above it")
+    if len(numbers) < least:
+        raise ValueError(f"{what} has only {len(numbers)} corners")
+    return [number - 1 if number > 0 else n_points + number for number in numbers]
+
+
+def _tag(group: str, kinds: dict[str, str]) -> str:
+    """Return the tag of a group, ``"ignore"``, or nothing."""
+    for pattern, kind in kinds.items():
+        if fnmatch.fnmatchcase(group.lower(), pattern.lower()):
+            return kind if kind in ("", "ignore") else f"{KINDS[kind]}:{group}"
+    found = next((word for word in WORDS if word in group.lower()), "")
+    return f"{KINDS[found]}:{group}" if found else ""
+
+
+def _tagged(
+    points: list[list[float]],
+    faces: list[list[int]],
+    edges: list[list[int]],
+    tags: list[str],
+    face_group: list[int],
+    edge_group: list[int],
+    groups: list[str],
+) -> SurfaceMesh:
+    """Return the mesh with its tags, and what was found of them."""
+    kept = [row for row, group in enumerate(face_group) if tags[group] != "ignore"]
+    own = np.array([face_group[row] for row in kept], dtype=np.int64)
+    cell_tags, edge_tags, findings = {}, {}, []
+    for tag in sorted({tags[group] for group in face_group} - {"", "ignore"}):
+        cell_tags[tag] = np.isin(own, [group for group in range(len(tags)) if tags[group] == tag])
+        findings.append(Finding("found", f"group of {int(cell_tags[tag].sum())} faces: {tag}"))
+    for tag in sorted({tags[group] for group in edge_group if tags[group].startswith("exit:")}):
+        edge_tags[tag] = [edge for edge, group in zip(edges, edge_group, strict=True) if tags[group] == tag]
+        findings.append(Finding("found", f"group of {len(edge_tags[tag])} lines: {tag}"))
+    if len(kept) < len(faces):
+        names = sorted({groups[group] for group in face_group if tags[group] == "ignore"})
+        findings.append(Finding("left out", f"{len(faces) - len(kept)} faces of the groups {', '.join(names)} (names)"))
+    return SurfaceMesh(points, [faces[row] for row in kept], cell_tags, edge_tags, findings)
 
 
 evac_interface = 2

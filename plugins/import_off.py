@@ -1,4 +1,7 @@
-"""Importer of OFF files: vertices and polygons."""
+"""Importer of OFF files: vertices and polygons.
+
+trimesh reads files that are cut off without an error, and cuts polygons that are not convex into fans.
+"""
 
 import re
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Importer of PLY files, text and binary: vertices and polygons, whatever else the file holds.
 
-meshio's reader fails on edges and on ``vertex_index``.
+meshio's reader fails on edges and on ``vertex_index``; trimesh cuts polygons that are not convex into fans.
 """
 
 import codecs

@@ -12,6 +12,7 @@ import shapely
 from evac.building.checks import check_depth, check_exits, check_overlap, check_stairs, isolated_parts, missed_seams
 from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
+from evac.building.foreign import turned
 from evac.building.levels import LevelSet, find_levels
 from evac.building.links import close_links, find_exits_and_walls, find_portals
 from evac.building.model import Area, Building
@@ -19,7 +20,7 @@ from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit,
 from evac.building.polygons import union
 from evac.building.surface import Surface, clean_surface
 from evac.building.surfacemesh import SurfaceMesh, checked
-from evac.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
+from evac.defaults import FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError
 
 #: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
@@ -34,6 +35,9 @@ def build_building(
     flat_angle: float = FLAT_ANGLE,
     walkable_angle: float = WALKABLE_ANGLE,
     scale: float = SCALE,
+    up: str = UP,
+    headroom: float = HEADROOM,
+    treads: bool = True,
     exits: Sequence[Mapping[str, Any]] = (),
     areas: Sequence[Mapping[str, Any]] = (),
     obstacles: Sequence[Mapping[str, Any]] = (),
@@ -56,6 +60,12 @@ def build_building(
         Cells with a slope below the first are flat, above the second not walkable.
     scale : float
         Metres per unit of the mesh.
+    up : "z" or "y"
+        Axis of the mesh that points upwards.
+    headroom : float [m]
+        Ground on solid bodies, and beside flights of treads, with less height above is left out; 0: none.
+    treads : bool
+        Whether stairs drawn as treads become inclined flights.
     exits : sequence of mappings
         To add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
     areas, obstacles : sequences of mappings
@@ -78,7 +88,17 @@ def build_building(
     PluginError
         If an array of the mesh has the wrong shape.
     """
-    surface = clean(mesh, source, weld=weld, flat_angle=flat_angle, walkable_angle=walkable_angle, scale=scale)
+    surface = clean(
+        mesh,
+        source,
+        weld=weld,
+        flat_angle=flat_angle,
+        walkable_angle=walkable_angle,
+        scale=scale,
+        up=up,
+        headroom=headroom,
+        treads=treads,
+    )
     return building_of(
         surface, source, exits=exits, areas=areas, obstacles=obstacles, closed=closed, need_exit=need_exit
     )
@@ -92,6 +112,9 @@ def clean(
     flat_angle: float = FLAT_ANGLE,
     walkable_angle: float = WALKABLE_ANGLE,
     scale: float = SCALE,
+    up: str = UP,
+    headroom: float = HEADROOM,
+    treads: bool = True,
 ) -> Surface:
     """Return the clean walkable surface of a mesh, in metres; arguments and errors as for `build_building`."""
     if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
@@ -99,7 +122,9 @@ def clean(
             f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
-    return clean_surface(checked(source, mesh), weld, flat_angle, walkable_angle, scale)
+    if up not in ("z", "y") or not 0.0 <= headroom < np.inf:
+        raise BuildingError(f"{source}: required are up = 'z' or 'y' and headroom >= 0, not {up!r} and {headroom!r}")
+    return clean_surface(turned(checked(source, mesh), up), weld, flat_angle, walkable_angle, scale, headroom, treads)
 
 
 def building_of(

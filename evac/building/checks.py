@@ -1,6 +1,7 @@
 """What a building must fulfil before anything is computed on it."""
 
 import itertools
+import math
 from collections.abc import Collection
 
 import numpy as np
@@ -26,6 +27,8 @@ LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
 #: Walls back to back are thicker than this [m].
 THINNEST = 0.01
+#: Ends of stairs that miss by less may be welded [m].
+NEAR_MISS = 0.03
 #: Rounding allowed to lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
@@ -99,12 +102,19 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
     x, y = middle[one[first]]
     gap = float(shapely.distance(shapely.points(x, y), lines[other[first]]))
     names = [building.levels[index].name for index in sorted({level[one[first]], level[other[first]]})]
+    ends = shapely.points(walls[one[rows]].reshape(-1, 2, 2))
+    miss = shapely.distance(ends, lines[other[rows]][:, None])
     text = (
         f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
         f"{1e3 * gap:.1f} mm here, and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
-        "should meet, set building.weld to more than that"
+        f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
     )
     return (Finding("warning", text, names[0], (float(x), float(y))),)
+
+
+def weld_for(miss: float) -> float:
+    """Return a weld that joins what misses by so much [m]: the next millimetre that is greater by a tenth."""
+    return math.ceil(1.1e3 * miss) / 1e3
 
 
 def check_depth(building: Building) -> None:
@@ -165,14 +175,19 @@ def _nearest_end(building: Building, own: list[Level]) -> str:
     """Describe for a message the level that misses an end of the stair by least, if one does within a metre."""
     members = {one.index for one in own}
     joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
-    misses = [
-        (one.polygon.distance(other.polygon), other.name)
-        for one in own
-        for other in building.levels
-        if other.index not in joined and min(abs(other.z_min - z) for z in (one.z_min, one.z_max)) < LEAST_HEADROOM
-    ]
-    miss, nearest = min(misses, default=(np.inf, ""))
-    return f"; {nearest!r} is {miss:.3f} m away in plan" if miss < LEAST_DEPTH else ""
+    misses = []
+    for one, other in itertools.product(own, building.levels):
+        if other.index not in joined:
+            near = shapely.get_coordinates(shapely.shortest_line(one.polygon, other.polygon))
+            z = [level_elevation(building.vertices, at, near[k : k + 1])[0] for k, at in enumerate((one, other))]
+            if abs(z[0] - z[1]) < LEAST_HEADROOM:
+                misses.append((one.polygon.distance(other.polygon), abs(z[0] - z[1]), other.name))
+    away, step, nearest = min(misses, key=lambda one: math.hypot(*one[:2]), default=(math.inf, math.inf, ""))
+    if away >= LEAST_DEPTH:
+        return ""
+    miss = math.hypot(away, step)
+    helps = f": building.weld = {weld_for(miss):g} may join them" if miss < NEAR_MISS else ""
+    return f"; {nearest!r} is {away:.3f} m away in plan and {step:.3f} m in height{helps}"
 
 
 def check_exits(building: Building) -> None:

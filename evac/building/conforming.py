@@ -119,7 +119,14 @@ def _triangles(plan: BaseGeometry, height: Height, corners: _Corners) -> list[li
             lifted = [_lifted(x, y, height) for x, y in shapely.get_coordinates(ring)]
             sides = corners.split(list(pairwise(lifted)))
             rings.append([(x, y) for side in sides for x, y, _ in side])
-        pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:]))
+        try:
+            pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:]))
+        except shapely.GEOSException as error:
+            x, y = rings[-1][0]
+            raise ValueError(
+                f"the ground at ({x:z.2f}, {y:z.2f}) cannot be cut into triangles ({error}): its outline comes too "
+                "close to itself there; repair it"
+            ) from error
         for triangle in shapely.get_parts(pieces):
             triangles.append([_lifted(x, y, height) for x, y in triangle.exterior.coords[:3]])
     return triangles

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from evac.building.outlines import (
     nearest,
     normal,
     overlaps,
+    reaching,
     strip,
     with_walls,
     written,
@@ -57,6 +59,7 @@ class _Drawing:
         self.pieces: dict[str, list[stairs.Piece]] = {}
         self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
         self.openings: list[tuple[str, FloatArray]] = []
+        self.exits = list(plan.exits)
 
     def mesh(self) -> SurfaceMesh:
         """Do everything in its order."""
@@ -72,10 +75,9 @@ class _Drawing:
             with self._naming(f"door {door.name!r}"):
                 self._open_door(door)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
-        for item in (item for item in plan.exits if item.polygons):
-            self.floors[item.storey] = cut(self.floors[item.storey], united(item.polygons))
+        self._cut_exits()
         self._make_stairs()
-        for item in plan.exits:
+        for item in self.exits:
             with self._naming(f"exit {item.name!r}"):
                 self._open_exit(item)
         for item in plan.openings:
@@ -270,6 +272,18 @@ class _Drawing:
         if beside < length - UNCOVERED:
             text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} have floor before them"
             self._find("warning", text, storey, edge)
+
+    def _cut_exits(self) -> None:
+        """Cut the ground of exits out of the floors, with the rims that are too narrow to be floor behind them."""
+        for row, item in enumerate(self.exits):
+            if item.polygons:
+                floor, drawn = self.floors[item.storey], united(item.polygons)
+                ground = reaching(drawn, floor, SNAP)
+                if ground.area > drawn.area + LEAST_AREA:
+                    text = f"exit {item.name!r} moved to the outline of its floor, at most {SNAP:g} m away"
+                    self._find("repaired", text, item.storey, drawn)
+                self.floors[item.storey] = cut(floor, ground)
+                self.exits[row] = replace(item, polygons=(ground,))
 
     def _open_exit(self, item: Item) -> None:
         """Put an exit on the outline of its floor; where the floor ends inside a wall's thickness, extend it."""

@@ -1,10 +1,12 @@
 """Importers: files of buildings to tagged surfaces. The base class of importer plugins."""
 
 from abc import ABC, abstractmethod
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from evac.building.surfacemesh import SurfaceMesh
+from evac.errors import BuildingError
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
@@ -41,3 +43,26 @@ class Importer(Configurable, ABC):
         BuildingError
             What is drawn in it does not make a building; names the file and the place.
         """
+
+
+def optional_library(path: Path, module: str, extra: str) -> None:
+    """Say what to install if a library is missing that only one importer needs.
+
+    Parameters
+    ----------
+    path : Path
+        The file that is to be read.
+    module : str
+        The library's name when it is imported.
+    extra : str
+        Of evac, with which the library is installed.
+
+    Raises
+    ------
+    BuildingError
+        It is not installed.
+    """
+    if find_spec(module) is None:
+        raise BuildingError(
+            f"{path}: to read it, {module} is needed, which is not installed: pip install 'evac[{extra}]'"
+        )

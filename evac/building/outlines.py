@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building.edges import segment_lengths
-from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut
+from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
 
 #: Pieces of an outline lie along a segment if their directions differ by less than 25 degrees.
 ALONG = 0.9
@@ -154,3 +154,18 @@ def overlaps(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     one, other = shapely.STRtree(polygons).query(polygons, "intersects")
     both = [common(polygons[a], polygons[b]) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a < b]
     return [part for part in both if part.area > LEAST_AREA]
+
+
+def reaching(outside: BaseGeometry, floor: BaseGeometry, reach: float) -> BaseGeometry:
+    """Return ground outside with the strips of a floor narrower than `reach` [m] that lie between it and the outline.
+
+    An exit is often drawn a little inside the outline; the rim that stays behind it is no floor.
+    """
+    rest = cut(floor, outside)
+    wide = rest.buffer(-reach / 2, join_style="mitre").buffer(reach / 2, join_style="mitre")
+    near = outside.buffer(reach, join_style="mitre")
+    strips = [part for part in shapely.get_parts(cut(rest, wide)) if near.buffer(LEAST_LENGTH).covers(part)]
+    touching = [part for part in strips if part.distance(outside) < LEAST_LENGTH]
+    if not touching:
+        return outside
+    return flat_parts(shapely.union_all([outside, *touching], grid_size=GRID))

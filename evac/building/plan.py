@@ -10,8 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 from evac.building.findings import Finding
-from evac.building.planparts import DOOR_REACH, HEADROOM, OUTSIDE, Item, Stair, Storey
+from evac.building.planparts import DOOR_REACH, OUTSIDE, Item, Stair, Storey
 from evac.building.shapes import Shape, polygons_of, segment_of
+from evac.defaults import HEADROOM
 from evac.errors import BuildingError
 
 if TYPE_CHECKING:

@@ -9,8 +9,6 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 
-#: Least height above and below a stair that people need [m]; where a floor leaves less, it is cut away.
-HEADROOM = 2.0
 #: How far an exit, or the end of a stair, may lie off the outline of its floor [m].
 SNAP = 0.15
 #: How far a door may lie from the rooms that it joins [m]: half of a thick wall, or all of it.

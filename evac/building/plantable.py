@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 
 from evac.building.plan import Plan
-from evac.building.planparts import HEADROOM, Item, Stair
+from evac.building.planparts import Item, Stair
+from evac.defaults import HEADROOM
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 

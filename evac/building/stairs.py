@@ -149,9 +149,9 @@ def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:
         return piece.plan
     part = piece.plan
     if piece.z_max > z + headroom:
-        part = _below(part, piece.height, z + headroom)
+        part = below(part, piece.height, z + headroom)
     if piece.z_min < z - headroom:
-        part = _below(part, _turned_over(piece.height), headroom - z)
+        part = below(part, _turned_over(piece.height), headroom - z)
     return part
 
 
@@ -159,7 +159,7 @@ def _turned_over(height: Callable[[float, float], float]) -> Callable[[float, fl
     return lambda x, y: -height(x, y)
 
 
-def _below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:
+def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:
     """Return the part of a plan over which a plane is lower than `z`."""
     x, y = plan.centroid.coords[0]
     here = height(x, y)

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
+from evac.building.extent import helpful_factor
 from evac.building.findings import Finding
+from evac.building.foreign import walked_surface
 from evac.building.hanging import split_at_vertices
 from evac.building.polygons import least_height, plan_area
 from evac.building.resolution import check_resolution
@@ -19,6 +21,9 @@ from evac.errors import BuildingError
 
 #: Welding may change the area of the ground by this share.
 MOST_CHANGE = 5e-4
+
+#: The lower edge of a door is level to this [m].
+SILL = 0.02
 
 #: Extent of a building, and the distance of its farthest point from the origin [m].
 LARGEST, FARTHEST = 1e5, 1e8
@@ -56,20 +61,37 @@ class Surface:
     findings: tuple[Finding, ...]
 
 
-def _check_extent(mesh: TriangleMesh, points: FloatArray) -> None:
-    """Refuse what is too large or too far off [m] to be a building in metres."""
+def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
+    """Refuse what is too large or too far off [m] to be a building in metres; doubt what is of an unusual size."""
     used = points[mesh.triangles.ravel()]
     low, high = used.min(axis=0), used.max(axis=0)
+    width, depth, height = (high - low).tolist()
+    factor = helpful_factor(max(width, depth))
+    helps = "" if factor is None else f" ({factor * scale:.4g} would help)"
     if (high - low).max() > LARGEST or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
-        width, depth, height = (high - low).tolist()
         raise BuildingError(
             f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
             f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); at most {LARGEST:g} m are allowed, no farther "
-            f"than {FARTHEST:g} m from the origin: set building.scale, or move it"
+            f"than {FARTHEST:g} m from the origin: set building.scale{helps}, or move it"
         )
+    if factor is None:
+        return []
+    text = (
+        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height: if its unit is another, "
+        f"building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
+    )
+    return [Finding("warning", text)]
 
 
-def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_angle: float, scale: float) -> Surface:
+def clean_surface(
+    mesh: TriangleMesh,
+    weld: float,
+    flat_angle: float,
+    walkable_angle: float,
+    scale: float,
+    headroom: float,
+    treads: bool,
+) -> Surface:
     """Weld, sort out and split the cells of a mesh until it is a walkable surface.
 
     Parameters
@@ -80,6 +102,8 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
         Cells below the first are flat, above the second dropped, between them sloped.
     scale : float
         Metres per unit of the file.
+    headroom, treads
+        As `evac.building.foreign.walked_surface`.
 
     Raises
     ------
@@ -88,13 +112,16 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
         `weld` make up a part of the ground that counts.
     """
     check_resolution(mesh.source, mesh.points, scale, weld)
-    notes = list(mesh.findings)
     points = mesh.points * scale
-    _check_extent(mesh, points)
+    doubt = _check_extent(mesh, points, scale)
+    is_upright = np.rad2deg(slope_angle(points[mesh.triangles])) > walkable_angle + 1e-9
+    mesh, points = walked_surface(mesh, points, is_upright, weld, headroom, treads)
+    notes = [*mesh.findings, *doubt]
     vertices, new_index = weld_points(points, weld)
     exit_edges = {name: new_index[edges] for name, edges in mesh.edge_tags.items()}
-    exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
     triangles, drawn, tags = _distinct(new_index[mesh.triangles], mesh.cell_tags)
+    exit_edges |= _lower_edges(vertices, triangles, tags, walkable_angle, exit_edges)
+    exit_edges = {name: edges[edges[:, 0] != edges[:, 1]] for name, edges in exit_edges.items()}
 
     is_sliver = least_height(vertices[triangles]) <= weld
     if is_sliver.any():
@@ -128,6 +155,7 @@ def clean_surface(mesh: TriangleMesh, weld: float, flat_angle: float, walkable_a
     _check_ground(mesh.source, before, is_sure, vertices[triangles], weld)
 
     tags = {name: mask[owner] for name, mask in tags.items() if not name.startswith("obstacle:")}
+    triangles, tags, exit_edges = _cut_exits(mesh.source, vertices, triangles, tags, exit_edges)
     triangles = _counter_clockwise(vertices, triangles)
     order = np.lexsort(triangles.T[::-1])
     triangles, tags = triangles[order], _select(tags, order)
@@ -154,6 +182,53 @@ def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexA
         joined[name] = np.zeros(len(distinct), dtype=bool)
         joined[name][row.ravel()[mask]] = True
     return distinct, first, joined
+
+
+def _lower_edges(
+    vertices: FloatArray,
+    triangles: IndexArray,
+    tags: dict[str, BoolArray],
+    walkable_angle: float,
+    edges: dict[str, IndexArray],
+) -> dict[str, IndexArray]:
+    """Return the edges of exits, with the level lower edges of their upright cells, which are drawn as doors."""
+    found: dict[str, IndexArray] = {}
+    for name in (name for name in tags if name.startswith("exit:")):
+        cells = triangles[tags[name]]
+        cells = cells[np.rad2deg(slope_angle(vertices[cells])) > walkable_angle + 1e-9]
+        if len(cells):
+            sides = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+            lowest = vertices[cells][:, :, 2].min()
+            is_low = (np.abs(vertices[sides][:, :, 2] - lowest) <= SILL).all(axis=1)
+            found[name] = np.concatenate([edges.get(name, np.empty((0, 2), dtype=np.int64)), sides[is_low]])
+    return found
+
+
+def _cut_exits(
+    source: Path,
+    vertices: FloatArray,
+    triangles: IndexArray,
+    tags: dict[str, BoolArray],
+    edges: dict[str, IndexArray],
+) -> tuple[IndexArray, dict[str, BoolArray], dict[str, IndexArray]]:
+    """Cut away the cells of exits, which are ground outside; the edges that they share with the rest are exits."""
+    is_exit = _any_tag(tags, "exit", len(triangles))
+    if not is_exit.any():
+        return triangles, {name: mask for name, mask in tags.items() if not name.startswith("exit:")}, edges
+    sides = np.sort(np.stack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]], axis=1), axis=2)
+    floor = {tuple(side) for side in sides[~is_exit].reshape(-1, 2).tolist()}
+    edges = dict(edges)
+    for name in (name for name in tags if name.startswith("exit:") and tags[name].any()):
+        own = [side for side in sides[tags[name]].reshape(-1, 2).tolist() if tuple(side) in floor]
+        if not own:
+            x, y, z = vertices[triangles[tags[name]][0]].mean(axis=0)
+            raise BuildingError(
+                f"{source}: the cells of {name!r} at ({x:z.2f}, {y:z.2f}, {z:z.2f}) share no edge with the floor; draw "
+                "them beside it (within building.weld), or put the tag on edges of its outline"
+            )
+        edges[name] = np.concatenate([edges.get(name, np.empty((0, 2), dtype=np.int64)), np.array(own)])
+    kept = {name: mask[~is_exit] for name, mask in tags.items() if not name.startswith("exit:")}
+    return triangles[~is_exit], kept, edges
 
 
 def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:

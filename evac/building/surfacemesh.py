@@ -35,7 +35,9 @@ class SurfaceMesh:
     cells : sequence of sequences of int, or (c, k) array
         Triangles or polygons, convex or not: rows of `points`, counted from 0.
     cell_tags : mapping of str to (c,) array of bool
-        Cells that carry each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may carry several.
+        Cells that carry each tag ``floor:``, ``stair:``, ``area:`` or ``obstacle:``. A cell may carry several. Cells
+        with the tag ``exit:`` are ground outside: they are cut away, and the edges that they share with the floor are
+        exit. Upright ones are doors, whose lower edges are exit.
     edge_tags : mapping of str to (e, 2) array of int
         Edges that carry each tag ``exit:``, as pairs of rows of `points`.
     findings : sequence of Finding or str
@@ -99,7 +101,7 @@ class TriangleMesh:
     points : (v, 3) float64 [units of the file]
     triangles : (t, 3) int64
     cell_tags : dict of str to (t,) bool
-        Tags of surfaces only.
+        Tags that are known.
     edge_tags : dict of str to (e, 2) int64
         Tags of edges only.
     findings : tuple of Finding
@@ -144,13 +146,14 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     notes = [*as_findings(tuple(mesh.findings))]
     for name in [*masks, *edges]:
         kind = name.partition(":")[0]
-        if kind in EDGE_TAGS and not len(edges.get(name, ())):
-            raise BuildingError(f"{source}: the tag {name!r} is on no edge: put it on line cells, not on surfaces")
+        if kind in EDGE_TAGS and not len(edges.get(name, ())) and not np.any(masks.get(name, False)):
+            raise BuildingError(f"{source}: the tag {name!r} is on no edge and on no surface; put it where the exit is")
         if kind not in (*SURFACE_TAGS, *EDGE_TAGS):
             known = ", ".join(f"{kind}:NAME" for kind in (*SURFACE_TAGS, *EDGE_TAGS))
             text = f"the tag {name!r} is not known and means nothing; known tags are {known}"
             notes.append(Finding("warning", text))
-    cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in SURFACE_TAGS}
+    kinds = (*SURFACE_TAGS, *EDGE_TAGS)
+    cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in kinds}
     edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
     return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes))
 

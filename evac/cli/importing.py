@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="parameters of the importer (`evac plugins` lists them), and scale, weld, flat_angle, walkable_angle",
+        help="parameters of the importer (`evac plugins` lists them), and scale, up, weld, headroom, treads and angles",
     )
     declare_plugin(parser)
 

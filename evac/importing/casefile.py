@@ -54,7 +54,7 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     """
     names = ", ".join(file.name for file in made.files)
     lines = [f"title = {quoted(made.files[0].stem)}", "", f"# Made by evac import of {names}, with these options:"]
-    lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items()]
+    lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items() if value is not None]
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
         lines += ["# and with these assumptions:", *(f"#   {_one_line(str(one))}" for one in assumed)]
@@ -131,6 +131,8 @@ def _value(value: Any) -> str:
         return quoted(value)
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{quoted(str(key))} = {_value(one)}" for key, one in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_value(one) for one in value) + "]"
     return repr(value)

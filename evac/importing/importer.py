@@ -13,7 +13,7 @@ from evac.building.model import Building
 from evac.building.plan import Plan
 from evac.building.surfacemesh import SurfaceMesh
 from evac.building.tagged import tagged_surface
-from evac.defaults import FLAT_ANGLE, SCALE, WALKABLE_ANGLE, WELD
+from evac.defaults import FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError, EvacError, ScenarioError
 from evac.importing.casefile import case_text, check_folder, write_text
 from evac.importing.openings import Opening, find_openings
@@ -30,7 +30,10 @@ DENSITY = 0.1
 #: Height from one file's storey to the next [m].
 STOREY_HEIGHT = 3.0
 #: Options of the building itself, beside those of importers.
-BUILDING_OPTIONS = {"weld": WELD, "flat_angle": FLAT_ANGLE, "walkable_angle": WALKABLE_ANGLE, "scale": SCALE}
+BUILDING_OPTIONS = {
+    **{"weld": WELD, "flat_angle": FLAT_ANGLE, "walkable_angle": WALKABLE_ANGLE, "scale": SCALE, "up": UP},
+    **{"headroom": HEADROOM, "treads": True},
+}
 #: Names of the files in the folder.
 CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report.md"
 
@@ -94,7 +97,7 @@ def import_building(
     z : sequence of float, optional
         Heights of the storeys of several files [m]; 3 m from one to the next by default.
     options : mapping
-        Parameters of the importers, and ``scale``, ``weld``, ``flat_angle`` and ``walkable_angle`` of the building.
+        Parameters of the importers, and those keys of ``[building]`` that say how a mesh is read.
     registry : Registry, optional
         Whose importers read the files; by default the built-in and the installed ones.
 
@@ -119,7 +122,8 @@ def import_building(
     building = building_of(surface, paths[0], need_exit=False)
     place.mkdir(parents=True, exist_ok=True)
     write_surface(tagged_surface(surface, building), place / MESH)
-    angles = {key: own[key] for key in ("flat_angle", "walkable_angle") if own[key] != BUILDING_OPTIONS[key]}
+    kept = ("flat_angle", "walkable_angle", "treads")  # the others have had their effect on what is written
+    angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
     written = read_building(place / MESH, registry=registry, need_exit=False, **angles)
     openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
     chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
@@ -157,8 +161,11 @@ def _options(
             names = [*declared, *BUILDING_OPTIONS]
             raise ScenarioError(f"option {key!r}: unknown; {did_you_mean(key, names)} (of {', '.join(names)})")
     for key in given.keys() & (BUILDING_OPTIONS.keys() - declared.keys()):
-        if isinstance(given[key], bool) or not isinstance(given[key], int | float):
-            raise ScenarioError(f"option {key!r}: must be a number, not {given[key]!r}")
+        wanted: type = type(BUILDING_OPTIONS[key])
+        is_number = isinstance(given[key], int | float) and not isinstance(given[key], bool)
+        if not (is_number if wanted is float else isinstance(given[key], wanted)):
+            word = "a number" if wanted is float else "true or false" if wanted is bool else "a word"
+            raise ScenarioError(f"option {key!r}: must be {word}, not {given[key]!r}")
     importers = [cls(**{key: given[key] for key in given if key in cls.declared()}) for cls in classes]
     values = {key: value for importer in importers for key, value in importer.values().items()}
     return importers, values | {key: given.get(key, default) for key, default in BUILDING_OPTIONS.items()}

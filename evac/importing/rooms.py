@@ -8,6 +8,9 @@ from evac.building.components import connected_components
 from evac.building.findings import Finding
 from evac.building.model import Building
 
+#: So many people are put on a square metre of an area at most; more than that go to the floor around it [1/m2].
+FULL = 3.0
+
 
 @dataclass(frozen=True)
 class Room:
@@ -57,13 +60,35 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
             x, y = building.levels[room.level].polygon.representative_point().coords[0]
             name = building.levels[room.level].name
             notes.append(Finding("left out", f"no people in {room.name!r}: no way leads to an exit", name, (x, y)))
-    ground = np.array([room.ground for room in used])
     if people is None:
-        number = np.maximum(np.floor(density * ground + 0.5), 1.0)
-    else:
-        # Largest remainders: the numbers add up to what was asked for.
-        share = people * ground / max(ground.sum(), 1e-9)
-        number = np.floor(share)
-        rest = int(people - number.sum()) if len(used) else 0
-        number[np.argsort(-(share - number), kind="stable")[:rest]] += 1.0
-    return [replace(room, number=int(count)) for room, count in zip(used, number, strict=True)], notes
+        counts = [max(int(density * room.ground + 0.5), 1) for room in used]
+        return [replace(room, number=count) for room, count in zip(used, counts, strict=True)], notes
+    areas = [room for room in used if room.key == "area"]
+    around = _around(building, areas)
+    if not around or people <= FULL * sum(room.ground for room in used):
+        return _divided(people, used), notes
+    areas = [replace(room, number=int(FULL * room.ground)) for room in areas]
+    held = sum(room.number for room in areas)
+    text = f"areas hold {held} people, {FULL:g} on a square metre; the other {people - held} start on the floors"
+    notes.append(Finding("assumed", text, building.levels[areas[0].level].name))
+    return areas + _divided(people - held, [room for room in used if room.key == "level"] + around), notes
+
+
+def _around(building: Building, areas: list[Room]) -> list[Room]:
+    """Return the floors around areas, without the ground of these."""
+    floors = []
+    for index in sorted({room.level for room in areas}):
+        level = building.levels[index]
+        ground = float(level.polygon.area) - sum(room.ground for room in areas if room.level == index)
+        floors.append(Room("level", level.name, index, max(ground, 0.0)))
+    return floors
+
+
+def _divided(people: int, rooms: list[Room]) -> list[Room]:
+    """Return rooms with people divided by their ground; by largest remainders, the numbers add up."""
+    ground = np.array([room.ground for room in rooms])
+    share = people * ground / max(ground.sum(), 1e-9)
+    number = np.floor(share)
+    rest = int(people - number.sum()) if len(rooms) else 0
+    number[np.argsort(-(share - number), kind="stable")[:rest]] += 1.0
+    return [replace(room, number=int(count)) for room, count in zip(rooms, number, strict=True)]

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from evac.defaults import COMFORT, FLAT_ANGLE, MOST_SPEED, ORDER, SCALE, SPACING, WALKABLE_ANGLE, WELD
+from evac.defaults import COMFORT, FLAT_ANGLE, HEADROOM, MOST_SPEED, ORDER, SCALE, SPACING, UP, WALKABLE_ANGLE, WELD
 from evac.directions.routes import Strategy
 from evac.people.distributions import Distribution
 from evac.scenario.keys import (
@@ -93,6 +93,15 @@ class BuildingSettings(Section):
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
     scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
+    up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
+    headroom: Real = key(
+        "ground on solid bodies, and beside flights of treads, with less height above is left out; 0: none",
+        "m",
+        HEADROOM,
+        ge=0,
+        le=10,
+    )
+    treads: Switch = key("whether stairs drawn as treads become inclined flights", "", True)
     exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", (), max_length=MOST_ITEMS)
     areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", (), max_length=MOST_ITEMS)
     obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", (), max_length=MOST_ITEMS)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.attacks import accidents, kernels, keys, models, scenes, streams, texts, trajectories
+from tests.attacks import accidents, drawings, kernels, keys, models, scenes, streams, texts, trajectories
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ FAMILIES = {
     "streams": Family(streams.stream_cases, streams.run_stream, 252, 0),
     "plugins": Family(streams.plugin_cases, streams.run_plugin, 493, 0),
     "models": Family(models.cases, models.run, 700, 14),
+    "drawings": Family(drawings.cases, drawings.run, 1200, 25),
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }

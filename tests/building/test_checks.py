@@ -72,7 +72,7 @@ def test_stair_that_joins_nothing_is_refused(mesh, read, shift):
     mesh.rectangle(0, 0, 4, 2).rectangle(4, 0, 8, 2, 0, 2).rectangle(8 + shift, 0, 12 + shift, 2, 2)
     with pytest.raises(BuildingError, match=r"stair 'stair 1' at \(.*z = 0.00 to 2.00, .*'floor z=0.00'") as caught:
         read(mesh, exits=[EXIT])
-    assert str(caught.value).endswith("; 'floor z=2.00' is 0.100 m away in plan") == (shift == 0.1)
+    assert str(caught.value).count("'floor z=2.00' is 0.100 m away") == (shift == 0.1)
 
 
 def test_a_stair_that_joins_nothing_misses_others_not_itself(mesh, read):

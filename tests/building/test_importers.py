@@ -6,6 +6,7 @@ import pytest
 import shapely
 
 from evac.assembly import read_building, read_surface
+from evac.building.build import build_building
 from evac.building.surfacemesh import checked
 from evac.errors import BuildingError
 from evac.registry import BUILTIN_IMPORTERS, Registry
@@ -289,7 +290,7 @@ def test_gmsh_22_with_negative_groups(tmp_path, stair_mesh):
         ("a.msh", "nothing", "cannot be read"),
         ("a.msh", GMSH41[:400], "cannot be read"),
         ("a.msh", "", "the file is empty"),
-        ("a.dxf", "", "'\\.dxf'"),
+        ("a.dwg", "", "'\\.dwg'"),
     ],
 )
 def test_damaged_files_are_refused_by_name_and_in_silence(tmp_path, capfd, name, content, words):
@@ -325,3 +326,61 @@ def test_exit_tag_on_a_surface_is_refused(tmp_path, stair_mesh):
     stair_mesh.rectangle(30, 0, 31, 1, tag="exit:wrong")
     with pytest.raises(BuildingError, match="'exit:wrong'"):
         read_building(stair_mesh.write_vtu(tmp_path / "a.vtu"))
+
+
+GROUPS = """
+o ground_floor
+v 0 0 0
+v 8 0 0
+v 8 5 0
+v 0 5 0
+f 1 2 3 4
+g f0_exit_L
+v 8 2 0
+v 9 2 0
+v 9 3 0
+v 8 3 0
+f 5 6 7 8
+g f0_room_b0
+v 0 5 0
+v 4 5 0
+v 4 9 0
+v 0 9 0
+f 9 10 11 12
+g back exit
+v 3 9 0
+v 4 9 0
+l 13 14
+g Tuer
+v 0 1 0
+v 0 2 0
+v 0 2 2
+v 0 1 2
+f 15 16 17 18
+"""
+
+
+def test_groups_of_obj_are_tags(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text(GROUPS)
+    building = read_building(path)
+    assert [level.name for level in building.levels] == ["ground_floor"]
+    assert [(way.name, way.width) for way in building.exits] == [("back exit", 1.0), ("f0_exit_L", 1.0)]
+    assert [(area.name, area.polygon.area) for area in building.areas] == [("f0_room_b0", 16.0)]
+    names = {"tuer*": "exit", "*room*": "floor", "back*": ""}
+    mesh = read_surface(REGISTRY.importer_for(path)(names=names), path)
+    building = build_building(mesh, path)
+    assert [level.name for level in building.levels] == ["f0_room_b0", "ground_floor"]
+    # An upright face is a door, whose lower edge is the exit.
+    assert [(way.name, way.segments.tolist()) for way in building.exits] == [
+        ("Tuer", [[0.0, 2.0, 0.0, 1.0]]), ("f0_exit_L", [[8.0, 2.0, 8.0, 3.0]]),
+    ]  # fmt: skip
+    ignored = read_surface(REGISTRY.importer_for(path)(names={"*": "ignore"}), path)
+    assert len(ignored.cells) == 0
+
+
+def test_a_kind_of_group_that_is_none_is_refused(tmp_path):
+    path = tmp_path / "a.obj"
+    path.write_text(GROUPS)
+    with pytest.raises(BuildingError, match=r"'Tuer'.*'exit'"):
+        read_surface(REGISTRY.importer_for(path)(names={"Tuer": "exitt"}), path)

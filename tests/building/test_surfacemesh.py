@@ -30,7 +30,7 @@ def test_an_array_of_triangles_is_taken_as_it_is(tmp_path):
         (SurfaceMesh(SQUARE, [[0, 1, 4]]), BuildingError, "refers to vertex 5, but the file has 4"),
         (SurfaceMesh(SQUARE, [[0, 1]]), BuildingError, "cell 0 has fewer than three corners"),
         (SurfaceMesh(SQUARE, [[0, 1, 2]], {}, {"exit:a": [[0, 9]]}), BuildingError, "refers to vertex 10"),
-        (SurfaceMesh(SQUARE, [[0, 1, 2]], {"exit:a": [True]}), BuildingError, "'exit:a' is on no edge"),
+        (SurfaceMesh(SQUARE, [[0, 1, 2]], {"exit:a": [False]}), BuildingError, "'exit:a' is on no edge"),
         (SurfaceMesh([[0, 0], [1, 0], [0, 1]], [[0, 1, 2]]), PluginError, r"'points' have the shape \(3, 2\)"),
         (SurfaceMesh(SQUARE, [[0, 1, 2]], {"floor:a": [True, True]}), PluginError, r"'floor:a' have the shape \(2,\)"),
         (SurfaceMesh(SQUARE, [[0.0, 1.0, 2.5]]), PluginError, "'cells' are no array of numbers"),

@@ -119,7 +119,7 @@ def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
-    _, case, _ = fenced(text("docs/buildings.md"), "toml")
+    case = fenced(text("docs/buildings.md"), "toml")[2]
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
     (tmp_path / "case.toml").write_text(case, encoding="utf-8")
     results = evac.run(evac.load(tmp_path))
@@ -133,7 +133,7 @@ def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):
 def test_the_presets_of_the_guide_are_taken(text, tmp_path):
     (mesh,) = fenced(text("docs/buildings.md"), "text")
     (tmp_path / "split_level.obj").write_text(mesh, encoding="utf-8")
-    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[1:]), encoding="utf-8")
+    (tmp_path / "case.toml").write_text("\n".join(fenced(text("docs/buildings.md"), "toml")[2:]), encoding="utf-8")
     simulation = Simulation(evac.load(tmp_path))
     rows = {group.name: group.rows for group in simulation.population.groups}
     crowd = simulation.population.crowd

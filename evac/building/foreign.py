@@ -1,0 +1,89 @@
+"""Meshes that other tools wrote, to surfaces that people walk on: solid bodies, and stairs drawn as treads."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from evac.arrays import BoolArray, FloatArray
+from evac.building.findings import Finding
+from evac.building.patches import bodies, cells_of, patches_of
+from evac.building.polygons import least_height
+from evac.building.solids import closed_bodies, walked_on
+from evac.building.surfacemesh import TriangleMesh
+from evac.building.treads import may_have_treads, with_flights
+from evac.building.welding import weld_points
+from evac.errors import BuildingError
+
+
+def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
+    """Return a mesh with z upwards, of one with y upwards."""
+    if up == "z":
+        return mesh
+    x, y, z = mesh.points.T
+    return replace(mesh, points=np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0))
+
+
+def walked_surface(
+    mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, weld: float, headroom: float, treads: bool
+) -> tuple[TriangleMesh, FloatArray]:
+    """Return a mesh without what is inside of bodies or has too little height above it, and with flights for treads.
+
+    A mesh in which there is neither is returned as it is.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    points : (v, 3) float64 [m]
+        Its points.
+    is_steep : (t,) bool
+        Cells that cannot be walked on.
+    weld : float [m]
+        Points no farther apart are the same.
+    headroom : float [m]
+        Least height above the ground of bodies, and above and below flights; 0 leaves bodies as they are.
+    treads : bool
+        Whether rows of treads become flights.
+
+    Returns
+    -------
+    mesh : TriangleMesh
+    points : (w, 3) float64 [m]
+        Its points.
+
+    Raises
+    ------
+    BuildingError
+        What is left cannot be cut into triangles; names the place.
+    """
+    heights = points[mesh.triangles][:, :, 2]
+    has_treads = treads and may_have_treads(heights[np.ptp(heights, axis=1) <= weld][:, 0])
+    has_bodies = headroom > 0.0 and bool(is_steep.any())
+    if not (has_treads or has_bodies) or is_steep.all():
+        return mesh, points
+    vertices, index = weld_points(points, weld)
+    rows = np.unique(np.sort(index[mesh.triangles], axis=1), axis=0, return_index=True)[1]
+    rows = rows[least_height(vertices[index[mesh.triangles[rows]]]) > weld]
+    cells, steep = index[mesh.triangles[rows]], is_steep[rows]
+    if steep.all():
+        return mesh, points
+    body = bodies(len(vertices), cells)
+    tags = {name: mask[rows][~steep] for name, mask in mesh.cell_tags.items()}
+    before = patches_of(vertices, cells[~steep], body[~steep], tags)
+    after, notes = before, list[Finding]()
+    if has_bodies:
+        solid = set(body[steep].tolist())
+        after, notes = walked_on(before, solid, closed_bodies(cells, body) & solid, headroom)
+    if has_treads:
+        after, more = with_flights(after, headroom)
+        notes = notes + more
+    if not notes:
+        return mesh, points
+    try:
+        corners, of = cells_of(after)
+    except ValueError as error:
+        raise BuildingError(f"{mesh.source}: {error}; repair the mesh there, or set building.headroom = 0") from error
+    made = np.arange(3 * len(corners)).reshape(-1, 3) + len(points)
+    cell_tags = {name: np.array([name in own for own in of], dtype=bool) for name in mesh.cell_tags}
+    whole = np.concatenate([points, corners.reshape(-1, 3)])
+    findings = (*mesh.findings, *notes)
+    return replace(mesh, points=whole, triangles=made, cell_tags=cell_tags, findings=findings), whole

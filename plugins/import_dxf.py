@@ -1,0 +1,310 @@
+"""Importer of DXF drawings: one storey, on the layers of JuPedSim's convention or on any others."""
+
+import fnmatch
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from evac.arrays import FloatArray
+from evac.building.extent import LARGEST, SMALLEST, helpful_factor
+from evac.building.importer import Importer, optional_library
+from evac.building.linework import faces_of, rooms_of
+from evac.building.plan import Plan
+from evac.building.shapes import place_of
+from evac.errors import text_of
+from evac.hookspecs import hookimpl
+from evac.parameters import Parameter
+
+#: Layers may have this before their names.
+PREFIX = "jps-"
+#: Blocks may be nested so deeply, and a drawing may have so many entities once blocks are expanded.
+DEEPEST, MOST_ENTITIES = 30, 500_000
+#: What is read of a drawing, beside blocks; texts, dimensions, hatches and images are passed over.
+DRAWN = frozenset(
+    ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE"),
+)
+#: Curves are cut into pieces no shorter than this share of their extent.
+FINEST = 1e-4
+#: A polyline whose ends are no farther apart than this is closed [m].
+CLOSED = 1e-3
+#: Numbers of $INSUNITS: name and length of the unit [m].
+UNITS = {
+    **{1: ("inch", 0.0254), 2: ("foot", 0.3048), 4: ("millimetre", 1e-3), 5: ("centimetre", 1e-2), 6: ("metre", 1.0)},
+    **{7: ("kilometre", 1e3), 10: ("yard", 0.9144), 14: ("decimetre", 0.1), 21: ("US survey foot", 1200 / 3937)},
+}
+
+
+class DxfImporter(Importer):
+    """DXF drawings (.dxf): one storey from closed outlines, or from walls drawn as lines.
+
+    Layers are given as names with commas between them, in which * stands for anything; upper and lower case are the
+    same, and `jps-` may stand before a name. Blocks are expanded, curves become polygons.
+    """
+
+    name = "dxf"
+    suffixes = (".dxf",)
+
+    floor = Parameter("walkablearea", "layers with outlines of the floor; open lines are closed to faces")
+    walls = Parameter("", "layers with walls as lines, of which rooms are made")
+    doors = Parameter("", "layers with lines that close doors; doors are also found where walls are interrupted")
+    obstacles = Parameter("obstacles", "layers with outlines of obstacles")
+    exits = Parameter("exits", "layers with exits: outlines of the ground outside, or lines")
+    areas = Parameter("distributions", "layers with outlines of start areas")
+    storey = Parameter("floor", "name of the storey")
+    z = Parameter(0.0, "height of the storey's floor", unit="m")
+    unit = Parameter(0.0, "metres per unit of the drawing; 0 takes what it says if that is plausible", minimum=0.0)
+    gap = Parameter(0.1, "ends of lines no farther from another line are joined to it", unit="m", minimum=0.0)
+    door = Parameter(2.5, "widest interruption of a wall that is a door; 0: none", unit="m", minimum=0.0)
+    wall = Parameter(0.1, "thickness of walls drawn as one line between two rooms", unit="m", minimum=0.01)
+    repair = Parameter(False, "whether to read what ezdxf can repair of a damaged file; the rest is lost")
+    deviation = Parameter(0.002, "how far the polygon of a curve may be off it", unit="m", above=0.0)
+
+    def read(self, path: Path) -> Plan:
+        """Read the drawing; raise ValueError if it is damaged or none of its layers is a floor."""
+        optional_library(path, "ezdxf", "dxf")
+        document, faults = _opened(path, self.repair)
+        plan = Plan(path)
+        if faults:
+            plan.note("warning", f"the file is damaged in {len(faults)} places and was repaired, such as: {faults[0]}")
+        try:
+            shapes = [shape for shape in _shapes(document) if self._use_of(shape.layer)]
+        except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # ezdxf's, of damaged entities
+            raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
+        if not any(self._use_of(shape.layer) in ("floor", "walls") for shape in shapes):
+            raise ValueError(_no_floor(document))
+        unit = self._metres(plan, document, shapes)
+        drawn: dict[str, list[Drawn]] = {}
+        for shape in shapes:
+            for one in _drawn(shape, unit, self.deviation, CLOSED):
+                drawn.setdefault(self._use_of(shape.layer), []).append(one)
+        self._add_floor(plan, drawn)
+        self._add_items(plan, drawn)
+        return plan
+
+    def _use_of(self, layer: str) -> str:
+        """Return what a layer is used for; empty for nothing."""
+        name = layer.lower().removeprefix(PREFIX)
+        for use in ("floor", "walls", "doors", "obstacles", "exits", "areas"):
+            patterns = [one.strip().lower().removeprefix(PREFIX) for one in getattr(self, use).split(",")]
+            if any(fnmatch.fnmatchcase(name, one) for one in patterns if one):
+                return use
+        return ""
+
+    def _metres(self, plan: Plan, document: Any, shapes: "list[Shape]") -> float:
+        """Return the metres per unit, which the drawing says, or which is more plausible."""
+        if self.unit:
+            return float(self.unit)
+        points = np.concatenate([shape.frame for shape in shapes])
+        extent = float(np.ptp(points, axis=0).max())
+        name, said = UNITS.get(document.header.get("$INSUNITS", 0), ("", 1.0))
+        measure = f"the drawing extends over {extent:.4g} units"
+        factor = helpful_factor(extent * said)
+        unit = said if factor is None else said * factor
+        if SMALLEST <= extent <= LARGEST and factor is not None:
+            unit = 1.0
+        kind = "found" if name and unit == said else "assumed"
+        says = f"the file says {name}" if name else "the file names no unit"
+        plan.note(kind, f"1 unit is {unit:.4g} m: {says}, and {measure}, {extent * unit:.4g} m (unit)")
+        return unit
+
+    def _add_floor(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
+        """Add the storey: closed outlines, faces of open lines, rooms between walls."""
+        outlines = [one.polygon for one in drawn.get("floor", []) if one.is_closed]
+        lines = [one.line for one in drawn.get("floor", []) if not one.is_closed]
+        ground: list[BaseGeometry] = list(outlines)
+        if lines:
+            found = faces_of(lines, self.gap)
+            ground += found.faces
+            self._tell(plan, "repaired", "gap of {:.3f} m closed (gap)", found.closed)
+            self._tell_loose(plan, found.loose)
+        walls = [one.line for one in drawn.get("walls", [])]
+        openings: list[FloatArray] = []
+        if walls:
+            rooms = rooms_of(walls, self.gap, self.door, self.wall, [one.line for one in drawn.get("doors", [])])
+            ground += [*shapely.get_parts(rooms.floor)]
+            self._tell(plan, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
+            self._tell(plan, "found", "door {:.2f} m wide", rooms.doors)
+            self._tell(plan, "found", "opening to the outside {:.2f} m wide", rooms.openings)
+            self._tell_loose(plan, rooms.loose)
+            for face in rooms.left_out:
+                plan.note(
+                    "left out", f"{face.area:.2f} m2 between walls, too small for a room", self.storey, place_of(face)
+                )
+            text = f"walls drawn as one line between two rooms are {self.wall:g} m thick (wall)"
+            plan.note("assumed", text, self.storey)
+            openings = [*rooms.openings.reshape(-1, 2, 2)]
+        if not ground:
+            place = shapely.get_coordinates([*lines, *walls])[0]
+            raise ValueError(
+                f"the lines of the floor enclose nothing, such as the one at ({place[0]:.2f}, {place[1]:.2f}): close "
+                "them, or set gap to the widest gap between their ends [m]"
+            )
+        plan.storey(self.storey, ground, self.z)
+        plan.note("found", f"{len(plan.storeys[self.storey].polygons)} polygons of ground", self.storey)
+        for ends in openings:
+            plan.opening(self.storey, ends)
+
+    def _add_items(self, plan: Plan, drawn: "dict[str, list[Drawn]]") -> None:
+        """Add obstacles, exits and areas."""
+        for use, word in (("obstacles", "obstacle"), ("exits", "exit"), ("areas", "area")):
+            for number, one in enumerate(drawn.get(use, []), start=1):
+                name, place = f"{word} {number}", place_of(one.line)
+                corners = shapely.get_coordinates(one.line)
+                if one.is_closed and one.polygon.area > 0.0 and word == "exit":
+                    plan.exit(name, self.storey, polygon=one.polygon)
+                elif one.is_closed and one.polygon.area > 0.0:
+                    getattr(plan, word)(name, self.storey, one.polygon)
+                elif word == "exit" and len(corners) == 2 and one.line.length > CLOSED:
+                    plan.exit(name, self.storey, corners)
+                else:
+                    plan.note("left out", f"{word} {number}, whose outline is not closed", self.storey, place)
+                    continue
+                plan.note("found", f"{name!r} on layer {one.layer!r}", self.storey, place)
+
+    def _tell(self, plan: Plan, kind: str, text: str, ends: FloatArray) -> None:
+        """Note a finding for each of some segments (n, 4), with its length."""
+        for x1, y1, x2, y2 in ends.tolist():
+            plan.note(kind, text.format(math.hypot(x2 - x1, y2 - y1)), self.storey, ((x1 + x2) / 2, (y1 + y2) / 2))
+
+    def _tell_loose(self, plan: Plan, lines: list[BaseGeometry]) -> None:
+        for line in lines:
+            text = f"a line of {line.length:.2f} m that encloses nothing; a greater gap may close it"
+            plan.note("left out", text, self.storey, place_of(line))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A path of the drawing: its layer, ezdxf's path, and its control points (n, 2) [units of the drawing]."""
+
+    layer: str
+    path: Any
+    frame: FloatArray
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A line of the drawing in metres, closed or not."""
+
+    layer: str
+    line: BaseGeometry
+    is_closed: bool
+
+    @property
+    def polygon(self) -> BaseGeometry:
+        """What a closed line encloses."""
+        return shapely.Polygon(self.line.coords)
+
+
+def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
+    """Return the document of a file, and what ezdxf had to repair in it if it may."""
+    import ezdxf
+    from ezdxf import recover
+
+    tail = path.read_bytes()[-1000:].rstrip(b"\0\r\n\t \x1a")
+    if not tail.endswith(b"EOF"):
+        lines = path.read_bytes().count(b"\n") + 1
+        raise ValueError(f"the file ends at line {lines} without the mark EOF: it is cut off")
+    try:
+        return ezdxf.readfile(path), []
+    except Exception as first:  # of many kinds, where a file is damaged
+        if not repair:
+            raise ValueError(f"no DXF, or damaged: {text_of(first)} (repair = true reads the rest)") from first
+        try:
+            document, auditor = recover.readfile(path)
+        except Exception:
+            raise ValueError(f"no DXF: {text_of(first)}") from first
+        return document, [text_of(first), *(error.message for error in auditor.errors)]
+
+
+def _shapes(document: Any) -> Iterator[Shape]:
+    """Yield the paths of the model space, blocks expanded."""
+    from ezdxf.path import make_path
+
+    for layer, entity in _entities(document.modelspace(), "", 0, [0]):
+        if entity.dxftype() not in DRAWN or (entity.dxftype() == "POLYLINE" and not _is_line(entity)):
+            continue
+        try:
+            path = make_path(entity)
+            corners = [[vertex.x, vertex.y] for vertex in path.control_vertices()]
+            parts = [*path.sub_paths()] if path.has_sub_paths else [path]
+        except Exception as error:  # of many kinds, where an entity is damaged
+            handle = entity.dxf.get("handle", "")
+            text = f"{entity.dxftype()} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
+            raise ValueError(text) from error
+        if corners and not np.isfinite(corners).all():
+            raise ValueError(f"{entity.dxftype()} on layer {layer!r}: a coordinate is not finite")
+        for part in parts if corners else ():
+            yield Shape(layer, part, np.array(corners))
+
+
+def _is_line(polyline: Any) -> bool:
+    """Return whether a polyline is one, and no mesh."""
+    return bool(polyline.is_2d_polyline or polyline.is_3d_polyline)
+
+
+def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[tuple[str, Any]]:
+    """Yield (layer, entity), those of blocks in their place; layer 0 of a block is the layer of the block."""
+    for entity in space:
+        count[0] += 1
+        if count[0] > MOST_ENTITIES or depth > DEEPEST:
+            raise ValueError(
+                f"more than {MOST_ENTITIES} entities, or blocks nested deeper than {DEEPEST}: explode them"
+            )
+        layer = entity.dxf.get("layer", "0")
+        layer = outer if layer == "0" and outer else layer
+        if entity.dxftype() != "INSERT":
+            yield layer, entity
+            continue
+        for one in entity.multi_insert() if entity.mcount > 1 else [entity]:
+            yield from _entities(_expanded(one), layer, depth + 1, count)
+
+
+def _expanded(insert: Any) -> Iterator[Any]:
+    """Yield the entities of a block in their place."""
+    try:
+        yield from insert.virtual_entities()
+    except (ArithmeticError, LookupError, TypeError, AttributeError) as error:
+        x, y, _ = insert.dxf.insert
+        raise ValueError(f"block {insert.dxf.name!r} at ({x:.2f}, {y:.2f}) cannot be expanded: {error}") from error
+
+
+def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterator[Drawn]:
+    """Yield a path as a line in metres, its curves cut into pieces."""
+    size = float(np.ptp(shape.frame, axis=0).max())
+    distance = max(deviation / unit, FINEST * size, 1e-9)
+    corners = np.array([[vertex.x, vertex.y] for vertex in shape.path.flattening(distance, segments=4)]).reshape(-1, 2)
+    corners = (
+        corners[np.append(True, (np.diff(corners, axis=0) != 0.0).any(axis=1))] * unit if len(corners) else corners
+    )
+    if len(corners) < 2:
+        return
+    is_closed = bool(len(corners) > 3 and np.hypot(*(corners[-1] - corners[0])) <= closed)
+    if is_closed:
+        corners[-1] = corners[0]
+    yield Drawn(shape.layer, shapely.LineString(corners), is_closed)
+
+
+def _no_floor(document: Any) -> str:
+    """Say which layers there are, the fullest first."""
+    count = Counter(layer for layer, one in _entities(document.modelspace(), "", 0, [0]))
+    layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20)) or "none"
+    return (
+        "there is nothing on the layers of the floor; set floor to those with outlines, or walls to those with walls "
+        f"as lines; the layers with their numbers of entities are: {layers}"
+    )
+
+
+evac_interface = 2
+
+
+@hookimpl
+def evac_importers() -> Sequence[type[Importer]]:
+    """Return the importer."""
+    return [DxfImporter]

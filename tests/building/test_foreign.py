@@ -1,0 +1,184 @@
+"""Meshes of other tools: y upwards, solid bodies, stairs of treads, unusual sizes, near misses."""
+
+import numpy as np
+import pytest
+import shapely
+
+from evac import BuildingError, read_building
+
+RISER, GOING = 3.0 / 18, 0.28
+
+
+class Model:
+    """Boxes and rectangles, written as an OBJ file."""
+
+    def __init__(self):
+        self.points, self.faces = [], []
+
+    def box(self, x1, y1, z1, x2, y2, z2):
+        first = len(self.points)
+        self.points += [(x, y, z) for z in (z1, z2) for y in (y1, y2) for x in (x1, x2)]
+        sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+        self.faces += [[first + corner for corner in side] for side in sides]
+
+    def flat(self, x1, y1, x2, y2, z):
+        first = len(self.points)
+        self.points += [(x1, y1, z), (x2, y1, z), (x2, y2, z), (x1, y2, z)]
+        self.faces.append([first, first + 1, first + 2, first + 3])
+
+    def read(self, folder, *, rng=None, swap=False, **options):
+        points = np.array(self.points, dtype=float)
+        if swap:  # y upwards
+            points = np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
+        faces = list(self.faces)
+        if rng is not None:
+            faces = [faces[k][::-1] if rng.random() < 0.5 else faces[k] for k in rng.permutation(len(faces))]
+            faces += [faces[k] for k in rng.integers(len(faces), size=3)]
+        lines = ["v " + " ".join(map(repr, point)) for point in points.tolist()]
+        lines += ["f " + " ".join(str(corner + 1) for corner in face) for face in faces]
+        path = folder / "a.obj"
+        path.write_text("\n".join(lines))
+        return read_building(path, need_exit=False, **options)
+
+
+def levels(building):
+    return [(level.kind, round(level.z_min, 6), round(level.polygon.area, 3)) for level in building.levels]
+
+
+def texts(building, kind):
+    return [one.text for one in building.findings if one.kind == kind]
+
+
+@pytest.fixture
+def house():
+    """Two slabs, two walls with a door between them, a table, and a solid stair of 17 treads."""
+    model = Model()
+    model.box(0, 0, -0.3, 12, 8, 0)
+    for x1, y1, x2, y2 in ((0, 0, 12, 1), (0, 2.5, 12, 8), (0, 1, 2, 2.5), (2 + 17 * GOING, 1, 12, 2.5)):
+        model.box(x1, y1, 2.7, x2, y2, 3.0)
+    for k in range(17):
+        model.box(2 + k * GOING, 1, 0, 2 + (k + 1) * GOING, 2.5, (k + 1) * RISER)
+    model.box(0, 5, 0, 5, 5.2, 2.7)
+    model.box(6.2, 5, 0, 12, 5.2, 2.7)
+    model.box(9, 1, 0.72, 10, 2, 0.75)
+    return model
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_a_house_of_solid_bodies(house, tmp_path, seed):
+    building = house.read(tmp_path, rng=None if seed is None else np.random.default_rng(seed))
+    stair, walls, table = 17 * GOING * 1.5, 10.8 * 0.2, 1.0
+    # Under the stair, the ground is taken by its bodies.
+    assert levels(building) == [
+        ("floor", 0.0, round(96.0 - stair - walls - table, 3)), ("flight", 0.0, round(stair, 3)),
+        ("floor", 3.0, round(96.0 - stair, 3)),
+    ]  # fmt: skip
+    assert [portal.width for portal in building.portals] == pytest.approx([1.5, 1.5])
+    assert building.levels[1].slope == pytest.approx(np.arctan2(3.0, 17 * GOING))
+    assert any("17 treads" in text for text in texts(building, "assumed"))
+    assert any("headroom" in text for text in texts(building, "left out"))
+    assert any("solid bodies" in text for text in texts(building, "found"))
+
+
+def test_y_upwards_is_turned(house, tmp_path):
+    assert levels(house.read(tmp_path, swap=True, up="y")) == levels(house.read(tmp_path))
+    with pytest.raises(BuildingError, match=r"up"):
+        house.read(tmp_path, up="x")
+
+
+def test_without_headroom_solid_slabs_are_refused_with_a_place(house, tmp_path):
+    with pytest.raises(BuildingError, match=r"\(\d+\.\d\d, \d+\.\d\d"):
+        house.read(tmp_path, headroom=0.0, treads=False)
+
+
+def test_a_bare_surface_is_left_as_it_is(tmp_path):
+    model = Model()
+    model.flat(0, 0, 4, 3, 0.0)
+    model.flat(0, 0, 4, 3, 1.5)
+    building = model.read(tmp_path)
+    assert levels(building) == [("floor", 0.0, 12.0), ("floor", 1.5, 12.0)]
+    assert building.findings == ()
+
+
+def treads(count=8, turn=0.0):
+    """Two floors, and treads without risers between them, each turned against the one before [degrees]."""
+    model = Model()
+    model.flat(-4, 0, 0, 2, 0.0)
+    for k in range(count):
+        model.flat(k * GOING, k * turn, (k + 1) * GOING, 1.2 + k * turn, (k + 1) * RISER)
+    model.flat(count * GOING, 0, count * GOING + 4, 2 + count * turn, (count + 1) * RISER)
+    return model
+
+
+def test_treads_without_risers_are_a_flight_over_the_floor(tmp_path):
+    model = treads()
+    model.flat(0, 0, 8 * GOING, -2, 0.0)
+    building = model.read(tmp_path)
+    flight = next(level for level in building.levels if level.kind == "flight")
+    assert (flight.z_min, flight.z_max) == pytest.approx((0.0, 9 * RISER))
+    assert len(building.portals) >= 2
+
+
+def test_treads_stay_if_asked_for(tmp_path):
+    assert [kind for kind, _, _ in levels(treads().read(tmp_path, treads=False))] == ["floor"] * 10
+
+
+def test_a_stair_that_turns_is_warned_of_with_its_place(tmp_path):
+    model = Model()
+    model.flat(-4, -4, 0, 0, 0.0)
+    for k in range(8):  # a spiral about the origin
+        angles = np.radians([25.0 * k, 25.0 * (k + 1)])
+        first = len(model.points)
+        corners = [
+            (r * np.cos(a), r * np.sin(a), (k + 1) * RISER)
+            for r, a in zip((0.3, 1.5, 1.5, 0.3), angles[[0, 0, 1, 1]], strict=True)
+        ]
+        model.points += [tuple(map(float, corner)) for corner in corners]
+        model.faces.append([first, first + 1, first + 2, first + 3])
+    (warning,) = [one for one in model.read(tmp_path).findings if "turns" in one.text]
+    assert (warning.kind, len(warning.place)) == ("warning", 3)
+
+
+@pytest.mark.parametrize(("size", "scale", "factor"), [(1e-3, 1.0, "1000"), (1e3, 1.0, "0.001"), (1e3, 1e-6, "0.001")])
+def test_unusual_sizes_are_doubted_with_the_factor_that_helps(tmp_path, size, scale, factor):
+    model = Model()
+    model.flat(0, 0, 12 * size, 8 * size, 0.0)
+    building = model.read(tmp_path, scale=scale, weld=1e-6)
+    (warning,) = building.warnings
+    assert f"building.scale = {factor} " in warning
+    assert model.read(tmp_path, scale=float(factor)).warnings == ()
+
+
+def test_edges_that_nearly_meet_name_the_weld_that_joins_them(tmp_path):
+    model = Model()
+    model.flat(0, 0, 4, 3, 0.0)
+    model.flat(4.0035, 0, 8, 3, 0.0)
+    (warning,) = model.read(tmp_path).warnings
+    assert "building.weld = 0.004 " in warning
+    building = model.read(tmp_path, weld=0.004)
+    assert (len(building.levels), building.warnings) == (1, ())
+
+
+def test_a_stair_that_nearly_meets_names_the_weld_that_joins_it(tmp_path):
+    model = Model()
+    model.flat(-4, 0, 0, 3, 0.0)
+    model.flat(4, 0, 8, 3, 2.0)
+    first = len(model.points)
+    model.points += [(0, 1, 0.004), (4, 1, 2.0), (4, 2, 2.0), (0, 2, 0.004)]
+    model.faces.append([first, first + 1, first + 2, first + 3])
+    with pytest.raises(BuildingError, match=r"building\.weld = 0\.005 "):
+        model.read(tmp_path)
+    assert len(model.read(tmp_path, weld=0.005).portals) == 2
+
+
+def test_a_union_of_bodies_keeps_the_ground_of_shapely(tmp_path):
+    rng = np.random.default_rng(3)
+    model = Model()
+    model.box(0, 0, -0.2, 20, 10, 0)
+    ground = shapely.box(0, 0, 20, 10)
+    for x in range(1, 19, 3):
+        size = rng.uniform(0.2, 0.5, 2)
+        model.box(x, 4, 0, x + size[0], 4 + size[1], rng.uniform(0.5, 3.0))
+        ground = ground.difference(shapely.box(x, 4, x + size[0], 4 + size[1]))
+    building = model.read(tmp_path, rng=rng)
+    assert levels(building) == [("floor", 0.0, round(ground.area, 3))]

@@ -1,0 +1,203 @@
+"""DXF drawings: layers, blocks, curves, units, walls as lines, and files that are damaged."""
+
+import itertools
+import math
+import sys
+from pathlib import Path
+
+import ezdxf
+import pytest
+import shapely
+
+import evac
+from evac import BuildingError, import_building, read_building
+from evac.conformance import check_plugin
+from evac.registry import BUILTIN_IMPORTERS, Registry
+
+FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
+REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
+ROOM = [(0, 0), (8, 0), (8, 5), (0, 5)]
+
+
+@pytest.fixture
+def drawing():
+    document = ezdxf.new("R2013")
+    document.header["$INSUNITS"] = 6
+    return document
+
+
+def add(space, layer, corners, close=True, **attributes):
+    space.add_lwpolyline(corners, close=close, dxfattribs={"layer": layer, **attributes})
+
+
+def plan_of(document, folder, **options):
+    path = folder / "a.dxf"
+    document.saveas(path)
+    return REGISTRY.importer_for(path)(**options).read(path)
+
+
+def building_of(document, folder, **options):
+    return plan_of(document, folder, **options).building(need_exit=False)
+
+
+def ground(building):
+    return sum(level.polygon.area for level in building.levels)
+
+
+def findings(made, kind):
+    return [str(one) for one in made.findings if one.kind == kind]
+
+
+@pytest.mark.parametrize("prefix", ["", "jps-", "JPS-"])
+def test_layers_of_the_convention(drawing, tmp_path, prefix):
+    space = drawing.modelspace()
+    add(space, f"{prefix}walkablearea", ROOM)
+    add(space, f"{prefix}obstacles", [(3, 2), (4, 2), (4, 3), (3, 3)])
+    add(space, f"{prefix}distributions", [(0, 0), (2, 0), (2, 5), (0, 5)])
+    add(space, f"{prefix}exits", [(7.5, 0.1), (7.9, 0.1), (7.9, 4.9), (7.5, 4.9)])
+    add(space, "furniture", [(1, 1), (2, 1), (2, 2)])
+    space.add_text("walkablearea", dxfattribs={"layer": f"{prefix}walkablearea"})
+    building = building_of(drawing, tmp_path)
+    # The exit is moved to the outline by 0.1 m on three sides.
+    assert ground(building) == pytest.approx(7.5 * 5 - 1.0)
+    assert [(way.name, round(way.width, 6)) for way in building.exits] == [("exit 1", 5.0)]
+    assert [(area.name, area.polygon.area) for area in building.areas] == [("area 1", 10.0)]
+    assert any("exit 1" in one for one in findings(building, "repaired"))
+
+
+def test_an_exit_farther_from_the_outline_stays_where_it_is(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    add(drawing.modelspace(), "exits", [(7.0, 1), (7.7, 1), (7.7, 2), (7.0, 2)])
+    building = building_of(drawing, tmp_path)
+    assert building.exits[0].width == pytest.approx(2 * 0.7 + 2 * 1.0)
+
+
+def test_blocks_are_expanded_on_their_layer_or_their_own(drawing, tmp_path):
+    inner = drawing.blocks.new("column")
+    add(inner, "0", [(0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5)])
+    outer = drawing.blocks.new("columns")
+    for x in (1.0, 3.0):
+        outer.add_blockref("column", (x, 0), dxfattribs={"layer": "obstacles"})
+    space = drawing.modelspace()
+    add(space, "walkablearea", ROOM)
+    space.add_blockref("columns", (1, 2), dxfattribs={"layer": "anything", "xscale": 2.0, "yscale": 2.0})
+    assert ground(building_of(drawing, tmp_path)) == pytest.approx(40.0 - 2 * 1.0)
+
+
+def test_curves_become_polygons(drawing, tmp_path):
+    space = drawing.modelspace()
+    bulge = math.tan(math.pi / 8)  # a quarter of a circle
+    space.add_lwpolyline(
+        [(0, 0, 0), (5, 0, bulge), (8, 3, 0), (8, 5, 0), (0, 5, 0)], format="xyb", close=True,
+        dxfattribs={"layer": "walkablearea"},
+    )  # fmt: skip
+    space.add_circle((2, 2), 0.5, dxfattribs={"layer": "obstacles"})
+    expected = 40.0 - 9.0 + math.pi * 9.0 / 4 - math.pi * 0.25
+    assert ground(building_of(drawing, tmp_path)) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("said", "size", "kind"),
+    [(6, 1.0, "found"), (4, 1000.0, "found"), (4, 1.0, "assumed"), (6, 1000.0, "assumed"), (0, 1000.0, "assumed")],
+)
+def test_units_are_doubted(drawing, tmp_path, said, size, kind):
+    drawing.header["$INSUNITS"] = said
+    add(drawing.modelspace(), "walkablearea", [(size * x, size * y) for x, y in ROOM])
+    building = building_of(drawing, tmp_path)
+    assert ground(building) == pytest.approx(40.0)
+    assert any("unit" in one for one in findings(building, kind))
+
+
+def test_a_unit_that_is_given_is_not_doubted(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    building = building_of(drawing, tmp_path, unit=0.1)
+    assert ground(building) == pytest.approx(0.4)
+    assert any("building.scale = 1000" in one for one in findings(building, "warning"))
+
+
+def test_rooms_of_an_architect(drawing, tmp_path):
+    """Walls with two sides as single lines, doors as gaps, a swing in a block; in millimetres."""
+    drawing.header["$INSUNITS"] = 4
+    rooms = [shapely.box(0.3, 0.3, 4.9, 5.7), shapely.box(5.0, 0.3, 9.7, 5.7)]
+    gaps = [shapely.box(4.8, 2, 5.1, 2.9), shapely.box(-0.1, 2, 0.4, 3)]
+    walls = shapely.box(0, 0, 10, 6).difference(shapely.union_all([*rooms, *gaps]))
+    space = drawing.modelspace()
+    for ring in shapely.get_rings(walls):
+        corners = 1000.0 * shapely.get_coordinates(ring)
+        for start, end in itertools.pairwise(corners):
+            space.add_line(start, end, dxfattribs={"layer": "A-WALL-FULL"})
+    swing = drawing.blocks.new("door")
+    swing.add_arc((0, 0), 900, 0, 90)
+    space.add_blockref("door", (4900, 2000), dxfattribs={"layer": "A-DOOR"})
+    drawing.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", options={"walls": "a-wall*"}, exits=[1], people=20)
+    assert ground(made.building) == pytest.approx(4.6 * 5.4 + 4.7 * 5.4 + 0.1 * 0.9 + 0.3 * 1.0)
+    assert [one.width for one in made.openings] == pytest.approx([1.0])
+    assert evac.run(evac.load(made.folder)).evacuated == 20
+
+
+def test_open_lines_of_the_floor_are_closed_and_told(drawing, tmp_path):
+    for ends in ([(0, 0), (8, 0)], [(8, 0.05), (8, 5)], [(8, 5), (0, 5)], [(0, 5), (0, 0)], [(20, 20), (21, 20)]):
+        drawing.modelspace().add_line(*ends, dxfattribs={"layer": "walkablearea"})
+    building = building_of(drawing, tmp_path)
+    assert ground(building) == pytest.approx(40.0)
+    (closed,) = findings(building, "repaired")
+    assert "(8.00, 0.03)" in closed or "(8.00, 0.02)" in closed
+    assert any("(20.00, 20.00)" in one for one in findings(building, "left out"))
+    with pytest.raises(BuildingError, match=r"\(0\.00, 0\.00\).* gap "):
+        import_building([tmp_path / "a.dxf"], tmp_path / "case", options={"gap": 0.01})
+
+
+def test_without_a_floor_the_layers_are_named(drawing, tmp_path):
+    add(drawing.modelspace(), "A-SLAB", ROOM)
+    drawing.saveas(tmp_path / "a.dxf")
+    with pytest.raises(BuildingError, match=r"A-SLAB \(1\)"):
+        read_building(tmp_path / "a.dxf")
+
+
+def test_a_file_that_is_cut_off_is_refused_with_its_line(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    drawing.saveas(tmp_path / "a.dxf")
+    content = (tmp_path / "a.dxf").read_bytes()
+    for share in (0.2, 0.6, 0.95):
+        (tmp_path / "a.dxf").write_bytes(content[: int(share * len(content))])
+        with pytest.raises(BuildingError, match=r"line \d+ without the mark EOF"):
+            read_building(tmp_path / "a.dxf")
+
+
+def test_a_damaged_file_is_refused_unless_its_repair_is_asked_for(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    add(drawing.modelspace(), "walkablearea", [(20, 0), (23, 0), (23, 3)])
+    path = tmp_path / "a.dxf"
+    drawing.saveas(path)
+    path.write_text(path.read_text().replace(" 20\n3.0", " 2x\n3.0", 1))
+    with pytest.raises(BuildingError, match=r"line \d+.*repair"):
+        read_building(path)
+    plan = REGISTRY.importer_for(path)(repair=True).read(path)
+    assert any("damaged" in one for one in findings(plan, "warning"))
+
+
+def test_without_ezdxf_the_message_says_what_to_install(drawing, tmp_path, monkeypatch):
+    drawing.saveas(tmp_path / "a.dxf")
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    with pytest.raises(BuildingError, match=r"pip install 'evac\[dxf\]'"):
+        read_building(tmp_path / "a.dxf")
+
+
+def test_keeps_to_the_contract(drawing, tmp_path):
+    add(drawing.modelspace(), "walkablearea", ROOM)
+    add(drawing.modelspace(), "exits", [(8, 1), (8, 2)], close=False)
+    drawing.saveas(tmp_path / "a.dxf")
+    people = [{"name": "people", "level": "floor", "number": 3}]
+    case = {"title": "DXF", "building": {"mesh": str(tmp_path / "a.dxf")}, "people": people}
+    check_plugin(type(REGISTRY.importers["dxf"]()), evac.load({**case, "contact": {"model": "nsm2"}}))
+
+
+@pytest.mark.parametrize(("name", "ends"), [("ISO-Bottleneck", 30.0), ("ISO-Corner", 12.0)])
+def test_drawings_of_others(tmp_path, name, ends):
+    path = FOREIGN / f"{name}.dxf"
+    if not path.is_file():
+        pytest.skip("the shared data are not beside this checkout")
+    made = import_building([path], tmp_path / "case", people=100)
+    assert (made.fault, made.building.vertices[:, 0].max()) == ("", ends)
+    assert evac.run(evac.load(made.folder)).evacuated == 100
