@@ -16,8 +16,8 @@ from evac.building.components import connected_components
 from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
 from evac.building.plan import Plan
-from evac.building.planparts import HEADROOM
 from evac.building.shapes import common, cut, place_of, united
+from evac.defaults import HEADROOM
 from evac.errors import BuildingError
 
 #: A floor may begin so far from the end of a flight [m].

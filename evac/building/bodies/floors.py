@@ -8,8 +8,8 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.building.bodies.body import Body, closed, snapped, without_slivers
 from evac.building.findings import Finding
-from evac.building.planparts import HEADROOM
 from evac.building.shapes import common, cut, place_of, united
+from evac.defaults import HEADROOM
 
 #: A slab belongs to a floor if its top is so close to it [m]: what lies on it is up to so thick.
 THICKNESS = 0.3
