@@ -50,6 +50,7 @@ def test_numbers_of_runs_are_whole_populations():
     assert rule.wanted(np.random.default_rng(3).lognormal(size=10), np.arange(10) // 5) % 5 == 0
 
 
+@pytest.mark.slow  # the certainty page of the evidence measures this on more studies
 @pytest.mark.parametrize(
     ("statistic", "until", "true"), [("mean", 0.03, math.exp(0.0032)), ("percentile 50", 0.03, 1.0)]
 )
