@@ -73,13 +73,18 @@ class Ending:
         str
             `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or nothing.
         """
-        if not (crowd.level >= 0).any():
-            return EVERYBODY_OUT
-        if step >= self._settings.last_step:
-            return DURATION_OVER
+        over = self.over(step, crowd)
+        if over:
+            return over
         if step % self._steps_per_check == 0 and self._is_stuck(step * self._settings.step, crowd, fields):
             return NO_PROGRESS
         return ""
+
+    def over(self, step: int, crowd: Crowd) -> str:
+        """Return why no step is left to make, as `reason` does but for progress; nothing where there is one."""
+        if not (crowd.level >= 0).any():
+            return EVERYBODY_OUT
+        return DURATION_OVER if step >= self._settings.last_step else ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
         """Return the rows of people who are inside and make no progress.

@@ -224,7 +224,8 @@ def run_into(
             if not simulation.ended:
                 checkpoints.save_last()
             raise
-        checkpoints.save_if_due()
+        if not simulation.ended:  # a run goes on from a tick that is not its last
+            checkpoints.save_if_due()
 
     with simulation.phases.enter("output"):
         try:

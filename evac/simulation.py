@@ -359,7 +359,7 @@ class Simulation:
         self._ending.restore(state["simulation.ending"])
         self.displacement_velocity[:] = state["simulation.displacement_velocity"]
         self._watch.restore(_part(state, "watch."))
-        self.ended = ""
+        self.ended = self._ending.over(self.step, self.population.crowd)
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the start."""

@@ -406,3 +406,32 @@ def test_two_runs_into_one_folder_are_kept_apart(tmp_path, hall):
 def test_checkpoints_need_a_folder(hall):
     with pytest.raises(ScenarioError, match="folder"):
         evac.run(evac.load(hall), checkpoint=60)
+
+
+@pytest.mark.parametrize("duration", [1.0, 60.0])
+def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration, monkeypatch):
+    """When the outputs are being written, no step is left to make, of time or of people."""
+    case = evac.load("square_room", QUIET | {"simulation.duration": duration, "people.people.number": 3})
+    evac.run(case, tmp_path / "whole")
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("evac.running.write_outputs", killed)
+        with pytest.raises(KeyboardInterrupt):
+            evac.run(case, tmp_path / "r", checkpoint=0.0)
+    assert find_checkpoint(tmp_path / "r").time < evac.read_trajectory(tmp_path / "whole").time[-1]
+    results = evac.resume(tmp_path / "r")
+    assert results.ended == ("duration over" if duration == 1.0 else "everybody out")
+    for name in TABLES:
+        assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+
+
+def test_a_state_after_the_last_step_is_known_as_such():
+    simulation = evac.Simulation(evac.load("square_room", QUIET | {"simulation.duration": 0.3}))
+    simulation.run()
+    again = evac.Simulation(simulation.case)
+    again.restore(simulation.state())
+    assert again.ended == "duration over"
+    assert np.isfinite(again.run().crowd.velocity).all()
