@@ -94,6 +94,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         "evac replay": [result, "--out", str(folder / "replay.html")],
         "evac map": [result, "--of", "density"],
         "evac export": [result],
+        "evac report": [result, "--out", str(folder / "report.html"), "--maps", "none"],
         "evac render": [result, "--out", str(folder / "picture.png")],
         "evac import --help": [],
         "evac new": [str(folder / "new")],
@@ -115,8 +116,8 @@ def report_commands(evidence: Evidence) -> None:
             evidence.verdict(reported(f"`{row['command']}`", f"{row['median [s]']:.2f} s", "-", section))
     evidence.heading(section)
     evidence.text(
-        """Run, repeat, replay, map, export and render include the work that they are called for, on the square room
-        with its picture and animation as shipped; render draws one picture."""
+        """Run, repeat, replay, map, export, report and render include the work that they are called for, on the square
+        room with its picture and animation as shipped; render draws one picture."""
     )
     evidence.table(
         "commands", rows, f"Wall time of a whole process on a warm cache, {repeats} runs beside a reference run."
