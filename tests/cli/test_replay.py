@@ -12,7 +12,7 @@ FILES = {
     "picture": {"egress.png"},
     "replay": {"replay.html"},
     "trajectory": {"trajectory.evac"},
-    "animation": {"animation.pvd", "building.vtp", "frames"},
+    "animation": {"animation.pvd", "building.vtm", "building", "frames"},
 }
 
 

@@ -24,9 +24,15 @@ PEOPLE_LEFT = 3
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals to send")
 
 
+def heed_interrupts():
+    """Undo that a shell lets background jobs, of which the tests may be one, ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(folder, *words):
     command = [sys.executable, "-P", "-m", "evac", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, cwd=folder, preexec_fn=heed_interrupts, **pipes)
 
 
 def wait_for(path, process):

@@ -206,11 +206,18 @@ def evac_behaviours():
     assert re.search(words, capsys.readouterr().err)
 
 
+def _heed_interrupts():
+    """Undo that a shell lets background jobs, of which the tests may be one, ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _start_long_run(folder):
     """Start a run of many minutes and return it when it has written some frames."""
     words = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(folder), "--set"]
     words += ["simulation.step=0.00005", "output.every=0.1"]
-    process = subprocess.Popen(words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, cwd=folder.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=_heed_interrupts
+    )
     path = folder.with_name(f"{folder.name}.running") / TRAJECTORY_NAME
     deadline = time.monotonic() + 240.0
     while time.monotonic() < deadline and process.poll() is None:
