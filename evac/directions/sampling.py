@@ -85,6 +85,18 @@ def sample_travel_time(fields: PackedFields, position_x: float, position_y: floa
 
 
 @inner
+def node_at(
+    fields: PackedFields, position_x: float, position_y: float, level: int, route: int
+) -> tuple[int, int, int, float, float]:
+    """Return `cell_of` a position behind the number of its lower node in the field of a route, -1 without one."""
+    row = fields.field_of[level, route]
+    if row < 0:
+        return -1, 0, 0, 0.0, 0.0
+    ix, iy, fx, fy = cell_of(fields, position_x, position_y, level)
+    return fields.offset[row] + ix * fields.shape[level, 1] + iy, ix, iy, fx, fy
+
+
+@inner
 def sample_direction(
     fields: PackedFields, position_x: float, position_y: float, level: int, route: int
 ) -> tuple[float, float]:
@@ -93,28 +105,39 @@ def sample_direction(
     Bilinear over the unit vectors of the cell, normalised; the nearest node's where they cancel, as on the line
     between two equal ways round an obstacle. Where they differ much, only nodes in sight count.
     """
-    row = fields.field_of[level, route]
-    if row < 0:
+    node, ix, iy, fx, fy = node_at(fields, position_x, position_y, level, route)
+    if node < 0:
         return 0.0, 0.0
-    ix, iy, fx, fy = cell_of(fields, position_x, position_y, level)
-    ny = fields.shape[level, 1]
-    n00 = fields.offset[row] + ix * ny + iy
-    n10 = n00 + ny
-    direction = fields.direction
+    ex, ey = mean_direction(fields.direction, node, node + fields.shape[level, 1], fx, fy)
+    return unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+
+
+@inner
+def mean_direction(direction: Pairs, low: int, high: int, fx: float, fy: float) -> tuple[float, float]:
+    """Return the bilinear mean of four vectors: `low` and the next one at the lower x, `high` and the next one."""
     w11 = fx * fy
     w10 = fx - w11
     w01 = fy - w11
     w00 = 1.0 - fx - w01
-    ex = w00 * direction[n00, 0] + w10 * direction[n10, 0] + w01 * direction[n00 + 1, 0] + w11 * direction[n10 + 1, 0]
-    ey = w00 * direction[n00, 1] + w10 * direction[n10, 1] + w01 * direction[n00 + 1, 1] + w11 * direction[n10 + 1, 1]
+    ex = w00 * direction[low, 0] + w10 * direction[high, 0] + w01 * direction[low + 1, 0] + w11 * direction[high + 1, 0]
+    ey = w00 * direction[low, 1] + w10 * direction[high, 1] + w01 * direction[low + 1, 1] + w11 * direction[high + 1, 1]
+    return ex, ey
+
+
+@inner
+def unit_direction(
+    fields: PackedFields, level: int, node: int, ix: int, iy: int, fx: float, fy: float, ex: float, ey: float
+) -> tuple[float, float]:
+    """Return the unit vector along a mean (ex, ey), or what `sample_direction` returns where that is short."""
     length = math.sqrt(ex * ex + ey * ey)
     if length < AGREEING:
+        ny = fields.shape[level, 1]
         first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
         if first < last:
-            return _direction_in_sight(fields, level, n00, ix, iy, fx, fy, first, last)
-    if length < CANCELLING:
-        nearest = n00 + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
-        return direction[nearest, 0], direction[nearest, 1]
+            return _direction_in_sight(fields, level, node, ix, iy, fx, fy, first, last)
+        if length < CANCELLING:
+            nearest = node + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
+            return fields.direction[nearest, 0], fields.direction[nearest, 1]
     return ex / length, ey / length
 
 

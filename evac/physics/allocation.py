@@ -48,7 +48,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
     """Return the state of a run of so many people before its first step."""
     return State(
         world=world,
-        bodies=allocate(Bodies, people),
+        bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2))),
         lists=make_lists(people, 8 * people + 64, 8 * people + 64),
         contacts=make_contacts(4 * people + 64),
         warm_start=make_warm_start(4 * people + 64),

@@ -3,7 +3,7 @@
 import math
 
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.sampling import sample_direction
+from evac.directions.sampling import mean_direction, node_at, sample_direction, unit_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
 from evac.physics.seams import touches
 from evac.physics.state import State
@@ -24,18 +24,41 @@ def desired_speed(world, bodies, i, ex, ey):
 
 
 @inner
-def desired_direction(world, bodies, i):
-    """Return the unit desired direction of body i, (0, 0) where no way leads out."""
-    x, y = bodies.position[i, 0], bodies.position[i, 1]
-    ex, ey = sample_direction(world.fields, x, y, bodies.level[i], bodies.route[i])
-    if bodies.extra_direction[i, 0] != 0.0 or bodies.extra_direction[i, 1] != 0.0:
-        ex += bodies.extra_direction[i, 0]
-        ey += bodies.extra_direction[i, 1]
+def desired_direction(world, people, i):
+    """Return the unit desired direction of person i of a crowd or of bodies, (0, 0) where no way leads out."""
+    x, y = people.position[i, 0], people.position[i, 1]
+    ex, ey = sample_direction(world.fields, x, y, people.level[i], people.route[i])
+    return _turned(people, i, ex, ey)
+
+
+@inner
+def _turned(people, i, ex, ey):
+    """Return the unit vector of a direction of person i and the extra one together."""
+    if people.extra_direction[i, 0] != 0.0 or people.extra_direction[i, 1] != 0.0:
+        ex += people.extra_direction[i, 0]
+        ey += people.extra_direction[i, 1]
         norm = math.sqrt(ex * ex + ey * ey)
         if norm > 0.0:
             ex /= norm
             ey /= norm
     return ex, ey
+
+
+@inner
+def _recalled_direction(fields, bodies, i):
+    """Return `sample_direction` at body i, from the nodes of its cell as they were read when it came there."""
+    level = bodies.level[i]
+    node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
+    if node < 0:
+        return 0.0, 0.0
+    if bodies.node[i] != node:
+        bodies.node[i] = node
+        for a in range(2):
+            for b in range(2):
+                for k in range(2):
+                    bodies.around[4 * i + 2 * a + b, k] = fields.direction[node + a * fields.shape[level, 1] + b, k]
+    ex, ey = mean_direction(bodies.around, 4 * i, 4 * i + 2, fx, fy)
+    return unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
 
 
 @inner
@@ -45,7 +68,8 @@ def set_desired(world, bodies):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
         if bodies.level[i] >= 0:
-            ex, ey = desired_direction(world, bodies, i)
+            ex, ey = _recalled_direction(world.fields, bodies, i)
+            ex, ey = _turned(bodies, i, ex, ey)
             bodies.desired[i, 0] = ex
             bodies.desired[i, 1] = ey
 

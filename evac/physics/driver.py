@@ -64,6 +64,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside
     bodies.taken_up_in = 0.0
+    bodies.node[:inside] = -1
     state.warm_start.number = 0
     state.contacts.separation_failed = 0
     state.lists.stale = 1

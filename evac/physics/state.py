@@ -172,6 +172,8 @@ class Bodies(Struct):
     spare: Pairs  # scratch of position corrections and force reports
     push: Pairs  # forces at a distance [N]
     desired: Pairs  # unit desired direction
+    node: Longs  # lower node of the cell that `around` holds, -1: none
+    around: Pairs  # (4 n, 2) directions at the nodes of each body's cell, beside one another
     level: Ints
     radius: Floats
     mass: Floats

@@ -9,7 +9,7 @@ from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import make_engine, name_of, uniform_fields, walk
+from tests.physics.scenes import fields_towards, make_engine, name_of, uniform_fields, walk
 
 FREE = 1e30
 
@@ -30,6 +30,18 @@ def test_without_inertia_a_force_gives_the_velocity_tau_f_over_m():
     engine.advance(Nsm1(variant="overdamped"), crowd, 0, 1, 1e-4, True, False)
     force = 2000.0 * math.exp(-0.1 / 0.08) / 2.0
     np.testing.assert_allclose(crowd.velocity, [(-0.3 * force / 60.0, 0.0), (0.7 * force / 90.0, 0.0)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("forces", [[], [SocialForce()]])
+def test_directions_kept_from_step_to_step_are_those_of_the_place(forces):
+    """Kept for a tick of fifty steps, over many cells, or for one step."""
+    moved = []
+    for tick in (1, 50):
+        crowd = make_crowd([(0.0, 0.0), (4.0, 3.0)], [(2.0, 0.0), (0.0, 2.0)], tau=1.0, speed=2.0)
+        walk(Dem(), crowd, 50, tick=tick, fields=fields_towards((2.0, -1.0)), forces=forces)
+        moved.append(crowd.position)
+    np.testing.assert_array_equal(*moved)
+    assert np.hypot(*(moved[0] - [(0.0, 0.0), (4.0, 3.0)]).T).min() > 0.5  # more than a cell
 
 
 @pytest.mark.parametrize("routes", [(0, 1), (1, 0)])
