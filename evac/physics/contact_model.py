@@ -103,6 +103,9 @@ class ContactModel(Configurable, ABC):
         Whether the law starts from the percussions of the sub-step before.
     reports_percussions : bool
         Whether contact forces are percussions over the length of a step; if not, the law reports them.
+    along_the_way : bool
+        Whether bodies, and with them contacts, are in the order of travel time, in which sweeps pass loads on; if not,
+        they are in the order of place, which is quicker in large crowds.
     """
 
     law: ClassVar[Entry | None] = None
@@ -113,6 +116,7 @@ class ContactModel(Configurable, ABC):
     longest_path: float = math.inf
     remembers: bool = True
     reports_percussions: bool = True
+    along_the_way: bool = False
 
     def check_scene(self, scene: BorderScene) -> None:
         """Refuse a scene that the model cannot step through.
@@ -276,6 +280,7 @@ class SolvedContactModel(ContactModel):
 
     solver = Parameter("accelerated_sweeps", "method of the contact problem, a registered solver")
     velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
+    along_the_way = True
     #: Whether overlaps are separated, on positions, before the law acts.
     separates: bool = False
 

@@ -12,6 +12,8 @@ Contact models written in numpy make the same calls from Python, see `ContactMod
 
 import math
 
+import numpy as np
+
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contacts import (
@@ -59,7 +61,8 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     bodies = state.bodies
     rows = bodies.row[:inside]
     for name in TAKEN:
-        getattr(bodies, name)[:inside] = getattr(crowd, name)[rows]
+        given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
+        np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside
@@ -233,7 +236,10 @@ def _is_too_fast(bodies, h, limit):
 
 @inner
 def _tally_contacts(state):
-    """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began."""
+    """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began.
+
+    Of two people it is told of the one with the greater row, whatever the order of bodies.
+    """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     contacts.deepest = 0.0
     for c in range(contacts.number):
@@ -244,7 +250,9 @@ def _tally_contacts(state):
             tally[at.OVERLAP_SUM] += overlap
             tally[at.OVERLAPS] += 1.0
             if overlap > tally[at.GREATEST_OVERLAP]:
-                i = contacts.body[c]
+                i, j = contacts.body[c], contacts.other[c]
+                if j >= 0 and bodies.row[j] > bodies.row[i]:
+                    i = j
                 tally[at.GREATEST_OVERLAP] = overlap
                 tally[at.DEEPEST_TIME] = state.clock.time
                 tally[at.DEEPEST_PERSON] = bodies.row[i]

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, SimulationError, plugin_code
 from evac.jit import AddressCall, Entry, call_pair_force
 from evac.jit.loading import addresses_of
@@ -24,6 +23,7 @@ from evac.physics.allocation import (
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
+from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.overlaps import separate
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
@@ -99,7 +99,7 @@ class Engine:
         """
         self.load(model)
         state, clock = self.state, self.state.clock
-        if self._gather(crowd):
+        if self._gather(model, crowd):
             clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
@@ -111,13 +111,10 @@ class Engine:
         driver.scatter(crowd, state.bodies)
         return state.events
 
-    def _gather(self, crowd: Crowd) -> int:
-        """Copy the people inside to the bodies, sorted by travel time, row breaking ties; return how many they are."""
-        rows = np.flatnonzero(crowd.level >= 0)
-        travel_time = np.empty(len(rows))
-        place = crowd.position[rows], crowd.level[rows], crowd.route[rows]
-        sample_travel_times(self.state.world.fields, *place, travel_time)
-        self.state.bodies.row[: len(rows)] = rows[np.argsort(travel_time, kind="stable")]
+    def _gather(self, model: ContactModel, crowd: Crowd) -> int:
+        """Copy the people inside to the bodies, in the order that the model asks for; return how many they are."""
+        rows = rows_by_travel_time(self.state.world, crowd) if model.along_the_way else rows_by_place(crowd)
+        self.state.bodies.row[: len(rows)] = rows
         driver.gather(self.state, crowd, len(rows))
         return len(rows)
 

@@ -20,7 +20,9 @@ def entries_of_loop(
     model: ContactModel, forces: Sequence[Force], solvers: Mapping[str, type[Solver]], has_seams: bool, full: bool
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
-    found = [sample_travel_times, drive_of(model)]
+    found = [drive_of(model)]
+    if model.along_the_way:
+        found.append(sample_travel_times)
     if model.law is None:
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:

@@ -152,7 +152,7 @@ class World(Struct):
 
 
 class Bodies(Struct):
-    """The people still inside, sorted by travel time (row breaking ties) at the start of a tick.
+    """The people still inside, in the order of `evac.physics.order` at the start of a tick.
 
     A body keeps its place until the next tick, so sums and sweeps run in an order that depends on the
     people alone; level -1 marks one that left on the way.

@@ -1,0 +1,44 @@
+"""The order of bodies: by place along a curve, or by travel time."""
+
+import numpy as np
+
+from evac.physics.order import PER_METRE, along_curve, rows_by_place, rows_by_travel_time
+from evac.physics.state import make_crowd
+from evac.physics.world import make_world
+from tests.physics.scenes import fields_towards, make_building
+
+
+def interleaved(x, y):
+    """Return the number whose bits are those of x and y in turns."""
+    return int("".join(a + b for a, b in zip(f"{x:028b}", f"{y:028b}", strict=True)), 2)
+
+
+def test_the_curve_is_that_of_morton():
+    random = np.random.default_rng(3)
+    cells = random.integers(0, 2**28, (200, 2))
+    found = along_curve((cells + 0.5) / PER_METRE, np.zeros(200, np.int32))
+    assert found.tolist() == [interleaved(x, y) for x, y in cells.tolist()]
+
+
+def test_the_curve_repeats_and_takes_one_level_after_the_other():
+    random = np.random.default_rng(4)
+    position = random.uniform(-900.0, 900.0, (200, 2)).round(3)
+    level = random.integers(0, 100, 200).astype(np.int32)
+    found = along_curve(position, level)
+    np.testing.assert_array_equal(found, along_curve(position + 2**28 / PER_METRE, level))
+    assert (np.diff(level[np.argsort(found)]) >= 0).all()
+
+
+def test_neighbours_in_order_are_neighbours_in_place():
+    """On average less than a fifth as far apart as in the order in which they were drawn."""
+    crowd = make_crowd(np.random.default_rng(5).uniform(0.0, 40.0, (2000, 2)))
+    rows = rows_by_place(crowd)
+    apart = [np.hypot(*np.diff(place, axis=0).T).mean() for place in (crowd.position, crowd.position[rows])]
+    assert apart[1] < 0.2 * apart[0]
+
+
+def test_only_those_inside_are_in_order_and_ties_are_in_order_of_rows():
+    crowd = make_crowd([(3, 1), (1, 1), (3, 1), (2, 1), (1, 1)], level=[0, 0, 0, -1, 0])
+    assert rows_by_place(crowd).tolist() == [1, 4, 0, 2]
+    world = make_world(make_building(), fields_towards((0, 1)))
+    assert rows_by_travel_time(world, crowd).tolist() == [1, 4, 0, 2]
