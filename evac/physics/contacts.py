@@ -23,7 +23,9 @@ def set_reach(bodies, h, share, floor):
     `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
     """
     for i in range(bodies.inside):
-        if bodies.level[i] >= 0:
+        if share == 0.0:
+            bodies.reach[i] = floor
+        elif bodies.level[i] >= 0:
             free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
             last = bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2
             bodies.reach[i] = max(share * h * math.sqrt(max(free, last)), floor)

@@ -23,8 +23,8 @@ from evac.physics.contacts import (
     set_reach,
 )
 from evac.physics.drive import call_add_forces, call_drive, set_desired
-from evac.physics.motion import add_work, move
-from evac.physics.neighbours import build_lists, lists_are_stale
+from evac.physics.motion import add_contact_work, move
+from evac.physics.neighbours import build_lists
 from evac.physics.overlaps import call_separate
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
@@ -59,7 +59,7 @@ WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
 def gather(state: State, crowd: Crowd, inside: int) -> None:
     """Copy the people in ``bodies.row`` to the bodies, and forget what holds for the tick before."""
     bodies = state.bodies
-    rows = bodies.row[:inside]
+    rows = bodies.row[:inside].astype(np.intp)
     for name in TAKEN:
         given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
@@ -76,9 +76,12 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
 
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
     """Copy back what the steps wrote."""
-    rows = bodies.row[: bodies.inside]
+    rows = bodies.row[: bodies.inside].astype(np.intp)
     for name in WRITTEN:
-        getattr(crowd, name)[rows] = getattr(bodies, name)[: bodies.inside]
+        written, found = getattr(crowd, name), getattr(bodies, name)
+        if found.ndim == 2:  # pairs, which numpy assigns ten times faster where each is one number
+            written, found = written.view(np.complex128)[:, 0], found.view(np.complex128)[:, 0]
+        written[rows] = found[: bodies.inside]
 
 
 @kernel
@@ -207,7 +210,7 @@ def _renew_lists(state, pairs, contacts):
     if lists.wall_reach < contacts:
         lists.wall_reach = 1.25 * contacts
         lists.stale = 1
-    if lists_are_stale(state.bodies, lists):
+    if lists.stale:
         status = build_lists(state.world, state.bodies, lists)
         if status == OK:
             state.tally[at.LIST_BUILDS] += 1.0
@@ -268,11 +271,11 @@ def conclude(state: State) -> int:
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
     if not traits.overdamped:  # without inertia there is no kinetic energy to account for
-        add_work(bodies, contacts, tally)
+        add_contact_work(bodies, contacts, tally)
     if traits.remembers:
         keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
-    return move(state, clock.time, clock.h, traits.old_share, 1.0)
+    return move(state, clock.time, clock.h, traits.old_share, True)
 
 
 @kernel

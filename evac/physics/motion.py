@@ -67,18 +67,27 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
 
 
 @inner
-def move(state, time, h, old_share, walked):
+def move(state, time, h, old_share, is_walk):
     """Move everybody by h ``bodies.solved``; return a status.
 
-    The share `old_share` is the old velocity's; the share `walked` of the path, up to an exit, counts as walked.
+    The share `old_share` is the old velocity's. Of a walk the path up to an exit counts as walked, and the driving work
+    m (V - u).(u + u+)/2 with the free velocity V is added up, unless nobody has inertia. Lists become stale where
+    somebody has moved by half their skin.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
+    work, works = state.tally[at.DRIVING_WORK], is_walk and not state.traits.overdamped
+    stale_beyond = (0.5 * lists.skin) ** 2
     for i in range(bodies.inside):
         if bodies.level[i] < 0:
             continue
         ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
-        mx = (1.0 - old_share) * ux + old_share * bodies.velocity[i, 0]
-        my = (1.0 - old_share) * uy + old_share * bodies.velocity[i, 1]
+        vx, vy = bodies.velocity[i, 0], bodies.velocity[i, 1]
+        if works:
+            x = (bodies.free[i, 0] - vx) * (vx + ux)
+            y = (bodies.free[i, 1] - vy) * (vy + uy)
+            work += 0.5 * bodies.mass[i] * (x + y)
+        mx = (1.0 - old_share) * ux + old_share * vx
+        my = (1.0 - old_share) * uy + old_share * vy
         ax, ay = bodies.position[i, 0], bodies.position[i, 1]
         bx = ax + h * mx
         by = ay + h * my
@@ -102,23 +111,22 @@ def move(state, time, h, old_share, walked):
                 return status
             if bodies.level[i] < 0:
                 path *= (events.time[events.number - 1] - time) / h
-        bodies.distance[i] += walked * path
+        if is_walk:
+            bodies.distance[i] += path
+        dx, dy = bx - bodies.built_position[i, 0], by - bodies.built_position[i, 1]
+        if dx * dx + dy * dy > stale_beyond and bodies.level[i] >= 0:
+            lists.stale = 1
+    state.tally[at.DRIVING_WORK] = work
     return OK
 
 
 @inner
-def add_work(bodies, contacts, tally):
-    """Add driving work, and what contacts took from and gave to the kinetic energy [J], to the tally.
+def add_contact_work(bodies, contacts, tally):
+    """Add what contacts took from and gave to the kinetic energy [J] to the tally.
 
-    Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2 along the normal
-    and likewise along the tangent; they add up to the change of kinetic energy to rounding. To be called before `move`.
+    Per contact it is P (w+ + w-)/2 along the normal and likewise along the tangent; with the driving work of `move` it
+    adds up to the change of kinetic energy to rounding.
     """
-    for i in range(bodies.inside):
-        if bodies.level[i] < 0:
-            continue
-        x = (bodies.free[i, 0] - bodies.velocity[i, 0]) * (bodies.velocity[i, 0] + bodies.solved[i, 0])
-        y = (bodies.free[i, 1] - bodies.velocity[i, 1]) * (bodies.velocity[i, 1] + bodies.solved[i, 1])
-        tally[at.DRIVING_WORK] += 0.5 * bodies.mass[i] * (x + y)
     for c in range(contacts.number):
         before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)
         work = 0.5 * contacts.percussion[c] * before_and_after

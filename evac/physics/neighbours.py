@@ -11,20 +11,6 @@ from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 
 
 @inner
-def lists_are_stale(bodies, lists):
-    """Say whether the lists must be built again before they are used."""
-    if lists.stale:
-        return True
-    limit = (0.5 * lists.skin) ** 2
-    for i in range(bodies.inside):
-        dx = bodies.position[i, 0] - bodies.built_position[i, 0]
-        dy = bodies.position[i, 1] - bodies.built_position[i, 1]
-        if dx * dx + dy * dy > limit and bodies.level[i] >= 0:
-            return True
-    return False
-
-
-@inner
 def segment_distance(x1, y1, x2, y2, px, py):
     """Return the distance of p from a segment, and the nearest point."""
     dx = x2 - x1
