@@ -68,26 +68,34 @@ def _build_pairs(world, bodies, lists):
             column = cell // ny
             row = cell - column * ny
             for cx in range(max(column - 1, 0), min(column + 2, nx)):
-                low = cx * ny + max(row - 1, 0)
-                high = cx * ny + min(row + 2, ny)
-                for slot in range(lists.cell_start[low], lists.cell_start[high]):
+                low = lists.cell_start[cx * ny + max(row - 1, 0)]
+                high = lists.cell_start[cx * ny + min(row + 2, ny)]
+                if used + high - low > capacity:
+                    return PAIRS_FULL
+                for slot in range(low, high):
                     j = lists.cell_body[slot]
                     dx = bodies.position[j, 0] - x
                     dy = bodies.position[j, 1] - y
                     limit = r + bodies.radius[j]
-                    # One branch that is rarely taken: a processor cannot foresee whether j comes after i.
-                    is_near = (dx * dx + dy * dy < limit * limit) & (j > i)
-                    if is_near and world.linked[level, bodies.level[j]]:
-                        if used == capacity:
-                            return PAIRS_FULL
-                        place = used
-                        while place > first and lists.pair_body[place - 1] > j:
-                            lists.pair_body[place] = lists.pair_body[place - 1]
-                            place -= 1
-                        lists.pair_body[place] = j
-                        used += 1
+                    is_linked = world.linked[level, bodies.level[j]] != 0
+                    # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
+                    lists.pair_body[used] = j
+                    used += (dx * dx + dy * dy < limit * limit) & (j > i) & is_linked
+            _sort(lists.pair_body, first, used)
         lists.pair_start[i + 1] = used
     return OK
+
+
+@inner
+def _sort(numbers, first, last):
+    """Sort a few numbers in place, by insertion."""
+    for k in range(first + 1, last):
+        number = numbers[k]
+        place = k
+        while place > first and numbers[place - 1] > number:
+            numbers[place] = numbers[place - 1]
+            place -= 1
+        numbers[place] = number
 
 
 @inner
