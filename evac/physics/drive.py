@@ -45,33 +45,49 @@ def _turned(people, i, ex, ey):
 
 
 @inner
-def _recalled_direction(fields, bodies, i):
-    """Return `sample_direction` at body i, from the nodes of its cell as they were read when it came there."""
-    level = bodies.level[i]
-    node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
-    if node < 0:
-        return 0.0, 0.0
-    if bodies.node[i] != node:
-        bodies.node[i] = node
-        for a in range(2):
-            for b in range(2):
-                for k in range(2):
-                    bodies.around[4 * i + 2 * a + b, k] = fields.direction[node + a * fields.shape[level, 1] + b, k]
-    ex, ey = mean_direction(bodies.around, 4 * i, 4 * i + 2, fx, fy)
-    return unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+def _look_around(fields, bodies):
+    """Read the directions at the nodes around the bodies that have come to another cell.
+
+    Most are far from the processor. No decision waits for what is read, so that many reads are under way at a time.
+    """
+    arrived = 0
+    for i in range(bodies.inside):
+        level = bodies.level[i]
+        if level >= 0:
+            node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
+            bodies.arrived[arrived] = i
+            arrived += (node != bodies.node[i]) & (node >= 0)
+            bodies.node[i] = node
+    for k in range(arrived):
+        i = bodies.arrived[k]
+        low = bodies.node[i]
+        high = low + fields.shape[bodies.level[i], 1]
+        for axis in range(2):
+            bodies.around[4 * i, axis] = fields.direction[low, axis]
+            bodies.around[4 * i + 1, axis] = fields.direction[low + 1, axis]
+            bodies.around[4 * i + 2, axis] = fields.direction[high, axis]
+            bodies.around[4 * i + 3, axis] = fields.direction[high + 1, axis]
 
 
 @inner
 def set_desired(world, bodies):
-    """Set the unit desired direction of every body from its place, and clear the forces."""
+    """Set the unit desired direction of every body from its place, as `desired_direction`, and clear the forces."""
+    fields = world.fields
+    _look_around(fields, bodies)
     for i in range(bodies.inside):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
-        if bodies.level[i] >= 0:
-            ex, ey = _recalled_direction(world.fields, bodies, i)
-            ex, ey = _turned(bodies, i, ex, ey)
-            bodies.desired[i, 0] = ex
-            bodies.desired[i, 1] = ey
+        level = bodies.level[i]
+        if level < 0:
+            continue
+        node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
+        ex, ey = 0.0, 0.0
+        if node >= 0:
+            ex, ey = mean_direction(bodies.around, 4 * i, 4 * i + 2, fx, fy)
+            ex, ey = unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+        ex, ey = _turned(bodies, i, ex, ey)
+        bodies.desired[i, 0] = ex
+        bodies.desired[i, 1] = ey
 
 
 @kernel
