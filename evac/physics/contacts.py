@@ -145,25 +145,36 @@ def find_contacts(state):
                 gap = near[k, 0] - r
                 memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
                 used += 1
-        r += bodies.reach[i]
-        for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
-            j = lists.pair_body[slot]
-            nx = x - bodies.position[j, 0]
-            ny = y - bodies.position[j, 1]
-            limit = r + bodies.radius[j] + bodies.reach[j]
-            square = nx * nx + ny * ny
-            if square > limit * limit or bodies.level[j] < 0:
-                continue
+        for k in range(_pick_near(bodies, lists, i)):
+            j = bodies.picked[k]
             if not touches(state, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]):
                 continue
             if used == capacity:
                 return CONTACTS_FULL
-            nx, ny, distance = unit_normal(nx, ny, square)
+            nx, ny = x - bodies.position[j, 0], y - bodies.position[j, 1]
+            nx, ny, distance = unit_normal(nx, ny, nx * nx + ny * ny)
             gap, omega = distance - bodies.radius[i] - bodies.radius[j], bodies.inverse_mass[i] + bodies.inverse_mass[j]
             memory = _append(state, used, memory, i, j, j, nx, ny, gap, omega)
             used += 1
     contacts.number = used
     return OK
+
+
+@inner
+def _pick_near(bodies, lists, i):
+    """Pick the bodies listed for body i that are within both reaches; return their number.
+
+    Each is written down, and kept by counting it: no processor foresees a branch on who is near.
+    """
+    x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + bodies.reach[i]
+    picked = 0
+    for slot in range(lists.pair_start[i], lists.pair_start[i + 1]):
+        j = lists.pair_body[slot]
+        dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
+        limit = r + bodies.radius[j] + bodies.reach[j]
+        bodies.picked[picked] = j
+        picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
+    return picked
 
 
 @inner

@@ -55,11 +55,11 @@ def _look_around(fields, bodies):
         level = bodies.level[i]
         if level >= 0:
             node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
-            bodies.arrived[arrived] = i
+            bodies.picked[arrived] = i
             arrived += (node != bodies.node[i]) & (node >= 0)
             bodies.node[i] = node
     for k in range(arrived):
-        i = bodies.arrived[k]
+        i = bodies.picked[k]
         low = bodies.node[i]
         high = low + fields.shape[bodies.level[i], 1]
         for axis in range(2):

@@ -244,24 +244,26 @@ def _tally_contacts(state):
     Of two people it is told of the one with the greater row, whatever the order of bodies.
     """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
-    contacts.deepest = 0.0
+    deepest, overlaps, total = 0.0, 0, tally[at.OVERLAP_SUM]
     for c in range(contacts.number):
         overlap = -contacts.gap[c]
-        if overlap >= 0.0:
-            contacts.deepest = max(contacts.deepest, overlap)
-            tally[at.CONTACTS] += 1.0
-            tally[at.OVERLAP_SUM] += overlap
-            tally[at.OVERLAPS] += 1.0
-            if overlap > tally[at.GREATEST_OVERLAP]:
-                i, j = contacts.body[c], contacts.other[c]
-                if j >= 0 and bodies.row[j] > bodies.row[i]:
-                    i = j
-                tally[at.GREATEST_OVERLAP] = overlap
-                tally[at.DEEPEST_TIME] = state.clock.time
-                tally[at.DEEPEST_PERSON] = bodies.row[i]
-                tally[at.DEEPEST_LEVEL] = bodies.old_level[i]
-                tally[at.DEEPEST_X] = bodies.old_position[i, 0]
-                tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
+        overlaps += overlap >= 0.0
+        total += max(overlap, 0.0)
+        deepest = max(deepest, overlap)
+        if overlap > tally[at.GREATEST_OVERLAP]:
+            i, j = contacts.body[c], contacts.other[c]
+            if j >= 0 and bodies.row[j] > bodies.row[i]:
+                i = j
+            tally[at.GREATEST_OVERLAP] = overlap
+            tally[at.DEEPEST_TIME] = state.clock.time
+            tally[at.DEEPEST_PERSON] = bodies.row[i]
+            tally[at.DEEPEST_LEVEL] = bodies.old_level[i]
+            tally[at.DEEPEST_X] = bodies.old_position[i, 0]
+            tally[at.DEEPEST_Y] = bodies.old_position[i, 1]
+    contacts.deepest = deepest
+    tally[at.CONTACTS] += overlaps
+    tally[at.OVERLAPS] += overlaps
+    tally[at.OVERLAP_SUM] = total
 
 
 @kernel

@@ -127,13 +127,14 @@ def add_contact_work(bodies, contacts, tally):
     Per contact it is P (w+ + w-)/2 along the normal and likewise along the tangent; with the driving work of `move` it
     adds up to the change of kinetic energy to rounding.
     """
+    taken, given = tally[at.CONTACT_DISSIPATION], tally[at.CONTACT_CREATION]
     for c in range(contacts.number):
         before_and_after = contacts.velocity_before[c] + normal_velocity(bodies.solved, contacts, c)
         work = 0.5 * contacts.percussion[c] * before_and_after
         if contacts.sticky[c]:
             slide = contacts.slide_before[c] + tangential_velocity(bodies.solved, contacts, c)
             work += 0.5 * contacts.friction[c] * slide
-        if work < 0.0:
-            tally[at.CONTACT_DISSIPATION] -= work
-        else:
-            tally[at.CONTACT_CREATION] += work
+        taken -= min(work, 0.0)
+        given += max(work, 0.0)
+    tally[at.CONTACT_DISSIPATION] = taken
+    tally[at.CONTACT_CREATION] = given

@@ -173,7 +173,7 @@ class Bodies(Struct):
     push: Pairs  # forces at a distance [N]
     desired: Pairs  # unit desired direction
     node: Longs  # lower node of the cell that `around` holds, -1: none
-    arrived: Ints  # scratch: bodies that have come to another cell
+    picked: Ints  # scratch: bodies that a loop has picked for the next one
     around: Pairs  # (4 n, 2) directions at the nodes of each body's cell, beside one another
     level: Ints
     radius: Floats
