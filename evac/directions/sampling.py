@@ -108,36 +108,42 @@ def sample_direction(
     node, ix, iy, fx, fy = node_at(fields, position_x, position_y, level, route)
     if node < 0:
         return 0.0, 0.0
-    ex, ey = mean_direction(fields.direction, node, node + fields.shape[level, 1], fx, fy)
-    return unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+    high = node + fields.shape[level, 1]
+    return direction_in_cell(fields, level, node, ix, iy, fx, fy, fields.direction, node, high)
 
 
 @inner
-def mean_direction(direction: Pairs, low: int, high: int, fx: float, fy: float) -> tuple[float, float]:
-    """Return the bilinear mean of four vectors: `low` and the next one at the lower x, `high` and the next one."""
+def direction_in_cell(
+    fields: PackedFields,
+    level: int,
+    node: int,
+    ix: int,
+    iy: int,
+    fx: float,
+    fy: float,
+    direction: Pairs,
+    low: int,
+    high: int,
+) -> tuple[float, float]:
+    """Return `sample_direction` in a cell whose nodes are in rows of `direction`: `low`, `high` at the greater x.
+
+    Each is followed by the row of the node at the greater y.
+    """
     w11 = fx * fy
     w10 = fx - w11
     w01 = fy - w11
     w00 = 1.0 - fx - w01
     ex = w00 * direction[low, 0] + w10 * direction[high, 0] + w01 * direction[low + 1, 0] + w11 * direction[high + 1, 0]
     ey = w00 * direction[low, 1] + w10 * direction[high, 1] + w01 * direction[low + 1, 1] + w11 * direction[high + 1, 1]
-    return ex, ey
-
-
-@inner
-def unit_direction(
-    fields: PackedFields, level: int, node: int, ix: int, iy: int, fx: float, fy: float, ex: float, ey: float
-) -> tuple[float, float]:
-    """Return the unit vector along a mean (ex, ey), or what `sample_direction` returns where that is short."""
     length = math.sqrt(ex * ex + ey * ey)
     if length < AGREEING:
         ny = fields.shape[level, 1]
         first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
         if first < last:
             return _direction_in_sight(fields, level, node, ix, iy, fx, fy, first, last)
-        if length < CANCELLING:
-            nearest = node + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
-            return fields.direction[nearest, 0], fields.direction[nearest, 1]
+    if length < CANCELLING:
+        nearest = (high if fx >= 0.5 else low) + (1 if fy >= 0.5 else 0)
+        return direction[nearest, 0], direction[nearest, 1]
     return ex / length, ey / length
 
 

@@ -3,7 +3,7 @@
 import math
 
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.sampling import mean_direction, node_at, sample_direction, unit_direction
+from evac.directions.sampling import direction_in_cell, node_at, sample_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
 from evac.physics.seams import touches
 from evac.physics.state import State
@@ -83,8 +83,7 @@ def set_desired(world, bodies):
         node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
         ex, ey = 0.0, 0.0
         if node >= 0:
-            ex, ey = mean_direction(bodies.around, 4 * i, 4 * i + 2, fx, fy)
-            ex, ey = unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+            ex, ey = direction_in_cell(fields, level, node, ix, iy, fx, fy, bodies.around, 4 * i, 4 * i + 2)
         ex, ey = _turned(bodies, i, ex, ey)
         bodies.desired[i, 0] = ex
         bodies.desired[i, 1] = ey
