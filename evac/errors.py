@@ -44,6 +44,10 @@ class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
+class ConformanceWarning(EvacWarning):
+    """`evac.conformance.check_plugin` could not reach part of a plugin; names the lines."""
+
+
 def text_of(error: BaseException) -> str:
     """Return the text of an error in one line that is not too long."""
     try:

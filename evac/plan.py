@@ -118,7 +118,7 @@ def explain(
     routes: Sequence[Route],
     model: "ContactModel",
     loop: Sequence[tuple[str, bool, str]],
-    forces: Mapping[str, float | None],
+    forces: Mapping[str, str | None],
     behaviours: Mapping[str, bool | None],
 ) -> list[Part]:
     """Return every part that can be left out, in or out, and why.
@@ -132,8 +132,8 @@ def explain(
     model : ContactModel
     loop : sequence of (str, bool, str)
         Parts of the step loop, see `Engine.explain`.
-    forces : mapping of str to float or None
-        For each force that the case names the gap up to which it is felt [m], None if it is left out.
+    forces : mapping of str to str or None
+        For each force that the case names on whom it acts, see `Engine.explain_forces`; None if it is left out.
     behaviours : mapping of str to bool or None
         For each behaviour that the case names whether it acts at ticks, None if it is left out.
     """
@@ -146,9 +146,8 @@ def explain(
         ways = ", ".join(f"to {route.destination}" for route in routes if route.strategy == strategy)
         why = f"somebody can go {ways}" if ways else "nobody can take such a route"
         parts.append(Part(f"fields: {strategy}", bool(ways), why))
-    for name, cutoff in forces.items():
-        why = "it is zero everywhere" if cutoff is None else f"felt up to a gap of {cutoff:.2f} m"
-        parts.append(Part(f"force: {name}", cutoff is not None, why))
+    for name, felt in forces.items():
+        parts.append(Part(f"force: {name}", felt is not None, felt or "it is zero everywhere"))
     if not forces:
         parts.append(Part("forces at a distance", False, "none named in [forces]"))
     for name, acts in behaviours.items():

@@ -163,9 +163,8 @@ class Simulation:
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[plan.Part]:
         """Explain what has been decided about the forces and behaviours that the case names."""
-        names = [force.name for force in self.forces]
-        cutoffs = dict(zip(names, self.engine.state.forces.cutoff.tolist(), strict=True))
-        felt = {force.name: cutoffs.get(force.name) for force in forces}
+        used = self.engine.explain_forces()
+        felt = {force.name: used.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         loop = self.engine.explain(self.contact)
         return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)

@@ -13,7 +13,8 @@ from evac.jit import Floats, Struct, Triples, inner, kernel
 from evac.parameters import Parameter
 from evac.physics import tallies as at
 from evac.physics.contact_model import BorderScene, ContactModel
-from evac.physics.contacts import push
+from evac.physics.contacts import push, take_free
+from evac.physics.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
 from evac.physics.state import State, World
 from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
@@ -30,16 +31,8 @@ class Spring(Struct):
     stiffness: float  # [kg/s2]
     hardening: float  # share of the radius
     least: float  # no contact hardens at a smaller overlap, whatever its radius [m]
-    stiffnesses: Triples  # (n, 3) xx, yy and xy of the sum of k n n^T / m of a body's contacts over k [1/kg]
-    coupling: Floats  # (n,) of the same to other bodies; -1 once checked [1/kg]
-
-
-@inner
-def take_free(bodies):
-    """Let the free velocity be the velocity after the sub-step, as it is without contacts."""
-    for i in range(bodies.inside):
-        bodies.solved[i, 0] = bodies.free[i, 0]
-        bodies.solved[i, 1] = bodies.free[i, 1]
+    stiffnesses: Triples  # (n, 3) of each body over k, see `evac.physics.stability` [1/kg]
+    coupling: Floats  # (n,) [1/kg]
 
 
 @kernel
@@ -59,14 +52,6 @@ def spring(state: State, own: Spring, h: float) -> int:
         contacts.percussion[c] = h * own.stiffness * overlap
         push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
     return OK
-
-
-@inner
-def damping_limit(h, tau, explicit):
-    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
-    if explicit:
-        return 4.0 - 2.0 * h / tau
-    return 2.0 * (1.0 + math.exp(-h / tau))
 
 
 @inner
@@ -100,64 +85,19 @@ def _radius(bodies, contacts, c):
 def _is_too_stiff(state, own, h):
     """Say whether the contacts as they are make a sub-step of `h` unstable, and note the body.
 
-    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
-    speed takes it within the step.
+    The stiffness of each is the tangent one at the overlap to which its speed takes it within the step.
     """
     bodies, contacts = state.bodies, state.contacts
     onset = max(own.hardening * bodies.smallest, own.least)
+    forget_stiffnesses(contacts, own)
     for c in range(contacts.number):
-        _forget_stiffness(own, contacts.body[c])
-        if contacts.other[c] >= 0:
-            _forget_stiffness(own, contacts.other[c])
-    for c in range(contacts.number):
-        i, j = contacts.body[c], contacts.other[c]
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         tangent = 1.0
         deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
         if deepest > onset:
             radius = _radius(bodies, contacts, c)
             tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, own)[1]
-        _stiffen(own, tangent * bodies.inverse_mass[i], i, nx, ny)
-        if j >= 0:
-            _stiffen(own, tangent * bodies.inverse_mass[j], j, nx, ny)
-            coupling = tangent * math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
-            own.coupling[i] += coupling
-            own.coupling[j] += coupling
-    for c in range(contacts.number):
-        if _exceeds_limit(state, own, h, contacts.body[c]):
-            return True
-        if contacts.other[c] >= 0 and _exceeds_limit(state, own, h, contacts.other[c]):
-            return True
-    return False
-
-
-@inner
-def _forget_stiffness(own, i):
-    own.stiffnesses[i, 0] = own.stiffnesses[i, 1] = own.stiffnesses[i, 2] = 0.0
-    own.coupling[i] = 0.0
-
-
-@inner
-def _exceeds_limit(state, own, h, i):
-    """Say whether the stiffness at body i makes a sub-step unstable, and note the body; asked once for each."""
-    if own.coupling[i] < 0.0:
-        return False
-    xx, yy, xy = own.stiffnesses[i, 0], own.stiffnesses[i, 1], own.stiffnesses[i, 2]
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    square = own.stiffness * (mean + math.sqrt(half * half + xy**2) + own.coupling[i])
-    own.coupling[i] = -1.0
-    if h * h * square <= damping_limit(h, state.bodies.tau[i], state.clock.explicit):
-        return False
-    state.bodies.failed = i
-    return True
-
-
-@inner
-def _stiffen(own, inverse_mass, i, nx, ny):
-    own.stiffnesses[i, 0] += inverse_mass * nx * nx
-    own.stiffnesses[i, 1] += inverse_mass * ny * ny
-    own.stiffnesses[i, 2] += inverse_mass * nx * ny
+        add_stiffness(bodies, contacts, own, c, tangent)
+    return makes_unstable(state, own, h, own.stiffness)
 
 
 class Dem(ContactModel):
@@ -185,10 +125,7 @@ class Dem(ContactModel):
         """
         super().check_scene(scene)
         mass, tau = float(scene.mass.min()), float(scene.tau.min())
-        square = 6.0 * self.stiffness / mass
-        limit = 2.0 / math.sqrt(square)
-        while limit**2 * square > damping_limit(limit, tau, scene.explicit):
-            limit *= 0.999
+        limit = longest_step(6.0 * self.stiffness / mass, tau, scene.explicit)
         if scene.step >= limit:
             raise ScenarioError(
                 f"simulation.step: {scene.step} s is too long for contact model 'dem' with stiffness"

@@ -9,20 +9,23 @@
         check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
         check_plugin(MyImporter, case)              # an importer with a case whose building it reads
 
-Each check raises `PluginError` that says what was broken, by how much, and what to change. The same checks
-run over everything that evac itself registers.
+Each check raises `PluginError` that names the check and the scene, and says what was broken, by how much, and what to
+change. The same checks run over everything that evac itself registers.
 """
 
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from evac.behaviour import Behaviour, check_writes
 from evac.building.importer import Importer
-from evac.conformance.cases import check_declared_arrays, check_goes_on, check_looks_only, check_same_bits
+from evac.conformance.behaviours import check_declared_arrays
+from evac.conformance.cases import check_goes_on, check_looks_only, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.exporters import EXPORTER_CHECKS, recorded
-from evac.conformance.forces import check_pair_force
+from evac.conformance.forces import FORCE_CHECKS
 from evac.conformance.importers import check_damaged_files, check_surface
+from evac.conformance.scenes import PLAIN, Pace, pace_of
 from evac.conformance.solvers import SOLVER_CHECKS
 from evac.contract import check_class, check_interface
 from evac.errors import PluginError, plugin_code
@@ -65,31 +68,42 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     """
     with plugin_code(cls.__name__):
         check_metadata(cls)
+        pace = PLAIN
         if issubclass(cls, ContactModel):
+            pace = pace_of(cls(**values))
             for check in CONTACT_MODEL_CHECKS:
-                check(cls(**values))
+                _run(check, cls, cls(**values), pace)
         elif issubclass(cls, Solver):
             for check_solver in SOLVER_CHECKS:
-                check_solver(cls)
+                _run(check_solver, cls, cls)
         elif issubclass(cls, Force):
-            check_pair_force(cls(**values))
+            for check_force in FORCE_CHECKS:
+                _run(check_force, cls, cls(**values))
         elif issubclass(cls, Exporter):
             with recorded(case or load_case(SHIPPED_CASE), ticks) as trajectory:
                 for check_exporter in EXPORTER_CHECKS:
-                    check_exporter(cls(**values), trajectory)
+                    _run(check_exporter, cls, cls(**values), trajectory)
             return
         elif issubclass(cls, Importer):
-            check_damaged_files(cls(**values))
+            _run(check_damaged_files, cls, cls(**values))
             if case is None:
                 return
-            check_surface(case, cls.name)
-        case = _case_with(cls, values) if case is None else case
+            _run(check_surface, cls, case, cls.name)
+        case = _case_with(cls, values, pace) if case is None else case
         if issubclass(cls, Behaviour):
-            check_declared_arrays(case, cls.name, ticks)
+            _run(check_declared_arrays, cls, case, cls.name, ticks)
         elif issubclass(cls, Recorder):
-            check_looks_only(cls(**values), case, ticks)
-            check_goes_on(cls(**values), case, ticks)
-        check_same_bits(case, ticks)
+            _run(check_looks_only, cls, cls(**values), case, ticks)
+            _run(check_goes_on, cls, cls(**values), case, ticks)
+        _run(check_same_bits, cls, case, ticks)
+
+
+def _run(check: Callable[..., None], cls: type[Configurable], *arguments: Any) -> None:
+    """Run a check; put the plugin's name and that of the check before what it finds."""
+    try:
+        check(*arguments)
+    except PluginError as error:
+        raise PluginError(f"{cls.name}: {check.__name__}: {error}") from error
 
 
 def check_metadata(cls: type[Configurable]) -> None:
@@ -129,12 +143,15 @@ def _check_declarations(behaviour: Behaviour) -> None:
         raise PluginError(f"{behaviour.name}: has neither act() nor prepare() of its own, so it does nothing")
 
 
-def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
-    """Return the shipped case with the plugin in use, registered if it is not."""
+def _case_with(cls: type[Configurable], values: dict[str, Any], pace: Pace) -> Case:
+    """Return the shipped case at a pace with the plugin in use, registered if it is not."""
     registry = Registry()
     registry.add_class(cls)
+    changes: dict[str, Any]
     if issubclass(cls, ContactModel):
         changes = {"contact.model": cls.name, f"contact.{cls.name}": values}
+        if pace != PLAIN:
+            changes |= _slower(pace)
     elif issubclass(cls, Solver):
         changes = {"contact.model": "nsm1", "contact.nsm1.solver": cls.name}
     elif issubclass(cls, Force):
@@ -144,3 +161,15 @@ def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
     else:
         changes = {f"recorders.{cls.name}": values}
     return load_case(SHIPPED_CASE, changes, registry=registry)
+
+
+def _slower(pace: Pace) -> dict[str, Any]:
+    """Return what changes the shipped case to a pace; everything in it takes so many times longer."""
+    return {
+        "simulation.step": pace.step,
+        "simulation.tick": 0.1 * pace.slow,
+        "simulation.duration": 60.0 * pace.slow,
+        "output.every": 0.5 * pace.slow,
+        "people.people.speed": {"uniform": [1.5 / pace.slow, 2.0 / pace.slow]},
+        "people.people.tau": {"uniform": [0.1 * pace.slow, 0.5 * pace.slow]},
+    }

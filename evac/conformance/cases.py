@@ -1,4 +1,4 @@
-"""What plugins have to hold to in a case that runs: the same bits, declared arrays, recorders that look only."""
+"""What plugins have to hold to in a case that runs: the same bits, and recorders that look only."""
 
 import tempfile
 from pathlib import Path
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from evac.checkpoints import without_state
 from evac.errors import PluginError
 from evac.output.recorder import Recorder
-from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
@@ -21,47 +20,23 @@ def check_same_bits(case: Case, ticks: int = 20) -> None:
     """The same case gives the same bits: again, stopped and resumed, and with nothing left out."""
     whole, middle = _run(case, ticks)
     if different := _difference(whole, _run(case, ticks)[0]):
-        raise PluginError(f"{case.title}: two runs differ in {different}; draw from scene.generator only")
+        raise PluginError(f"{_scene(case, ticks)}: two runs differ in {different}; draw from scene.generator only")
     resumed = Simulation(case)
     resumed.restore(middle)
     while resumed.step < whole["simulation.clock"][0]:
         resumed.advance_tick()
     if different := _difference(whole, resumed.state()):
-        raise PluginError(f"{case.title}: a run resumed differs in {different}; state() must hold every private array")
+        raise PluginError(
+            f"{_scene(case, ticks)}: a run resumed differs in {different}; let state() return every private array"
+        )
     if missing := without_state(resumed):
         raise PluginError(missing[0])
     full, _ = _run(case, ticks, full=True)
     moving = {key: value for key, value in whole.items() if key.startswith("population.") and key != "population.route"}
     if different := _difference(moving, full):
-        raise PluginError(f"{case.title}: leaving out what is not needed changes {different}; see is_needed()")
-
-
-def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
-    """A behaviour touches only the arrays that it declares."""
-    simulation = Simulation(case, full=True)
-    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
-    if found is None:
-        raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does")
-    behaviour, scene = found
-    scene.crowd = watched = _WatchedCrowd(**scene.crowd.values())
-    crowd = simulation.population.crowd
-    try:
-        behaviour.prepare(scene)
-        for _ in range(ticks):
-            before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
-            behaviour.act(scene.crowd, simulation.time)
-            for key, array in before.items():
-                if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
-                    raise PluginError(f"{name}: writes {key!r}, which it does not declare")
-            if simulation.ended:
-                break
-            simulation.advance_tick()
-    except ValueError as error:
-        if "read-only" not in str(error):
-            raise
-        raise PluginError(f"{name}: writes an array that it does not declare in `writes`: {error}") from error
-    if undeclared := sorted(watched.seen - {*behaviour.reads, *behaviour.writes}):
-        raise PluginError(f"{name}: reads {', '.join(undeclared)} without declaring it in `reads`")
+        raise PluginError(
+            f"{_scene(case, ticks)}: leaving out what is not needed changes {different}; let is_needed() return True"
+        )
 
 
 def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
@@ -76,7 +51,7 @@ def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
                 before = simulation.state()
                 recorder.record(simulation)
                 if different := _difference(before, simulation.state()):
-                    raise PluginError(f"{recorder.name}: changes {different}; a recorder looks only")
+                    raise PluginError(f"{_scene(case, ticks)}: changes {different}; a recorder looks only")
                 simulation.advance_tick()
             recorder.finish(simulation, simulation.results())
 
@@ -109,9 +84,13 @@ def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
             other = halved / path.relative_to(whole)
             if not other.is_file() or path.read_bytes() != other.read_bytes():
                 raise PluginError(
-                    f"{recorder.name}: {path.name} is not the same where a run goes on from a checkpoint; state() must "
-                    "hold all that it keeps, and files() the lengths of the files that it appends to"
+                    f"{_scene(case, 2 * ticks)}: {path.name} is not the same where a run goes on from a checkpoint; let"
+                    " state() return all that it keeps, and files() the lengths of the files that it appends to"
                 )
+
+
+def _scene(case: Case, ticks: int) -> str:
+    return f"{ticks} ticks of {case.title!r}"
 
 
 def _recorded(case: Case, folder: Path, recorder: Recorder) -> Simulation:
@@ -124,20 +103,6 @@ def _advance(simulation: Simulation, ticks: int) -> None:
     for _ in range(ticks):
         if not simulation.ended:
             simulation.advance_tick()
-
-
-class _WatchedCrowd(Crowd):
-    """A crowd that notes which arrays are asked for."""
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in Crowd.kinds:
-            self.seen.add(name)
-        return super().__getattribute__(name)
-
-    @property
-    def seen(self) -> set[str]:
-        noted: set[str] = self.__dict__.setdefault("noted", set())
-        return noted
 
 
 def _run(case: Case, ticks: int, full: bool = False) -> tuple[State, State]:

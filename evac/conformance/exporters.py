@@ -15,6 +15,9 @@ from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
 from evac.scenario.case import Case
 
+#: What an exporter is tried on, as messages name it.
+SCENE = "a run of some ticks"
+
 
 @contextmanager
 def recorded(case: Case, ticks: int) -> Iterator[Trajectory]:
@@ -39,21 +42,21 @@ def check_files(exporter: Exporter, trajectory: Trajectory) -> None:
         for _ in range(2):
             named = export(trajectory, exporter, place)
             if not named:
-                raise PluginError(f"{exporter.name}: write() names no file; return the paths that a user opens")
+                raise PluginError(f"{SCENE}: write() names no file; return the paths that a user opens")
             for path in named:
                 if not path.is_file():
-                    raise PluginError(f"{exporter.name}: write() returns {path}, which is no file")
+                    raise PluginError(
+                        f"{SCENE}: write() returns {path}, which is no file; return the files that are written"
+                    )
             files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
             strays = [path for path in files if path != place and place not in path.parents]
             if strays:
-                raise PluginError(f"{exporter.name}: writes {strays[0].name} beside its place; write to `path` only")
+                raise PluginError(f"{SCENE}: writes {strays[0].name} beside its place; write to `path` only")
             digests.append({path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files})
         if digests[0] != digests[1]:
-            raise PluginError(
-                f"{exporter.name}: the same run is written differently again; write no time and no chance"
-            )
+            raise PluginError(f"{SCENE}: the same run is written differently again; write no time and no chance")
         if hashlib.sha256(trajectory.path.read_bytes()).digest() != before:
-            raise PluginError(f"{exporter.name}: changes the trajectory file; an exporter looks only")
+            raise PluginError(f"{SCENE}: changes the trajectory file; an exporter looks only")
 
 
 def check_data_untouched(exporter: Exporter, trajectory: Trajectory) -> None:
@@ -63,7 +66,7 @@ def check_data_untouched(exporter: Exporter, trajectory: Trajectory) -> None:
         export(trajectory, exporter, Path(folder, f"export{exporter.suffix}"))
     after = trajectory.position, trajectory.velocity, trajectory.radius
     if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(before, after, strict=True)):
-        raise PluginError(f"{exporter.name}: changes the arrays of the trajectory; an exporter looks only")
+        raise PluginError(f"{SCENE}: changes the arrays of the trajectory; an exporter looks only")
 
 
 def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
@@ -75,7 +78,7 @@ def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
         except ResultError:
             return
         except PluginError as error:
-            raise PluginError(f"{exporter.name}: fails on a run without frames: {error}; raise ResultError") from error
+            raise PluginError(f"a run without frames: {error}; raise ResultError") from error
 
 
 EXPORTER_CHECKS: tuple[Callable[[Exporter, Trajectory], None], ...] = (

@@ -27,8 +27,8 @@ def check_damaged_files(importer: Importer) -> None:
                 except BuildingError:
                     continue
                 raise PluginError(
-                    f"{importer.name}: reads {len(mesh.triangles)} cells from {content!r} in a file ending in "
-                    f"{suffix!r}; raise ValueError where a file is not of its format"
+                    f"a file ending in {suffix!r}: reads {len(mesh.triangles)} cells from {content!r};"
+                    f" raise ValueError where a file is not of its format"
                 )
 
 
@@ -46,5 +46,5 @@ def check_surface(case: Case, name: str) -> None:
         *(("edge_tags", one.edge_tags.get(tag), pairs) for tag, pairs in other.edge_tags.items()),
     ):
         if first is None or not np.array_equal(first, second):
-            raise PluginError(f"{name}: two readings of {case.mesh} differ in {what}; keep nothing between them")
+            raise PluginError(f"{case.mesh}: two readings of the file differ in {what}; keep nothing between them")
     make_building(case)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import box
@@ -11,14 +11,14 @@ from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.errors import PluginError, SimulationError
-from evac.physics.contact_model import ContactModel
+from evac.errors import PluginError, ScenarioError, SimulationError
+from evac.physics.contact_model import ContactModel, border_scene
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 from evac.registry import Registry
 
-#: Step of the scenes [s]; a tick is ten steps.
+#: Step of the scenes [s]; a tick is ten steps. A stiff model makes each in parts, see `Pace`.
 STEP = 0.01
 
 #: Half the side of the square room that people are pressed into [m].
@@ -26,6 +26,55 @@ ROOM = 2.5
 
 #: Half the side of the level [m].
 EXTENT = 20.0
+
+
+class Pace(NamedTuple):
+    """How a scene is walked, so that what a model is to hold to does not depend on how stiff it is.
+
+    Attributes
+    ----------
+    slow : int
+        How many times slower everybody moves, and reacts: contacts a square of it softer carry the same scene.
+    parts : int
+        Into how many parts each step is cut.
+    """
+
+    slow: int = 1
+    parts: int = 1
+
+    @property
+    def step(self) -> float:
+        """Length of a step [s]."""
+        return STEP * self.slow / self.parts
+
+    def __str__(self) -> str:
+        slower = f", everybody {self.slow} times slower" if self.slow > 1 else ""
+        return f"steps of {self.step:g} s{slower}"
+
+
+PLAIN = Pace()
+
+
+def pace_of(model: ContactModel) -> Pace:
+    """Return the pace at which a model carries people pressed and thrown against a wall.
+
+    Tried are the plain pace, then ever slower people (for soft contacts) and ever shorter steps (for stiff ones). If
+    none will do, it is no matter of stiffness, and the plain pace shows what is wrong.
+    """
+    powers = [2**k for k in range(1, 7)]
+    for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
+        try:
+            ends = [pressed(model, 200, pace=pace)[0], thrown(model, pace)[0]]
+        except (PluginError, ScenarioError):
+            continue
+        if all(np.abs(crowd.position).max() <= ROOM for crowd in ends):
+            return pace
+    return PLAIN
+
+
+def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, Engine]:
+    """Throw somebody at a wall of a closed room."""
+    return walked(model, make_crowd([[2.0, 0.0]], velocity=[[10.0, 0.0]], speed=2.0, tau=0.1), 50, room(), pace=pace)
 
 
 def room() -> list[tuple[float, float, float, float]]:
@@ -40,6 +89,7 @@ def pressed(
     turn: bool = False,
     shift: float = 0.0,
     watch: Callable[[Crowd], None] = lambda crowd: None,
+    pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
     """Press nine people of different sizes against a wall of a closed room, in a scene turned and shifted."""
     spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
@@ -54,7 +104,7 @@ def pressed(
         mass=np.linspace(60.0, 100.0, 9),
         tau=0.3,
     )
-    return walked(model, crowd, steps, walls + shift, (0.0, 1.0) if turn else (1.0, 0.0), watch)
+    return walked(model, crowd, steps, walls + shift, (0.0, 1.0) if turn else (1.0, 0.0), watch, pace)
 
 
 def greatest_overlap(crowd: Crowd) -> float:
@@ -73,25 +123,39 @@ def walked(
     walls: Any = (),
     direction: tuple[float, float] = (1.0, 0.0),
     watch: Callable[[Crowd], None] = lambda crowd: None,
+    pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
-    """Make so many steps, everybody wanting to go the same way; watch after each tick.
+    """Make so many steps at a pace, everybody wanting to go the same way; watch after each tick.
+
+    Velocities, speeds and times of the crowd are those of the plain pace, before and after.
 
     Raises
     ------
     PluginError
         A step cannot be made.
+    ScenarioError
+        The model refuses the scene.
     """
     building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
     engine = Engine(
         make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers
     )
-    for first in range(0, steps, 10):
+    _slow_down(crowd, pace.slow)
+    model.check_scene(border_scene(crowd, pace.step, True))
+    for first in range(0, steps * pace.parts, 10 * pace.parts):
         try:
-            engine.advance(model, crowd, first, 10, STEP, True, True)
+            engine.advance(model, crowd, first, 10 * pace.parts, pace.step, True, True)
         except SimulationError as error:
-            raise PluginError(f"{model.name}: cannot step through a plain scene: {error}") from error
+            raise PluginError(f"cannot step through a plain scene, {pace}: {error}") from error
         watch(crowd)
+    _slow_down(crowd, 1.0 / pace.slow)
     return crowd, engine
+
+
+def _slow_down(crowd: Crowd, times: float) -> None:
+    crowd.velocity /= times
+    crowd.speed /= times
+    crowd.tau *= times
 
 
 def _flat(walls: FloatArray) -> Building:

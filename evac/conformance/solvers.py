@@ -175,12 +175,14 @@ def check_answers(solver: type[Solver]) -> None:
             _solve(solver, one, problem, tolerance, LIMIT)
             if not problem.residual <= tolerance:
                 raise PluginError(
-                    f"{solver.name}: does not solve {one.title}: a residual of {problem.residual:.3g} m/s is left"
-                    f" after {LIMIT} iterations"
+                    f"{one.title}: a residual of {problem.residual:.3g} m/s is left after {LIMIT} iterations; iterate"
+                    " until problem.residual is below the tolerance"
                 )
             wrong = float(np.abs(_percussions(problem) - one.percussion).max())
             if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
-                raise PluginError(f"{solver.name}: percussions are wrong by {wrong:.3g} N s in {one.title}")
+                raise PluginError(
+                    f"{one.title}: percussions are wrong by {wrong:.3g} N s; obey evac.physics.rows.law in every row"
+                )
 
 
 def check_limits(solver: type[Solver]) -> None:
@@ -190,12 +192,14 @@ def check_limits(solver: type[Solver]) -> None:
         problem = one.pose()
         made = _solve(solver, one, problem, 1e-14, limit)
         if not 0 < made <= limit:
-            raise PluginError(f"{solver.name}: makes {made} iterations of {limit} for {one.title}")
+            raise PluginError(
+                f"{one.title}: makes {made} iterations of {limit}; return how many were made, {limit} at most"
+            )
         residual = one.residual(_percussions(problem))
         if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
             raise PluginError(
-                f"{solver.name}: reports a residual of {problem.residual:.3g} m/s in {one.title}, which is"
-                f" {residual:.3g}; set problem.residual = row_residual(problem) of evac.physics.rows"
+                f"{one.title}: reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g};"
+                " set problem.residual = row_residual(problem) of evac.physics.rows"
             )
 
 
@@ -213,10 +217,12 @@ def check_work_arrays(solver: type[Solver]) -> None:
         _solve(solver, one, problem, TOLERANCE, LIMIT)
         for name, before in given.items():
             if not np.array_equal(before, getattr(problem, name)):
-                raise PluginError(f"{solver.name}: changes problem.{name}, which belongs to the problem")
+                raise PluginError(
+                    f"{one.title}: changes problem.{name}, which belongs to the problem; copy it to a work array"
+                )
         found.append(problem.percussion.tobytes() + problem.velocity.tobytes())
     if found[0] != found[1]:
-        raise PluginError(f"{solver.name}: its answer depends on what was in the work arrays before; set them first")
+        raise PluginError(f"{one.title}: the answer depends on what was in the work arrays before; set them first")
 
 
 #: What a solver only reads.
@@ -229,14 +235,14 @@ def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: flo
     percussion = _percussions(problem)
     if not np.isfinite(percussion).all() or percussion.min() < 0.0:
         raise PluginError(
-            f"{solver.name}: a percussion of {percussion.min():.3g} N s in {one.title}; people can only push"
+            f"{one.title}: a percussion of {percussion.min():.3g} N s; people only push: keep it from below 0"
         )
     expected = one.velocities(percussion)
     velocity = problem.velocity * np.append(problem.inverse_root[:-1], 1.0)[:, None]
     wrong = float(np.abs(velocity - np.vstack([expected, [0.0, 0.0]])).max())
     if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
         raise PluginError(
-            f"{solver.name}: velocities differ by {wrong:.3g} m/s from the free ones plus percussions in {one.title};"
+            f"{one.title}: velocities differ by {wrong:.3g} m/s from the free ones plus percussions;"
             " change both together, with evac.physics.rows.push_row"
         )
     return made

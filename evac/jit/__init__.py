@@ -38,10 +38,14 @@ __all__ = [
     "Quads",
     "Struct",
     "Triples",
+    "body_force",
+    "call_body_force",
+    "call_pair_contact",
     "call_pair_force",
     "fused",
     "inner",
     "kernel",
+    "pair_contact",
     "pair_force",
     "row",
 ]
@@ -54,6 +58,12 @@ row = Intrinsic("row", lambda grid, k: grid[k])
 
 #: Call the pair force at an address with gap, nx, ny, ex, ey and its parameters: (fx, fy) [N].
 call_pair_force = AddressCall([float, float, float, float, float, Floats], (float, float))
+
+#: Call the body force at an address with x, y, vx, vy, ex, ey, gap, nx, ny and its parameters: (fx, fy) [N].
+call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
+
+#: Call the law of a contact at an address with gap, closing speed, reduced mass and its parameters: a force [N].
+call_pair_contact = AddressCall([float, float, float, Floats], (float,))
 
 
 def pair_force(function: Callable[..., Any]) -> Entry:
@@ -72,3 +82,41 @@ def pair_force(function: Callable[..., Any]) -> Entry:
         Its ``address`` is what kernels call. Called from Python it runs the function.
     """
     return Entry(function, call_pair_force)
+
+
+def body_force(function: Callable[..., Any]) -> Entry:
+    """Make a kernel of a force on one person, of the one signature that the step loop can call.
+
+    Parameters
+    ----------
+    function : callable
+        ``force(x, y, vx, vy, ex, ey, gap, nx, ny, parameters) -> (fx, fy)``: the force [N] on a person at (x, y) [m]
+        with the velocity (vx, vy) [m/s] and the desired direction (ex, ey), in plan. `gap` [m] and the unit vector
+        (nx, ny) towards the person are those of the nearest wall; infinity and (0, 0) where no wall is nearer than the
+        cut-off of the force. `parameters` is the force's own float64 array.
+
+    Returns
+    -------
+    Entry
+        Its ``address`` is what kernels call. Called from Python it runs the function.
+    """
+    return Entry(function, call_body_force)
+
+
+def pair_contact(function: Callable[..., Any]) -> Entry:
+    """Make a kernel of the law of a contact, of the one signature that `evac.PairContact` can call.
+
+    Parameters
+    ----------
+    function : callable
+        ``law(gap, closing_speed, reduced_mass, parameters) -> force``: the force [N] that pushes two people, or a
+        person and a wall, apart along their normal. `gap` [m] is not positive: its negative is the overlap. The
+        closing speed [m/s] is positive while the overlap grows, and 1 / reduced mass [1/kg] is 1/m_i + 1/m_j, or 1/m_i
+        at a wall. `parameters` is the model's own float64 array.
+
+    Returns
+    -------
+    Entry
+        Its ``address`` is what kernels call. Called from Python it runs the function and returns what it returns.
+    """
+    return Entry(function, call_pair_contact)

@@ -233,7 +233,7 @@ class AddressCall:
             kinds, returned = entry.signature
             if tuple(kind for _, kind in kinds) == self.kinds and returned == self.returns:
                 return
-        raise PluginError(f"{what} must be a kernel {self}, compiled by evac.jit.kernel or evac.jit.pair_force")
+        raise PluginError(f"{what} must be a kernel {self}, made by a decorator of evac.jit")
 
     def __str__(self) -> str:
         names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in self.kinds]

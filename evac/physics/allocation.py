@@ -44,7 +44,7 @@ def allocate(struct: type[S], length: int, **given: Any) -> S:
     return struct(**values)
 
 
-def make_state(world: World, people: int, forces: Forces) -> State:
+def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -> State:
     """Return the state of a run of so many people before its first step."""
     return State(
         world=world,
@@ -56,6 +56,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
         events=allocate(Events, 4 * people + 16),
         clock=allocate(Clock, 0),
         forces=forces,
+        body_forces=body_forces,
         traits=allocate(Traits, 0),
         parts=allocate(Parts, 0, parameters=Struct()),
         tally=np.zeros(len(at.NAMES)),

@@ -60,7 +60,7 @@ def _near_walls(state, i):
             for k in range(6):
                 near[place, k] = near[place - 1, k]
             place -= 1
-        nx, ny = _wall_normal(world, bodies, i, w, x - px, y - py, distance)
+        nx, ny = wall_normal(world, bodies, i, w, x - px, y - py, distance)
         near[place, 0] = distance
         near[place, 1] = nx
         near[place, 2] = ny
@@ -73,7 +73,7 @@ def _near_walls(state, i):
 
 
 @inner
-def _wall_normal(world, bodies, i, w, dx, dy, distance):
+def wall_normal(world, bodies, i, w, dx, dy, distance):
     """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
     if distance > 0.0:
         return dx / distance, dy / distance
@@ -215,6 +215,14 @@ def tangential_velocity(velocity, contacts, c):
     if j >= 0:
         w -= tx * velocity[j, 0] + ty * velocity[j, 1]
     return w
+
+
+@inner
+def take_free(bodies):
+    """Let the free velocity be the velocity after the sub-step, as it is without contacts."""
+    for i in range(bodies.inside):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
 
 
 @inner

@@ -92,7 +92,7 @@ def add_forces(state: State) -> int:
     return OK
 
 
-#: Call `add_forces` at its address: it is loaded only where there are forces at a distance.
+#: Call `add_forces`, or `add_body_forces`, at its address: each is loaded only where there are such forces.
 call_add_forces = AddressCall([State], (int,))
 
 

@@ -162,9 +162,15 @@ def approach(state: State) -> int:
     bodies, traits, h = state.bodies, state.traits, state.clock.h
     set_desired(state.world, bodies)
     if state.parts.forces != 0:
-        status = _renew_lists(state, state.forces.farthest, 0.0)
+        status = _renew_lists(state, state.forces.farthest, 0.0, 0.0)
         if status == OK:
             status = call_add_forces(state.parts.forces, state)
+        if status != OK:
+            return status
+    if state.parts.body_forces != 0:
+        status = _renew_lists(state, 0.0, state.body_forces.farthest, 0.0)
+        if status == OK:
+            status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
     fastest = call_drive(state.parts.drive, state)
@@ -183,25 +189,25 @@ def approach(state: State) -> int:
 @inner
 def search(state, pairs, contacts):
     """Find the contacts within the reaches as they are set, with lists that look as far as needed; return a status."""
-    status = _renew_lists(state, pairs, contacts)
+    status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
     return find_contacts(state)
 
 
 @inner
-def _renew_lists(state, pairs, contacts):
+def _renew_lists(state, pairs, walls, contacts):
     """Build the lists again if they are stale or do not reach as far as needed; return a status.
 
-    `pairs` [m] is for forces between bodies, `contacts` [m] for contacts with bodies and walls; the latter follows
-    speeds, so it gets a margin.
+    `pairs` [m] is for forces between bodies, `walls` [m] for forces of walls, `contacts` [m] for contacts with bodies
+    and walls; the latter follows speeds, so it gets a margin.
     """
     lists = state.lists
     if lists.pair_reach < max(pairs, contacts):
         lists.pair_reach = max(pairs, 1.25 * contacts)
         lists.stale = 1
-    if lists.wall_reach < contacts:
-        lists.wall_reach = 1.25 * contacts
+    if lists.wall_reach < max(walls, contacts):
+        lists.wall_reach = max(walls, 1.25 * contacts)
         lists.stale = 1
     if lists_are_stale(state.bodies, lists):
         status = build_lists(state.world, state.bodies, lists)

@@ -7,7 +7,7 @@ import numpy as np
 
 from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, SimulationError, plugin_code
-from evac.jit import AddressCall, Entry, call_pair_force
+from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
@@ -21,10 +21,12 @@ from evac.physics.allocation import (
     make_state,
     make_warm_start,
 )
+from evac.physics.body_forces import add_body_forces
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.pair_contact import PairContact
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
@@ -83,7 +85,9 @@ class Engine:
         self.full = full
         self._forces = list(forces)
         self._solvers = solvers or {}
-        self.state = make_state(world, people, pack_forces(self._forces))
+        self._pair_forces = [force for force in self._forces if force.pair is not None]
+        self._body_forces = [force for force in self._forces if force.body is not None]
+        self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
         self._model: ContactModel | None = None
 
@@ -134,9 +138,6 @@ class Engine:
                 AddressCall([State, type(self._own), float], (int,)).check(
                     model.law, f"contact model {model.name!r}: law"
                 )
-        for force in self._forces:
-            with plugin_code(f"force {force.name!r}"):
-                call_pair_force.check(getattr(force, "pair", None), f"force {force.name!r}: pair")
         addresses_of(self.entries(model), progress)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), len(state.contacts.body))
@@ -147,9 +148,13 @@ class Engine:
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.drive = drive_of(model).address
-        parts.forces = add_forces.address if self._forces else 0
-        for k, force in enumerate(self._forces):
+        parts.pair_contact = model.pair.address if isinstance(model, PairContact) else 0
+        parts.forces = add_forces.address if self._pair_forces else 0
+        parts.body_forces = add_body_forces.address if self._body_forces else 0
+        for k, force in enumerate(self._pair_forces):
             state.forces.address[k] = force.pair.address
+        for k, force in enumerate(self._body_forces):
+            state.body_forces.address[k] = force.body.address
         if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
             if model.separates:
@@ -179,6 +184,18 @@ class Engine:
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
             found.append(("separation of overlaps", self.full, "loaded when overlaps exceed the tolerance"))
+        return found
+
+    def explain_forces(self) -> dict[str, str]:
+        """Return for each force in use, by name, on whom it acts."""
+        found = {}
+        for k, force in enumerate(self._body_forces):
+            cutoff = self.state.body_forces.cutoff[k]
+            walls = f", and feels walls up to a gap of {cutoff:.2f} m" if cutoff > 0.0 else ""
+            found[force.name] = f"acts on each person{walls}"
+        for k, force in enumerate(self._pair_forces):
+            felt = f"felt up to a gap of {self.state.forces.cutoff[k]:.2f} m"
+            found[force.name] = f"{felt}; {found[force.name]}" if force.name in found else felt
         return found
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
@@ -286,7 +303,7 @@ class Engine:
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:
-    """Return cut-offs and parameters of pair forces; shorter parameter rows are filled with zeros."""
+    """Return cut-offs and parameters of forces; shorter parameter rows are filled with zeros."""
     packed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}"):

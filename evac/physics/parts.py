@@ -4,13 +4,15 @@ from collections.abc import Mapping, Sequence
 
 from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, plugin_code
-from evac.jit import Entry
+from evac.jit import Entry, call_body_force, call_pair_contact, call_pair_force
 from evac.parameters import did_you_mean
 from evac.physics import driver
+from evac.physics.body_forces import add_body_forces
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.pair_contact import PairContact
 from evac.physics.rows import call_solver
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
@@ -25,6 +27,9 @@ def entries_of_loop(
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:
         found += [driver.advance, model.law]
+    if isinstance(model, PairContact):
+        call_pair_contact.check(model.pair, f"contact model {model.name!r}: pair")
+        found.append(model.pair)
     if isinstance(model, SolvedContactModel):
         found.append(solver_of(model, solvers).solve)
         if full:
@@ -33,8 +38,31 @@ def entries_of_loop(
             found.append(separate)
     if has_seams:
         found.append(reaches)
-    if forces:
-        found += [add_forces, *(force.pair for force in forces)]
+    for force in forces:
+        found += functions_of(force)
+    return list(dict.fromkeys(found))
+
+
+def functions_of(force: Force) -> list[Entry]:
+    """Return the compiled functions of a force and the kernels that call them.
+
+    Raises
+    ------
+    PluginError
+        If it names none, or one of another signature.
+    """
+    found: list[Entry] = []
+    if force.pair is not None:
+        call_pair_force.check(force.pair, f"force {force.name!r}: pair")
+        found += [add_forces, force.pair]
+    if force.body is not None:
+        call_body_force.check(force.body, f"force {force.name!r}: body")
+        found += [add_body_forces, force.body]
+    if not found:
+        raise PluginError(
+            f"force {force.name!r} names no function; give it `pair`, a function marked with evac.jit.pair_force, or"
+            " `body`, one marked with evac.jit.body_force"
+        )
     return found
 
 

@@ -320,11 +320,11 @@ class Clock(Struct):
 
 
 class Forces(Struct):
-    """Pair forces as kernels call them, one row each."""
+    """Forces between two people, or on one, as kernels call them, one row each."""
 
     number: int
     address: Longs  # of the machine code
-    cutoff: Floats  # gaps beyond which nobody feels them [m]
+    cutoff: Floats  # gaps beyond which nobody feels them, or walls in them [m]
     parameters: FloatGrid
     farthest: float  # greatest cutoff [m]
 
@@ -352,6 +352,8 @@ class Parts(Struct):
     separation: int
     drive: int
     forces: int
+    body_forces: int
+    pair_contact: int  # law of one contact
     seams: int
 
 
@@ -366,7 +368,8 @@ class State(Struct):
     problem: Problem
     events: Events
     clock: Clock
-    forces: Forces
+    forces: Forces  # between two people
+    body_forces: Forces  # on one
     traits: Traits
     parts: Parts
     tally: Floats  # sums over the run, named in `evac.physics.tallies`

@@ -7,7 +7,7 @@ from evac.behaviour import Behaviour
 from evac.building.importer import Importer
 from evac.building.surfacemesh import SurfaceMesh
 from evac.conformance import check_plugin
-from evac.errors import PluginError
+from evac.errors import ConformanceWarning, PluginError
 from evac.jit import pair_force
 from evac.output.recorder import Recorder
 from evac.parameters import Parameter
@@ -189,11 +189,55 @@ class Left(Slower):
         return False
 
 
+class LateReader(Slower):
+    """Looks at velocities after a while."""
+
+    reads = ()
+
+    def act(self, crowd, time):
+        if time > 6.0:
+            crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
+
+
+class CrushReader(Slower):
+    """Looks at contact forces in crowds that are denser than any of the shipped case."""
+
+    reads = ("position", "level")
+
+    def act(self, crowd, time):
+        place = crowd.position[crowd.level >= 0]
+        if len(place) > 1 and np.ptp(place, axis=0).max() < 0.1:
+            crowd.speed_factor[crowd.contact_force > 10.0] *= 0.5
+
+
+class LastReader(Slower):
+    """Treats the last one specially."""
+
+    reads = ("level",)
+
+    def act(self, crowd, time):
+        if (crowd.level >= 0).sum() == 1:
+            crowd.speed_factor[crowd.tau > 0.2] *= 0.5
+
+
+class Idles(Slower):
+    """Has lines that are not reached."""
+
+    name = "idles"
+
+    def act(self, crowd, time):
+        if len(crowd.velocity) > 1000:
+            crowd.speed_factor[:] *= 0.9
+
+
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
         (Misspelt, "neither act"),
         (WritesUndeclared, "writes an array"),
+        (LateReader, "reads velocity"),
+        (CrushReader, "reads contact_force"),
+        (LastReader, "reads tau"),
         (ReadsUndeclared, "reads velocity"),
         (ReadsForces, "reads contact_force"),
         (SneaksIn, "writes 'velocity'"),
@@ -210,6 +254,11 @@ def test_a_broken_behaviour_is_found(cls, words):
 
 def test_a_good_behaviour_passes():
     check_plugin(Slower)
+
+
+def test_lines_that_no_scene_reaches_are_named():
+    with pytest.warns(ConformanceWarning, match=r"^idles: check_declared_arrays: lines \d+ of .*give a case"):
+        check_plugin(Idles)
 
 
 def test_a_behaviour_is_checked_in_a_case_that_uses_it():
@@ -355,7 +404,10 @@ class Counting(Guessing):
 
 @pytest.mark.parametrize(
     ("importer", "words"),
-    [(Guessing, "guessing: reads 2 cells from .* raise ValueError"), (Careless, "importer 'careless': KeyError")],
+    [
+        (Guessing, "guessing: check_damaged_files: .*reads 2 cells from .* raise ValueError"),
+        (Careless, "importer 'careless': KeyError"),
+    ],
 )
 def test_an_importer_that_does_not_refuse_damaged_files_is_found(importer, words):
     with pytest.raises(PluginError, match=words):
