@@ -30,23 +30,20 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     The case is run until every line that acts has been reached, or to its end; what is missing then is tried in
     scenes made of it: a closed door, a crush, the last person inside, the end of the run.
     """
-    simulation = Simulation(case, full=True)
-    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
-    if found is None:
-        raise PluginError(f"{case.title!r}: does not use behaviour {name!r}; give a case that does")
-    behaviour, scene = found
-    scene.crowd = watched = _WatchedCrowd(**scene.crowd.values())
-    lines = _Lines(behaviour)
-    behaviour.prepare(scene)
+    simulation, behaviour, scene = _prepared(case, name)
+    watched, lines = [scene.crowd], _Lines(behaviour)
     for tick in range(MOST_TICKS):
         if simulation.ended or (tick >= ticks and not lines.missing()):
             break
         _act(behaviour, scene, simulation, lines, f"t = {simulation.time:.1f} s of {case.title!r}")
         simulation.advance_tick()
-    if lines.missing() and not simulation.ended:
+    if lines.missing():
+        simulation, behaviour, scene = _prepared(case, name)
+        watched.append(scene.crowd)
         for title, time in _made_scenes(simulation):
             _act(behaviour, scene, simulation, lines, f"{title} in {case.title!r}", time)
-    if undeclared := sorted(watched.seen - {*behaviour.reads, *behaviour.writes}):
+    seen = set().union(*(crowd.seen for crowd in watched))
+    if undeclared := sorted(seen - {*behaviour.reads, *behaviour.writes}):
         names = ", ".join(undeclared)
         raise PluginError(f"{case.title!r}: reads {names} without declaring it; add it to `reads`")
     if missing := lines.missing():
@@ -56,6 +53,18 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
             ConformanceWarning,
             stacklevel=3,
         )
+
+
+def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
+    """Return a run of a case, and a behaviour of it, prepared, with its scene, whose crowd is watched."""
+    simulation = Simulation(case, full=True)
+    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
+    if found is None:
+        raise PluginError(f"{case.title!r}: does not use behaviour {name!r}; give a case that does")
+    behaviour, scene = found
+    scene.crowd = _WatchedCrowd(**scene.crowd.values())
+    behaviour.prepare(scene)
+    return simulation, behaviour, scene
 
 
 def _act(
@@ -86,7 +95,7 @@ def _act(
 
 
 def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
-    """Make scenes of a run that has not ended, one after the other; yield what each is, and its time [s]."""
+    """Make scenes of a run that begins, one after the other; yield what each is, and its time [s]."""
     crowd, end = simulation.population.crowd, simulation.case.simulation.duration
     inside = np.flatnonzero(crowd.level >= 0)
     if simulation.building.exits and len(simulation.building.exits) > 1:

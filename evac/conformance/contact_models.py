@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from evac.conformance.scenes import ROOM, Pace, greatest_overlap, pressed, room, thrown, walked
+from evac.conformance.scenes import ROOM, Pace, coincident, greatest_overlap, pressed, thrown, walked
 from evac.errors import PluginError
 from evac.jit import call_pair_contact
 from evac.physics.contact_model import ContactModel
@@ -32,7 +32,8 @@ def check_pair_law(model: ContactModel, pace: Pace) -> None:
         for closing in (-2.0, 0.0, 2.0):
             scene = f"two people of 80 kg, overlap {overlap} m, closing speed {closing} m/s"
             try:
-                force = float(model.pair.function(-overlap, closing, 40.0, packed))
+                with np.errstate(all="ignore"):
+                    force = float(model.pair.function(-overlap, closing, 40.0, packed))
             except ArithmeticError as error:
                 raise PluginError(f"{scene}: {error}; let the law be finite there") from error
             if not math.isfinite(force):
@@ -96,8 +97,7 @@ def check_turn_and_shift(model: ContactModel, pace: Pace) -> None:
 
 def check_coincident_centres(model: ContactModel, pace: Pace) -> None:
     """Two people at one place, and one on a wall, give no NaN."""
-    crowd = make_crowd([[0.0, 0.0], [0.0, 0.0], [ROOM, 0.0]], speed=1.0)
-    crowd, _ = walked(model, crowd, 20, walls=room(), pace=pace)
+    crowd = coincident(model, pace)
     if not (np.isfinite(crowd.position).all() and np.isfinite(crowd.velocity).all()):
         raise PluginError(
             f"two people at one place and one on a wall, {pace}: end in NaN; never divide by a distance or a gap"

@@ -79,7 +79,8 @@ def _call(
     packed = force.packed()
     before = packed.copy()
     try:
-        found = np.array(function(*given, packed), dtype=np.float64)
+        with np.errstate(all="ignore"):
+            found = np.array(function(*given, packed), dtype=np.float64)
     except ArithmeticError as error:
         raise PluginError(f"{scene}: {error}; it must be finite there") from error
     if not np.isfinite(found).all():

@@ -56,7 +56,7 @@ PLAIN = Pace()
 
 
 def pace_of(model: ContactModel) -> Pace:
-    """Return the pace at which a model carries people pressed and thrown against a wall.
+    """Return the pace at which a model parts people at one place, and carries people pressed and thrown at a wall.
 
     Tried are the plain pace, then ever slower people (for soft contacts) and ever shorter steps (for stiff ones). If
     none will do, it is no matter of stiffness, and the plain pace shows what is wrong.
@@ -64,12 +64,19 @@ def pace_of(model: ContactModel) -> Pace:
     powers = [2**k for k in range(1, 7)]
     for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
         try:
+            coincident(model, pace)
             ends = [pressed(model, 200, pace=pace)[0], thrown(model, pace)[0]]
         except (PluginError, ScenarioError):
             continue
         if all(np.abs(crowd.position).max() <= ROOM for crowd in ends):
             return pace
     return PLAIN
+
+
+def coincident(model: ContactModel, pace: Pace) -> Crowd:
+    """Put two people at one place and one on a wall; make two steps, since stiff contacts then throw them."""
+    crowd = make_crowd([[0.0, 0.0], [0.0, 0.0], [ROOM, 0.0]], speed=1.0)
+    return walked(model, crowd, 0, room(), pace=pace)[0]
 
 
 def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, Engine]:
@@ -127,7 +134,8 @@ def walked(
 ) -> tuple[Crowd, Engine]:
     """Make so many steps at a pace, everybody wanting to go the same way; watch after each tick.
 
-    Velocities, speeds and times of the crowd are those of the plain pace, before and after.
+    Velocities, speeds and times of the crowd are those of the plain pace, before and after. With no steps, the first
+    two of the pace's own are made.
 
     Raises
     ------
@@ -142,9 +150,10 @@ def walked(
     )
     _slow_down(crowd, pace.slow)
     model.check_scene(border_scene(crowd, pace.step, True))
-    for first in range(0, steps * pace.parts, 10 * pace.parts):
+    total, tick = (steps * pace.parts, 10 * pace.parts) if steps else (2, 1)
+    for first in range(0, total, tick):
         try:
-            engine.advance(model, crowd, first, 10 * pace.parts, pace.step, True, True)
+            engine.advance(model, crowd, first, tick, pace.step, True, True)
         except SimulationError as error:
             raise PluginError(f"cannot step through a plain scene, {pace}: {error}") from error
         watch(crowd)

@@ -55,7 +55,7 @@ class Case(Section):
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force between people or on one; present: enabled with them; `false`: disabled",
+        "`[forces.NAME]`: parameters of a force on or between people; present: enabled with them; `false`: disabled",
         "",
         {},
     )

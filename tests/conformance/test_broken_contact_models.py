@@ -203,7 +203,7 @@ def test_a_model_that_steps_but_leaves_the_walls_open_is_found():
         check_plugin(Open)
 
 
-@pytest.mark.parametrize("stiffness", [300.0, 3e3, 6e4, 1e6, 5e7])
+@pytest.mark.parametrize("stiffness", [3e3, 6e4, 1e6, 5e7])
 def test_a_good_model_conforms_whatever_its_stiffness(stiffness):
     check_plugin(Bounce, stiffness=stiffness)
 
@@ -212,7 +212,7 @@ class Tunes(Bounce):
     """Has the same frequency for every pair: twice the mass, twice the stiffness."""
 
     name = "tunes"
-    frequency = Parameter(2.0, "frequency", unit="1/s", above=0.0)
+    frequency = Parameter(8.0, "frequency", unit="1/s", above=0.0)
 
     def step(self, contacts, h):
         mass = 1.0 / contacts.mass[contacts.body]
@@ -228,8 +228,8 @@ def test_a_model_may_scale_with_mass():
 def test_a_failure_names_check_scene_and_remedy():
     with pytest.raises(PluginError, match=r"^bounce: check_momentum: two people who .*; push the other back"):
         check_plugin(OneSided)
-    with pytest.raises(PluginError, match=r"^bounce: check_same_bits: 20 ticks of 'Twenty people .*; draw from"):
-        check_plugin(Restless)
+    with pytest.raises(PluginError, match=r"^bounce: check_same_bits: 20 ticks of 'Twenty people .*; let state"):
+        check_plugin(Forgetful)
 
 
 @pair_contact

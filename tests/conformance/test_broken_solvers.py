@@ -110,13 +110,13 @@ def test_a_sound_solver_passes():
 @pytest.mark.parametrize(
     ("kernel_of_it", "words"),
     [
-        (idle, "does not solve a queue|does not solve somebody"),
+        (idle, "a queue .* is left|somebody .* is left"),
         (flattering, "reports a residual"),
         (lying, "percussions are wrong by"),
-        (pulling, "people can only push"),
+        (pulling, "people only push"),
         (forgetting, "velocities differ"),
         (moving_walls, "velocities differ"),
-        (endless, r"iterations of 1 for"),
+        (endless, r"iterations of 1;"),
         (remembering, "what was in the work arrays before"),
         (meddling, r"changes problem\.data"),
         (swapped, r"solve must be a kernel \(Problem, float64, int64\) -> \(int64\)"),

@@ -201,11 +201,11 @@ def test_a_law_without_annotations_names_the_argument():
         walk(model, make_crowd([(0, 0)]), 1)
 
 
-@pytest.mark.parametrize("pair", [plain_force, None])
-def test_a_force_of_another_signature_is_refused(pair):
+@pytest.mark.parametrize(("pair", "words"), [(plain_force, "'odd': pair must be a kernel"), (None, "'odd' names no")])
+def test_a_force_of_another_signature_is_refused(pair, words):
     force = type("OddForce", (OddForce,), {"pair": pair})()
     crowd = make_crowd([(0, 0)])
-    with pytest.raises(PluginError, match="force 'odd': pair must be a kernel"):
+    with pytest.raises(PluginError, match=f"force {words}"):
         walk(Dem(), crowd, 1, forces=[force])
 
 
