@@ -22,6 +22,7 @@ from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
 #: Change of the overlap over which the stiffness of a law is taken [m].
 SPAN = 1e-6
+PER_SPAN = 1.0 / SPAN
 
 
 class PairLaw(Struct):
@@ -45,11 +46,10 @@ def obey_pair_law(state: State, own: PairLaw, h: float) -> int:
         gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
         force = call_pair_contact(law, gap, closing, mass, given)
         contacts.percussion[c] = h * max(force, 0.0)
-        deepest = gap - h * max(closing, 0.0)
-        if closing > 0.0:
-            force = call_pair_contact(law, deepest, closing, mass, given)
+        deepest = gap - h * max(closing, 0.0)  # the same place for half of them: a branch would cost more than a call
+        force = call_pair_contact(law, deepest, closing, mass, given)
         beyond = call_pair_contact(law, deepest - SPAN, closing + 2.0 * SPAN / h, mass, given)
-        add_stiffness(bodies, contacts, own, c, max(beyond - force, 0.0) / SPAN)
+        add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
     if makes_unstable(state, own, h, 1.0):
         return TOO_STIFF
     take_free(bodies)
