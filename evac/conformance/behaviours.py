@@ -30,19 +30,18 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
     The case is run until every line that acts has been reached, or to its end; what is missing then is tried in
     scenes made of it: a closed door, a crush, the last person inside, the end of the run.
     """
-    simulation, behaviour, scene = _prepared(case, name)
-    watched, lines = [scene.crowd], _Lines(behaviour)
+    seen: set[str] = set()
+    simulation, behaviour, scene = _prepared(case, name, seen)
+    lines = _Lines(behaviour)
     for tick in range(MOST_TICKS):
         if simulation.ended or (tick >= ticks and not lines.missing()):
             break
         _act(behaviour, scene, simulation, lines, f"t = {simulation.time:.1f} s of {case.title!r}")
         simulation.advance_tick()
     if lines.missing():
-        simulation, behaviour, scene = _prepared(case, name)
-        watched.append(scene.crowd)
+        simulation, behaviour, scene = _prepared(case, name, seen)
         for title, time in _made_scenes(simulation):
             _act(behaviour, scene, simulation, lines, f"{title} in {case.title!r}", time)
-    seen = set().union(*(crowd.seen for crowd in watched))
     if undeclared := sorted(seen - {*behaviour.reads, *behaviour.writes}):
         names = ", ".join(undeclared)
         raise PluginError(f"{case.title!r}: reads {names} without declaring it; add it to `reads`")
@@ -55,14 +54,15 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
         )
 
 
-def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
-    """Return a run of a case, and a behaviour of it, prepared, with its scene, whose crowd is watched."""
+def _prepared(case: Case, name: str, seen: set[str]) -> tuple[Simulation, Behaviour, BehaviourScene]:
+    """Return a run of a case, and a behaviour of it, prepared, with its scene; `seen` gets the arrays that it reads."""
     simulation = Simulation(case, full=True)
     found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
     if found is None:
         raise PluginError(f"{case.title!r}: does not use behaviour {name!r}; give a case that does")
     behaviour, scene = found
     scene.crowd = _WatchedCrowd(**scene.crowd.values())
+    scene.crowd.__dict__["noted"] = seen
     behaviour.prepare(scene)
     return simulation, behaviour, scene
 
@@ -167,10 +167,5 @@ class _WatchedCrowd(Crowd):
 
     def __getattribute__(self, name: str) -> Any:
         if name in Crowd.kinds:
-            self.seen.add(name)
+            self.__dict__.setdefault("noted", set()).add(name)
         return super().__getattribute__(name)
-
-    @property
-    def seen(self) -> set[str]:
-        noted: set[str] = self.__dict__.setdefault("noted", set())
-        return noted
