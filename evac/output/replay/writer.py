@@ -35,6 +35,7 @@ SCRIPTS = (
     "series.js",
     "layout.js",
     "density.js",
+    "maps.js",
     "shaders.js",
     "meshes.js",
     "stage.js",
