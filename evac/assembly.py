@@ -1,9 +1,9 @@
 """From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
     from evac.scenario.case import Case
+
+
+Found = TypeVar("Found")
 
 
 def make_building(case: "Case") -> "Building":
@@ -44,11 +47,17 @@ def make_surface(case: "Case") -> SurfaceMesh:
         As `make_building`.
     """
     if case.building.plan is not None:
-        from evac.building.plantable import plan_of
-
-        return draw_plan(plan_of(case.building.plan, case.source, case.folder, "building.plan."), case.registry)
+        return draw_plan(_plan_of(case), case.registry)
     assert case.mesh is not None
     return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
+
+
+def _plan_of(case: "Case") -> "Plan":
+    """Return the plan that a case holds."""
+    from evac.building.plantable import plan_of
+
+    assert case.building.plan is not None
+    return plan_of(case.building.plan, case.source, case.folder, "building.plan.")
 
 
 def read_building(path: str | Path, *, registry: Registry | None = None, **options: Any) -> "Building":
@@ -84,22 +93,18 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
 def ground_key(case: "Case") -> str:
     """Return a digest that two cases have in common only where their building and directions are the same.
 
-    It covers the file of the building and how it is read, and everything that the directions depend on. What groups
+    It covers the files of the building and how they are read, and everything that the directions depend on. What groups
     of people, contact models and behaviours do not share with these may differ, as may the seed.
 
     Raises
     ------
     BuildingError
-        The file of the building cannot be read.
+        A file of the building cannot be read.
     """
     importers = make_importers(case)
-    try:
-        content = case.mesh.read_bytes() if case.mesh is not None else b""
-    except OSError as error:
-        raise BuildingError(f"{case.mesh}: cannot be read: {error.strerror}; check the path") from error
     parts = (
         str(case.mesh or case.source),
-        hashlib.sha256(content).hexdigest(),
+        [(str(path), _digest(path)) for path in _files(case, importers)],
         case.registry.providers(importers),
         [importer.values() for importer in importers],
         case.building.model_dump(),
@@ -107,6 +112,22 @@ def ground_key(case: "Case") -> str:
         field_settings(case, make_behaviours(case), full=False),
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _files(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
+    """Return the files that the building is read from."""
+    if case.building.plan is not None:
+        return _plan_of(case).files
+    assert case.mesh is not None
+    return _called(importers[0], case.mesh, importers[0].files)
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise BuildingError(f"{path}: cannot be read: {error.strerror}; check the path") from error
 
 
 def make_importers(case: "Case") -> "list[Importer]":
@@ -240,19 +261,24 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
     """
     from evac.building.plan import Plan
 
+    read = _called(importer, path, importer.read)
+    if not isinstance(read, SurfaceMesh | Plan):
+        raise PluginError(
+            f"{path}: importer {importer.name!r} returned {type(read).__name__}, neither a Plan nor a SurfaceMesh"
+        )
+    return read
+
+
+def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -> Found:
+    """Return what a method of an importer makes of a file."""
     if not path.is_file():
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
         raise BuildingError(f"{path}: the file is empty; write it again")
     with plugin_code(f"{path}: importer {importer.name!r}"):
         try:
-            read = importer.read(path)
+            return method(path)
         except (ValueError, OSError) as error:
             raise BuildingError(
                 f"{path}: cannot be read: {text_of(error)}; write the file again, or in another format"
             ) from error
-    if not isinstance(read, SurfaceMesh | Plan):
-        raise PluginError(
-            f"{path}: importer {importer.name!r} returned {type(read).__name__}, neither a Plan nor a SurfaceMesh"
-        )
-    return read

@@ -16,6 +16,10 @@ class PlanImporter(Importer):
     name = "plan"
     suffixes = (".plan.toml",)
 
+    def files(self, path: Path) -> Sequence[Path]:
+        """Return the plan file and those of its storeys."""
+        return (path, *self.read(path).files)
+
     def read(self, path: Path) -> Plan:
         """Read a plan; raise ValueError if it is no TOML."""
         try:

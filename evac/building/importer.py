@@ -1,6 +1,7 @@
 """Importers: files of buildings to tagged surfaces. The base class of importer plugins."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -23,6 +24,22 @@ class Importer(Configurable, ABC):
 
     #: Endings of the file names that it reads, in lower case, with the dot.
     suffixes: ClassVar[tuple[str, ...]]
+
+    def files(self, path: Path) -> Sequence[Path]:
+        """Return the files that `read` reads: this one by default.
+
+        An importer of files that name others returns these as well: a study goes on only where none has changed.
+
+        Parameters
+        ----------
+        path : Path
+
+        Raises
+        ------
+        ValueError, BuildingError
+            As `read`.
+        """
+        return (path,)
 
     @abstractmethod
     def read(self, path: Path) -> "SurfaceMesh | Plan":

@@ -308,6 +308,11 @@ class Plan:
         """Add a finding; importers say with it what they have found, assumed, repaired or left out."""
         self.findings.append(Finding(kind, text, storey, place))
 
+    @property
+    def files(self) -> list[Path]:
+        """The files of storeys that are given as such."""
+        return [storey.file for storey in self.storeys.values() if storey.file is not None]
+
     def surface(self) -> "SurfaceMesh":
         """Return the tagged surface: a floor for each storey, with areas, obstacles and exits, and the stairs.
 
