@@ -1,5 +1,6 @@
 """From a case to a result folder: run, then write everything that is written; and go on from a checkpoint."""
 
+import signal
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -10,6 +11,7 @@ from evac.checkpoints import Checkpoints, find_checkpoint
 from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
 from evac.errors import EvacError, ResultError, ScenarioError, note
+from evac.interrupt import Interrupt
 from evac.output.files import (
     CHECKPOINT_NAME,
     EGRESS_NAME,
@@ -66,6 +68,9 @@ def run(
     EvacError
         The case, the building, the people or the plugins do not fit together, a step cannot be made, or the folder
         cannot be written or is being written by another run.
+    KeyboardInterrupt
+        Ctrl-C: at the end of the tick, with tables and a state in the folder, from which `resume` goes on. A second
+        one stops at once, without them.
 
     Examples
     --------
@@ -80,7 +85,7 @@ def run(
     with ResultFolder(folder) as place, displayed(progress) as shown:
         simulation = Simulation(case, place.running, full)
         place.start()
-        return run_into(simulation, place, shown, checkpoint=checkpoint)
+        return _run_interruptible(simulation, place, shown, checkpoint)
 
 
 def resume(
@@ -133,7 +138,7 @@ def resume(
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
         simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences)
-        return run_into(simulation, place, shown, checkpoint=every if checkpoint is None else checkpoint)
+        return _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
 
 
 def resumed(
@@ -176,6 +181,28 @@ def resumed(
         place.reopen(found.path.parent, [*found.files, CHECKPOINT_NAME])
         found.restore_recorders(simulation)
     return simulation, found.every
+
+
+def _run_interruptible(
+    simulation: Simulation,
+    place: ResultFolder,
+    progress: Callable[[Progress], None] | None,
+    checkpoint: float | None,
+) -> Results:
+    """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
+    with Interrupt(progress) as interrupt:
+        results = run_into(
+            simulation,
+            place,
+            interrupt,
+            checkpoint=checkpoint,
+            writing=lambda: interrupt.release(signal.SIGINT),
+        )
+    if interrupt.wanted and results.ended == INTERRUPTED:
+        raise KeyboardInterrupt(
+            f"stopped at {results.time:.2f} s; tables and state are in {results.folder}, evac.resume goes on from them"
+        )
+    return results
 
 
 def run_into(
