@@ -47,9 +47,10 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
     parts = [
         paragraph(
             "evac is a microscopic model: each person is a disc that moves in the plan of its level. People walk"
-            " towards the exits of their group in the direction of least travel time, which is computed by fast marching for"
-            " each level and route, and approach their desired velocity within the relaxation time. A contact model"
-            " computes the forces between bodies that touch. Equations and sources are in docs/physics.md of evac."
+            " towards the exits of their group in the direction of least travel time, which is computed by fast"
+            " marching for each level and route, and approach their desired velocity within the relaxation time. A"
+            " contact model computes the forces between bodies that touch. Equations and sources are in"
+            " docs/physics.md of evac."
         ),
         facts(
             {

@@ -211,9 +211,9 @@ def _statistics(study: StudyFiles) -> Section:
     """Return the section on evacuation times over runs."""
     parts: list[Html] = [
         paragraph(
-            "The evacuation time of a run is the time at which the last person leaves. All statistics are over runs, not"
-            " over people. The time of a run that ends with people inside counts as infinite; the mean is that of the"
-            " other runs. Intervals have a confidence level of 95 %."
+            "The evacuation time of a run is the time at which the last person leaves. All statistics are over runs,"
+            " not over people. The time of a run that ends with people inside counts as infinite; the mean is that of"
+            " the other runs. Intervals have a confidence level of 95 %."
         )
     ]
     is_single = len(study.summary.points) == 1
