@@ -1,4 +1,4 @@
-"""Response time: how long people take from the alarm until they set off."""
+"""Response time: the time from the alarm until people start to walk."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
