@@ -1,4 +1,4 @@
-"""evac new: start a case of one's own, a small building of two storeys with comments that runs at once."""
+"""evac new: write an example case with comments, a building of two storeys that can be run and changed."""
 
 import argparse
 from pathlib import Path
