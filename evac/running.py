@@ -52,7 +52,7 @@ def run(
         Result folder: new, empty, or that of an earlier run, which is replaced once this one has ended. None writes
         nothing.
     full : bool
-        Do even what the scene does not need; gives the same bits, slower.
+        Include the parts that the scene does not need: identical results, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` goes on after a kill. None keeps none.
     progress : callable or bool, optional
@@ -99,7 +99,7 @@ def resume(
     allow_differences: bool = False,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
-    """Go on with a run that was killed or stopped, from its last checkpoint; to the same bits as if it had not been.
+    """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
 
     Parameters
     ----------

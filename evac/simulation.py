@@ -50,7 +50,7 @@ class Simulation:
     folder : Path, optional
         Result folder for the recorders; None keeps nothing on disk.
     full : bool
-        Do even what the scene does not need; gives the same bits, slower.
+        Include the parts that the scene does not need: identical results, slower.
     ground : Ground, optional
         That of a simulation whose case has the same `evac.assembly.ground_key`; made here if not given.
     will_run : bool
@@ -66,7 +66,7 @@ class Simulation:
     Attributes
     ----------
     registry, scene, building, fields, population, contact, forces, engine, recording
-        The stations of the main path.
+        The parts of the simulation, see docs/architecture.md.
     behaviours : list of (Behaviour, BehaviourScene)
         Those in use, each with what it sees.
     plan : list of Part
@@ -191,12 +191,12 @@ class Simulation:
         return self.step * self.case.simulation.step
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what is worth a look before a run is believed, a line each.
+        """Return warnings that should be read before a run, one line each.
 
         Returns
         -------
         tuple of str
-            Of the building, of places too narrow for the widest person, and of unusual people as they start.
+            About the building, places that are too narrow for the widest person, and unusual properties of people.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
@@ -294,7 +294,7 @@ class Simulation:
             self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
-        """Return the results of what has been run so far."""
+        """Return the results up to the present step."""
         results = Results(
             case=self.case,
             building=self.building,
@@ -322,9 +322,9 @@ class Simulation:
         return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of everything that a run needs to go on from this tick to the same bits.
+        """Return copies of all data that are needed to continue a run from this tick with identical results.
 
-        What recorders keep is not part of it, see `Recording.state`.
+        The state of recorders is not part of it, see `Recording.state`.
         """
         self.engine.load(self.contact)  # with which a contact model is ready
         state = {f"population.{key}": value for key, value in self.population.state().items()}

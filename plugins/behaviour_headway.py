@@ -52,8 +52,9 @@ class Sights(Struct):
 class Headway(Behaviour):
     """Decides as the collision-free speed model does (Tordeux, Chraibi and Seyfried, 2016).
 
-    Without it people walk at full speed until bodies touch, and crowds pass doors faster than measured ones,
-    and stairs several times faster. To the desired direction is added, for each person in sight at a distance s,
+    Without it, people walk at their full desired speed until bodies touch; flows through doors are then higher than
+    measured ones, and flows on stairs several times higher. To the desired direction is added, for each person in
+    sight at a distance s,
 
         a exp((l - s) / D)    away from that person,
 
@@ -61,22 +62,22 @@ class Headway(Behaviour):
 
         min(v, max(0, (s - l) / T))
 
-    v being what it wanted before, and s the distance of centres to the nearest person who
+    with the previous desired speed v, and s the distance of centres to the nearest person who
 
-    - stands ahead, no farther than l beside the line on which it walks, in sight, also through portals;
-    - has set off and wants to walk;
-    - where the angle between their desired directions is below 90 degrees, is farther on: has less travel time left on
-      the same route, or, on another route, is ahead along the sum of both directions too. So of two side by side at a
-      door one goes first, and nobody waits for whom it holds up.
+    - is ahead, at most l away from the line of motion, and in sight, also through portals;
+    - has started and wants to walk;
+    - if the angle between the desired directions is below 90 degrees, is farther along: has a smaller remaining travel
+      time on the same route, or, on another route, is also ahead along the sum of both directions. Therefore, of two
+      people side by side at a door one goes first, and nobody waits for a person who is waiting for it.
 
-    Bodies wider than l still touch, at (2 r - l) / T. It takes speeds and directions as the other behaviours have left
-    them.
+    Bodies wider than l still come into contact, with a speed of (2 r - l) / T. The behaviour modifies the speeds and
+    directions set by the other behaviours.
 
     References
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
-    (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of the same model in JuPedSim. There one
-    brakes for whoever is nearest ahead; the last two rules, sight and contact are ours.
+    (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of the same model in JuPedSim. There, people
+    slow down for the nearest person ahead in all cases; the last two rules, sight and contact are additions of evac.
     """
 
     name = "headway"
@@ -85,11 +86,11 @@ class Headway(Behaviour):
     acts_last = True
 
     time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", "s", above=0.0, maximum=60.0)
-    length = Parameter(0.3, "distance of centres at which one stands behind another, l", "m", minimum=0.0, maximum=2.0)
+    length = Parameter(0.3, "distance of centres at which the speed is zero, l", "m", minimum=0.0, maximum=2.0)
     repulsion = Parameter(
-        8.0, "how much people who are `length` apart turn from each other, a", minimum=0.0, maximum=1000.0
+        8.0, "strength of the repulsion of people at the distance `length`, a", minimum=0.0, maximum=1000.0
     )
-    range = Parameter(0.1, "range of that, D", "m", minimum=0.01, maximum=10.0)
+    range = Parameter(0.1, "range of the repulsion, D", "m", minimum=0.01, maximum=10.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """Make room for what is seen at a tick."""

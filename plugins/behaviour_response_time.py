@@ -1,4 +1,4 @@
-"""Response time: how long people take from the alarm until they set off."""
+"""Response time: the time from the alarm until people start to walk."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,11 +15,11 @@ from evac.people.distributions import Distribution, parse
 
 
 class ResponseTime(Behaviour):
-    """Draws the time at which each person sets off; until then a person wants to stand still.
+    """Draws the response time of each person, before which the desired speed is zero.
 
     All its work is done before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
-    is ``time`` with ``per = "person"``; occupants of one room who hear and see the same often react
-    together, which is ``"place"``, and so do families and classes, ``"group"``.
+    is ``time`` with ``per = "person"``. With ``"place"``, the people in one room react together, because they
+    hear and see the same; with ``"group"``, families or classes react together. A group can have its own ``time``.
 
     Raises
     ------

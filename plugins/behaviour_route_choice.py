@@ -43,17 +43,17 @@ class _Choosers:
 
 
 class RouteChoice(Behaviour):
-    """People compare routes with their own speeds on the flat, up and down stairs.
+    """People compare routes according to their own speeds on the flat, and up and down stairs.
 
-    The fields are marched at reference speeds, the same for everybody; the lengths of their ways (flat,
-    up, down) are known everywhere. So a person slow on stairs can prefer another exit, or the way that
-    avoids stairs. The cost of a route is
+    Travel times are computed with reference speeds, which are the same for all people; the lengths of the routes
+    (flat, up, down) are known everywhere. A person who is slow on stairs can therefore prefer another exit, or a
+    route that avoids stairs. The cost of a route is
 
     - flat + up + down, if "shortest" is the only strategy offered;
     - flat / v_flat + c (up / v_up + down / v_down), if it is "comfortable", c the case's comfort factor;
     - flat / v_flat + up / v_up + down / v_down, if it is "fastest", or if there are several.
 
-    A person whose group names exits in the case chooses among these only.
+    People of a group with ``exits`` in the case choose among these exits only.
 
     Raises
     ------

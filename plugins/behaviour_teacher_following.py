@@ -51,34 +51,34 @@ class Rules(Struct):
 
 
 class TeacherFollowing(Behaviour):
-    """Keeps groups behind the person that their key ``teacher`` names (a group of one).
+    """Keeps the members of a group behind the teacher whom the key ``teacher`` of the group names (a group of one).
 
-    Who is ahead is judged by the remaining travel time T of the directions, which holds across doors, stairs and
+    The order of people is determined by the remaining travel time T of the directions, also across doors, stairs and
     storeys. With the lead L = T_teacher - T_member:
 
-    - a member takes its teacher's route, and sets off no earlier than its teacher: at the later of the
+    - a member takes its teacher's route, and starts no earlier than its teacher: at the later of the
       two start times;
-    - a member walks at full speed while it is more than `trail` behind (L < -trail), and ever slower from
-      there to L = 0, where it stands: its factor is -L / trail, cut to [0, 1];
-    - the teacher and those behind it form a line. With D the longest time that one of them takes, at its own
-      speed, to where its neighbour ahead is now, or the teacher to the exit where that is less, the teacher walks
-      at full speed up to D = lag / 2 and ever slower from there to D = lag, where it stands: its factor is
-      2 (1 - D / lag), cut to [0, 1];
-    - a teacher that has waited `patience` in vain, its last member making no progress, goes on until the
+    - a member walks at full speed while it is more than `trail` behind (L < -trail); from there its speed decreases
+      to zero at L = 0: its factor is -L / trail, limited to [0, 1];
+    - the teacher and the members behind it form a line. D is the longest time that one of them needs, at its own
+      speed, to reach the present position of its neighbour ahead; it is at most the time that the teacher needs to
+      the exit. The teacher walks at full speed up to D = lag / 2; from there its speed decreases to zero at D = lag:
+      its factor is 2 (1 - D / lag), limited to [0, 1];
+    - a teacher that has waited for `patience` while its last member made no progress continues until the
       gaps are closed (D <= lag / 2);
-    - once a teacher has wanted to walk for more than `stuck` without progress, members ahead of it make way: each
-      goes on alone until it is `trail` ahead, or behind again. After another `patience` without progress, and
-      once the teacher is out, all members go on alone.
+    - if a teacher has wanted to walk for more than `stuck` without progress, members ahead of it give way: each
+      continues alone until it is `trail` ahead, or behind again. After another `patience` without progress, and
+      once the teacher has left the building, all members continue alone.
 
     A teacher waits for gaps in the line and not for the length of its class: a class in a queue is long, and a
-    teacher that walks slowly ahead of it is overtaken and pushed aside. It does not wait longer than it has still
-    to walk itself, so that it does not stop in front of the exit. The last rule keeps classes that wait for each
-    other on a stair, and members who stand in their teacher's way, from blocking the building for good.
+    teacher that walks slowly ahead of it is overtaken and pushed aside. Because D is limited by its own time to the
+    exit, it does not stop in front of the exit. The last rule prevents a permanent blockage by classes that wait for
+    each other on a stair, or by members who are in the way of their teacher.
 
     Raises
     ------
     ScenarioError
-        A group names a teacher that is no group, is the group itself, or is not one person.
+        The teacher of a group does not exist, is the group itself, or is not a single person.
     """
 
     name = "teacher_following"
@@ -86,10 +86,10 @@ class TeacherFollowing(Behaviour):
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
 
-    trail = Parameter(3.0, "how far behind its teacher a member starts to take up its pace", unit="s", above=0.0)
-    lag = Parameter(4.0, "gap in the line of its class at which a teacher stands", unit="s", above=0.0)
-    patience = Parameter(10.0, "how long a teacher waits in vain", unit="s", minimum=0.0, infinite=True)
-    stuck = Parameter(10.0, "how long a teacher is hindered before members ahead make way", unit="s", minimum=0.0)
+    trail = Parameter(3.0, "distance in time behind the teacher below which members slow down", unit="s", above=0.0)
+    lag = Parameter(4.0, "gap in the line of its class at which a teacher stops", unit="s", above=0.0)
+    patience = Parameter(10.0, "longest time that a teacher waits without effect", unit="s", minimum=0.0, infinite=True)
+    stuck = Parameter(10.0, "time without progress of a teacher until members ahead give way", unit="s", minimum=0.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
         """List the classes and their teachers."""

@@ -163,9 +163,9 @@ def _stiffen(own, inverse_mass, i, nx, ny):
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN contacts
-    harden, see `press`: a linear spring cannot carry the load of thousands of people, since its equilibrium overlap
-    exceeds the radius.
+    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN, the stiffness
+    of contacts increases: a linear spring cannot carry the load of thousands of people, because its equilibrium
+    overlap exceeds the radius.
     """
 
     name = "dem"

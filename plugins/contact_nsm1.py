@@ -101,10 +101,10 @@ def _keep_apart(state, own, tolerance):
 
 
 class Nsm1(SolvedContactModel):
-    """Inelastic contact: the velocity nearest to the free one that lets no two bodies overlap after the step.
+    """Inelastic contact: the velocity nearest to the free velocity without overlaps of bodies after the step.
 
-    `inertial` projects u + h f/m in the mass norm; `overdamped` is Maury and Venel's own model, which projects
-    the desired velocity in the Euclidean norm, knows no inertia, and whose multipliers are no forces.
+    `inertial` projects u + h f/m in the mass norm; `overdamped` is the original model of Maury and Venel, which
+    projects the desired velocity in the Euclidean norm, has no inertia, and whose multipliers are not forces.
     """
 
     name = "nsm1"

@@ -119,7 +119,7 @@ class Nsm2(SolvedContactModel):
     """Percussions at mid-step, with dissipation K_N: 0 is inelastic, infinity elastic.
 
     Contacts are those that the free velocity closes within the step; bodies move by the mean of old and
-    new velocity, so overlaps of the order of h|u| are part of the model and are reported.
+    new velocity, so that overlaps of the order of h|u| are part of the model; they are reported.
     """
 
     name = "nsm2"
@@ -130,7 +130,7 @@ class Nsm2(SolvedContactModel):
     midpoint = True
     normal_dissipation = Parameter(1e5, "K_N of eq. 26", unit="kg", minimum=0.0, infinite=True)
     tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
-    position_correction = Parameter(False, "push bodies apart where they overlap, without touching velocities")
+    position_correction = Parameter(False, "whether overlapping bodies are moved apart, without a change of velocities")
 
     def promised_overlap(self, scene: BorderScene) -> float:
         """Return h v [m], the path in a step at the greatest speed v that somebody wants or starts with.

@@ -28,18 +28,18 @@ def social(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
 
 
 class SocialForce(Force):
-    """A exp(-D/B) [L + (1 - L)(1 + cos phi)/2], pushing apart.
+    """Repulsion A exp(-D/B) [L + (1 - L)(1 + cos phi)/2] of two people at the gap D.
 
-    The paper's table gives L = 0 and phi = 90 degrees; read literally (``isotropic``) the bracket is the
-    constant 1/2. ``anisotropic`` takes phi from the desired direction.
+    Table 5 of the paper gives L = 0 and phi = 90 degrees. Taken literally (``isotropic``), the bracket is the
+    constant 1/2; ``anisotropic`` determines phi from the desired direction.
     """
 
     name = "social"
     pair = social
     strength = Parameter(2000.0, "interaction strength A", unit="N", minimum=0.0)
     range = Parameter(0.08, "range of the interaction B", unit="m", above=0.0)
-    anisotropy = Parameter(0.0, "Lambda: what someone behind counts against someone ahead", minimum=0.0, maximum=1.0)
-    reading = Parameter("isotropic", "how table 5's phi is read", choices=("isotropic", "anisotropic"))
+    anisotropy = Parameter(0.0, "L: weight of people behind relative to people ahead", minimum=0.0, maximum=1.0)
+    reading = Parameter("isotropic", "interpretation of phi in table 5", choices=("isotropic", "anisotropic"))
     tolerance = Parameter(1.0, "force below which it is left out", unit="N", above=0.0)
 
     def cutoff(self) -> float:

@@ -44,27 +44,27 @@ UNITS = {
 class DxfImporter(Importer):
     """DXF drawings (.dxf): one storey from closed outlines, or from walls drawn as lines.
 
-    Layers are given as names with commas between them, in which * stands for anything; upper and lower case are the
-    same, and `jps-` may stand before a name. Blocks are expanded, curves become polygons.
+    Layers are given as names separated by commas, in which * stands for any text. Upper and lower case are not
+    distinguished, and the prefix `jps-` is ignored. Blocks are expanded; curves become polygons.
     """
 
     name = "dxf"
     suffixes = (".dxf",)
 
     floor = Parameter("walkablearea", "layers with outlines of the floor; open lines are closed to faces")
-    walls = Parameter("", "layers with walls as lines, of which rooms are made")
+    walls = Parameter("", "layers with walls as lines, from which rooms are derived")
     doors = Parameter("", "layers with lines that close doors; doors are also found where walls are interrupted")
     obstacles = Parameter("obstacles", "layers with outlines of obstacles")
     exits = Parameter("exits", "layers with exits: outlines of the ground outside, or lines")
     areas = Parameter("distributions", "layers with outlines of start areas")
     storey = Parameter("floor", "name of the storey")
     z = Parameter(0.0, "height of the storey's floor", unit="m")
-    unit = Parameter(0.0, "metres per unit of the drawing; 0 takes what it says if that is plausible", minimum=0.0)
-    gap = Parameter(0.1, "ends of lines no farther from another line are joined to it", unit="m", minimum=0.0)
+    unit = Parameter(0.0, "metres per unit of the drawing; 0: the unit of the file if it is plausible", minimum=0.0)
+    gap = Parameter(0.1, "greatest distance at which ends of lines are joined to another line", unit="m", minimum=0.0)
     door = Parameter(2.5, "widest interruption of a wall that is a door; 0: none", unit="m", minimum=0.0)
     wall = Parameter(0.1, "thickness of walls drawn as one line between two rooms", unit="m", minimum=0.01)
-    repair = Parameter(False, "whether to read what ezdxf can repair of a damaged file; the rest is lost")
-    deviation = Parameter(0.002, "how far the polygon of a curve may be off it", unit="m", above=0.0)
+    repair = Parameter(False, "whether to read the parts of a damaged file that ezdxf can repair")
+    deviation = Parameter(0.002, "greatest distance of the polygon of a curve from it", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
         """Read the drawing; raise ValueError if it is damaged or none of its layers is a floor."""

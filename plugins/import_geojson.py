@@ -28,15 +28,15 @@ MAJOR, MINOR = 6378137.0, 6356752.314245
 class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
-    Without `kind`, polygons are ground of their storey and lines are exits.
+    Without `kind`, polygons are parts of the floor of their storey and lines are exits.
     """
 
     name = "geojson"
     suffixes = (".geojson", ".json")
 
-    storey = Parameter("floor", "name of the storey of features that name none")
-    z = Parameter(0.0, "height of storeys that give none: the lowest; the next ones are `height` above", unit="m")
-    height = Parameter(3.0, "height from one storey to the next where features give no z", unit="m", above=0.0)
+    storey = Parameter("floor", "name of the storey of features without one")
+    z = Parameter(0.0, "height of the lowest storey without z; the next ones are `height` above", unit="m")
+    height = Parameter(3.0, "height from one storey to the next if features have no z", unit="m", above=0.0)
     unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
     wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
     coordinates = Parameter("auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees"))

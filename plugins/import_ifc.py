@@ -56,13 +56,15 @@ class IfcImporter(Importer):
     name = "ifc"
     suffixes = (".ifc",)
 
-    ground = Parameter("auto", "floors are spaces, or slabs where there are none", choices=("auto", "spaces", "slabs"))
+    ground = Parameter(
+        "auto", "source of floors: spaces, or slabs on storeys without spaces", choices=("auto", "spaces", "slabs")
+    )
     exits = Parameter("ground", "storeys whose doors to the outside are exits", choices=("ground", "all", "none"))
     ground_z = Parameter(0.0, "height of the ground storey: the one nearest to it that has doors outside", unit="m")
-    step = Parameter(0.2, "ground whose height differs by no more is one floor", unit="m", minimum=0.0)
+    step = Parameter(0.2, "surfaces whose heights differ by at most this are one floor", unit="m", minimum=0.0)
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
     furniture = Parameter(False, "furniture is an obstacle")
-    cut_slabs = Parameter(False, "slabs that close the way of a stair are cut, not the stair left out")
+    cut_slabs = Parameter(False, "slabs that obstruct a stair are cut; otherwise the stair is left out")
 
     def read(self, path: Path) -> "Plan":
         """Read the bodies; raise ValueError if the file is none, or the library is missing."""

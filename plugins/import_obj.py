@@ -26,8 +26,9 @@ WORDS = ("exit", "stair", "room", "floor")
 class ObjImporter(Importer):
     """The vertices, faces, lines and groups (``v``, ``f``, ``l``, ``g``, ``o``) of Wavefront OBJ files.
 
-    Groups with `exit`, `stair`, `room` or `floor` in their names are such; `names` says it for others. Texture and
-    normal indices (``f 1/2/3``) and every other line are passed over; negative indices count from the last vertex read.
+    Groups with `exit`, `stair`, `room` or `floor` in their names have these meanings; `names` assigns meanings to
+    other names. Texture and normal indices (``f 1/2/3``) and all other lines are ignored; negative indices count from
+    the last vertex read.
     """
 
     name = "obj"

@@ -13,7 +13,7 @@ from evac.hookspecs import hookimpl
 
 
 class OffImporter(Importer):
-    """OFF files (also COFF, NOFF, STOFF: what follows x, y, z is passed over)."""
+    """OFF files (also COFF, NOFF, STOFF: data after x, y, z is ignored)."""
 
     name = "off"
     suffixes = (".off",)

@@ -11,7 +11,7 @@ from evac.hookspecs import hookimpl
 
 
 class PlanImporter(Importer):
-    """Plan files (.plan.toml): the shape of each storey in the file or in one of its own, and what joins them."""
+    """Plan files (.plan.toml): the shapes of storeys, in the file or in separate files, and their connections."""
 
     name = "plan"
     suffixes = (".plan.toml",)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ReplayRecorder(Recorder):
-    """Writes ``replay.html`` to the result folder, unless ``output.replay`` is false; without a folder nothing."""
+    """Writes ``replay.html`` to the result folder if there is one, unless ``output.replay`` is false."""
 
     name = "replay"
     writer: "ReplayWriter | None" = None

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); nothing without a folder, or where
+    """Writes ``trajectory.evac`` (docs/trajectory.md) to the result folder if there is one, unless
     ``output.trajectory`` is false.
     """
 

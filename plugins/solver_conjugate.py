@@ -329,7 +329,7 @@ class ConjugateSweeps(Solver):
 
 
 class ConjugateFaces(Solver):
-    """Conjugate sweeps, and conjugate gradients on one set of pushing contacts at a time."""
+    """Conjugate sweeps, and conjugate gradients on a fixed set of contacts with positive percussions."""
 
     name = "conjugate_faces"
     solve = conjugate_faces

@@ -166,14 +166,14 @@ def _set_rates(rows):
 
 
 class Uzawa(Solver):
-    """The paper's solver: all percussions step along their gradient by 0.95 of the greatest safe fixed length."""
+    """The solver of the paper: projected gradient method with a fixed step length, 0.95 of the stability bound."""
 
     name = "uzawa"
     solve = uzawa
 
 
 class AcceleratedGradient(Solver):
-    """Each percussion steps along its gradient by a length of its own, with Nesterov's momentum."""
+    """Projected gradient method with an individual step length for each percussion and Nesterov's momentum."""
 
     name = "accelerated_gradient"
     solve = accelerated_gradient

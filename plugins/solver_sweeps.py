@@ -169,14 +169,14 @@ def energy(rows):
 
 
 class GaussSeidel(Solver):
-    """Projected Gauss-Seidel: one contact after the other, outwards from the exit."""
+    """Projected Gauss-Seidel: one contact after another, in the order of the distance to the exit."""
 
     name = "gauss_seidel"
     solve = gauss_seidel
 
 
 class AcceleratedSweeps(Solver):
-    """Gauss-Seidel with Nesterov's momentum, back and forth where that diverges; the default."""
+    """Gauss-Seidel with Nesterov's momentum, in alternating directions if that diverges; the default."""
 
     name = "accelerated_sweeps"
     solve = accelerated_sweeps

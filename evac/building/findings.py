@@ -8,7 +8,7 @@ KINDS = ("found", "assumed", "repaired", "left out", "warning")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found in, assumed about, repaired in or left out of a building, or that is warned of.
+    """Information about a building: something found, assumed, repaired or left out, or a warning.
 
     As text it begins with its place, if it has one.
 

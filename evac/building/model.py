@@ -129,7 +129,7 @@ class Area:
 
 @dataclass(frozen=True)
 class Building:
-    """Everything that stands still: the first station of the main path.
+    """The building: levels, portals, exits, areas and walls, which do not change during a run.
 
     Portals and exits together are its links: portals first, then exits.
 
@@ -151,7 +151,7 @@ class Building:
     stairs : dict of str to tuple of int
         Levels of each stair, from top to bottom.
     findings : tuple of Finding
-        What a user should know and that stops nothing, each with its place.
+        Information and warnings for the user, each with its place.
     closed : frozenset of int
         Links that are walls during the whole run.
     """

@@ -24,12 +24,12 @@ class Plan:
     """A building in plan, from which its surface, and so a `Building` and a case, is made.
 
     Shapes are shapely geometries, WKT, GeoJSON, lists of corners [x, y], or lists of these; lengths are in metres.
-    Things may be added in any order. What is wrong with them together is found by `surface`.
+    Elements may be added in any order. `surface` checks whether they fit together.
 
     Parameters
     ----------
     source : str or Path
-        What messages call it.
+        Name of the plan in messages.
     headroom : float [m]
         Floors are cut away where they leave less height above or below a stair; 0 cuts nothing.
 
@@ -220,7 +220,7 @@ class Plan:
         self.doors.append(Item(name, storey, self._segment(what, "segment", segment), (), float(reach), outside))
 
     def exit(self, name: str, storey: str, segment: Shape | None = None, *, polygon: Shape | None = None) -> None:
-        """Add an exit: whoever's centre crosses it is out.
+        """Add an exit; a person whose centre crosses it has left the building.
 
         Parameters
         ----------

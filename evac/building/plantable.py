@@ -37,7 +37,7 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
         ``headroom`` [m], and lists of tables by the keys of `SECTIONS`, with the arguments of that method of
         `evac.building.plan.Plan`.
     source : Path
-        What messages call it.
+        Name of the plan in messages.
     folder : Path
         What files of storeys are relative to.
     prefix : str

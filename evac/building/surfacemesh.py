@@ -24,7 +24,7 @@ FARTHEST = 1e11
 
 @dataclass(frozen=True)
 class SurfaceMesh:
-    """The surfaces that people can walk on, as they stand in a file: nothing welded, dropped or interpreted yet.
+    """The walkable surfaces of a file, before vertices are merged and cells are dropped or interpreted.
 
     The core welds vertices, splits cells at hanging nodes and ignores the winding, so neighbours need share neither
     vertices nor edges exactly. Tags are names ``kind:NAME``, as docs/buildings.md lists them.

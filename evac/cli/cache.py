@@ -1,4 +1,4 @@
-"""evac cache: show, fill or empty the folder of compiled kernels, or build a wheel that contains compiled kernels.
+"""evac cache: show, fill or clear the folder of compiled kernels, or build a wheel that contains compiled kernels.
 
 Kernels are compiled when they are first needed, and kept in a folder of the user, or in EVAC_CACHE_DIR if that is set.
 """

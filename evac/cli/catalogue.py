@@ -1,4 +1,4 @@
-"""evac list: the cases that evac and the installed plugins ship."""
+"""evac list: list the cases shipped with evac and installed plugins."""
 
 import argparse
 import tomllib

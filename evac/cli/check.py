@@ -1,4 +1,4 @@
-"""evac check: read a case or the file of a building and show what evac makes of it.
+"""evac check: read a case or a building file and show levels, exits, areas and warnings.
 
 Plugin files that a case names are listed and not run; what they would add cannot be checked. --plugin FILE runs one.
 """

@@ -1,4 +1,4 @@
-"""evac explain: what a case needs, part by part, and why.
+"""evac explain: show which parts of the program a case needs, and why.
 
 What is left out changes no bit of the trajectories; `evac run --full` forces everything in. Forces and behaviours say
 themselves what they need: plugin files of the case are run, as by `evac run`.

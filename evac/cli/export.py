@@ -1,4 +1,4 @@
-"""evac export: write what a run recorded in a format of other programs.
+"""evac export: write a recorded run in the format of another program.
 
 Works on a run that goes on, and on what is left of a killed one, as well. Formats are plugins: `evac plugins` lists
 them with the other plugins.

@@ -1,4 +1,4 @@
-"""evac import: make a case of a building's files.
+"""evac import: create a case from building files.
 
 Writes to --out the surface as a tagged mesh (building.msh), a case.toml with people to fill in, a picture of every
 level (levels.png) and a report of each thing found, assumed, repaired or left out (report.md). Several files are the

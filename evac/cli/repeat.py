@@ -1,4 +1,4 @@
-"""evac repeat: run a case with many seeds, and say how certain the result is.
+"""evac repeat: run a case with many seeds and compute statistics with confidence intervals.
 
 To ./CASE-runs, or to --out, goes each run's row as soon as it is done: killed, the study goes on with --resume. In the
 end runs.parquet and runs.csv have the rows, statistics.csv and summary.json what they say, egress.csv and egress.png

@@ -1,4 +1,4 @@
-"""evac replay: write the page that plays a run, anew.
+"""evac replay: write the page that plays a run again.
 
 Every run leaves replay.html unless output.replay is false. This command makes it of a recorded trajectory, of a killed
 run's as well: in another place, or with fewer states.

@@ -1,4 +1,4 @@
-"""evac resume: go on with a run that was killed or stopped, from its last checkpoint.
+"""evac resume: continue a run that was killed or stopped, from its last checkpoint.
 
 On the same machine, with the same versions, plugins and building, the results are those of a run that was never
 stopped, to the last bit, wall times excepted. --set changes the case from here on, such as building.closed='["door"]';

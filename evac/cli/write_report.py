@@ -1,4 +1,4 @@
-"""evac report: write a report to hand in: one HTML file that prints well.
+"""evac report: write the report of a run or a study, one HTML file for printing.
 
 It has the building and its plans, occupants and assumptions, the model with its parameters and versions, what has
 been verified and what failed, egress curve and times, congestion, maps, warnings and limits of use, and a checklist

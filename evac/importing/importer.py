@@ -81,7 +81,7 @@ def import_building(
     options: Mapping[str, Any] | None = None,
     registry: Registry | None = None,
 ) -> Imported:
-    """Make a case of files of a building: one file, or one for each storey, from the lowest up.
+    """Create a case from building files: one file, or one for each storey, from the lowest up.
 
     Parameters
     ----------
@@ -91,9 +91,9 @@ def import_building(
     exits : sequence of int
         Numbers of the openings that become exits.
     people : int, optional
-        How many, divided among the rooms by their ground.
+        Number of people, distributed over the rooms in proportion to their floor areas.
     density : float, optional
-        People on a square metre, if `people` is not given; 0.1 by default.
+        People per square metre, if `people` is not given; 0.1 by default.
     z : sequence of float, optional
         Heights of the storeys of several files [m]; 3 m from one to the next by default.
     options : mapping

@@ -30,7 +30,7 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
     -------
     motion : pedpy.TrajectoryData
         ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on
-        the level are in it: whoever leaves the level and comes back has a gap in the frames.
+        the level are in it; a person who leaves the level and returns has a gap in the frames.
     area : pedpy.WalkableArea
         The plan of the level.
 

@@ -30,7 +30,7 @@ def load_case(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
 ) -> Case:
-    """Read and check a case; the file is parsed, and nothing that it holds or names is executed.
+    """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
 
     Plugin files that it names are run when the case is (`evac.scenario.trust.run_plugin_files`); names that only they
     may know are checked then, and listed in `Case.unchecked` until.

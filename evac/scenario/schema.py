@@ -89,22 +89,22 @@ class BuildingSettings(Section):
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
     plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
-    weld: Real = key("vertices closer than this become one", "m", WELD, ge=0, le=1)
+    weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
     scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
     up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
     headroom: Real = key(
-        "ground on solid bodies, and beside flights of treads, with less height above is left out; 0: none",
+        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
         "m",
         HEADROOM,
         ge=0,
         le=10,
     )
-    treads: Switch = key("whether stairs drawn as treads become inclined flights", "", True)
-    exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", (), max_length=MOST_ITEMS)
-    areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", (), max_length=MOST_ITEMS)
-    obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", (), max_length=MOST_ITEMS)
+    treads: Switch = key("whether stairs modelled as treads become inclined flights", "", True)
+    exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ class DirectionSettings(Section):
 
     spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
     clearance: Real | None = key(
-        "width kept clear of walls where there is room; if not given, the greatest body radius, at most twice the mean",
+        "distance kept from walls where there is room; if not given, the greatest body radius, at most twice the mean",
         "m",
         None,
         ge=0,
@@ -161,51 +161,49 @@ class PeopleSettings(Section):
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
-        "relaxation time: how fast a person takes up the desired velocity",
+        "relaxation time, within which a person approaches the desired velocity",
         "s",
         Distribution("uniform", (0.1, 0.5)),
     )
     speed: Speed = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
-        "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed",
+        "desired speed up stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     speed_down: StairSpeed = key(
-        "desired speed down stairs, along the slope; { factor = ... } multiplies the own flat speed",
+        "desired speed down stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
-    limit_stair_speeds: Switch = key("whether nobody is faster on stairs than the own speed on the flat", "", True)
+    limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
-        "names of the exits they head for; empty: any. Somebody pushed out by another exit is out as well",
+        "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
         "",
         (),
     )
-    strategy: Strategy = key("what they minimise on the way out", "", "fastest")
+    strategy: Strategy = key("quantity that their route to an exit minimises", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
 
 class GroupSettings(PeopleSettings):
     """`[[people]]`: one group: what people are like, how many they are and where they start."""
 
-    name: Name = key("name of the group; groups are sorted by it, so the order of the tables changes nothing")
-    preset: str | None = key(
-        "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
-    )
-    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
+    preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
+    number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key(
-        "area of the building they start in, at random places; this, `level` or `positions`", "", None
+        "area of the building in which they start at random places; this, `level` or `positions`", "", None
     )
     positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
+        "start position of each person [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
     )
     velocity: tuple[Velocity, ...] | None = key(
-        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
+        "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
     )
-    z: Coordinate | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
-        "name of the level that `positions` are on; without positions, of the level they start on, at random places",
+        "name of the level of `positions`; without positions, name of the level on which they start at random places",
         "",
         None,
     )
@@ -270,22 +268,22 @@ class SimulationSettings(Section):
     step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
     tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, ge=1e-9, le=3600)
     duration: Real = key(
-        "when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
+        "greatest simulated time, after which the run ends; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
     )
-    seed: Whole = key("seed of everything random", "", 1, ge=0, le=2**63 - 1)
+    seed: Whole = key("seed of all random numbers", "", 1, ge=0, le=2**63 - 1)
     population_seed: Whole | None = key(
-        "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
-        "elsewhere; if not given, `seed`",
+        "seed of the properties of people (radius, mass, tau, speeds): runs with different `seed` then place the same "
+        "people elsewhere; if not given, `seed`",
         "",
         None,
         ge=0,
         le=2**63 - 1,
     )
     driving: Literal["exponential", "explicit"] = key(
-        "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
+        "update of the driving force (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends when nobody got out or nearer to an exit for this long; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody has left or come nearer to an exit for this time; inf: never", "s", 60.0, gt=0
     )
 
     @property
@@ -338,7 +336,7 @@ class OutputSettings(Section):
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
     replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
     trajectory: Switch = key(
-        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "whether everybody's motion is recorded in trajectory.evac, from which other outputs can be made later",
         "",
         True,
     )
