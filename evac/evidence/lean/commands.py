@@ -4,6 +4,7 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -132,7 +133,7 @@ def _command_rows(quick: bool, repeats: int) -> list[dict[str, Any]]:
             if quick and "primary_school" in arguments:
                 continue
             start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
-            timing = timed(start, repeats)
+            timing = timed(start, repeats, partial(rmtree, Path(folder) / "new", ignore_errors=True))
             rows.append(
                 {
                     "command": name,
