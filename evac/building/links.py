@@ -56,7 +56,9 @@ def find_exits_and_walls(
             row = row_of.get((a, b))
             if row is None or row in taken:
                 place = edge_place(surface.vertices, np.array([a, b]))
-                cause = "is not a free edge of the walkable surface" if row is None else f"also has the tag {taken[row]!r}"
+                cause = (
+                    "is not a free edge of the walkable surface" if row is None else f"also has the tag {taken[row]!r}"
+                )
                 near = "" if row is not None else _nearest_free_edge(surface, table.ends[free], (a, b))
                 raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}; move or remove the tag{near}")
             rows.append(row)

@@ -98,7 +98,7 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
         text = f"{len(others)} shapes that are not polygons ({kinds}); the first one is here"
         findings.append(Finding("left out", text, level, place_of(others[0])))
     if not found:
-        raise ValueError("the shape contains no polygon with a positive area")
+        raise ValueError("the shape contains no polygon with an area")
     return found
 
 

@@ -226,7 +226,7 @@ class _March:
     def _solve(
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
     ) -> FloatArray | None:
-        """Return the cost from the zero contour of `phi`, inf where the wave does not arrive; None without a contour."""
+        """Return the cost from the zero contour of `phi`, inf where no wave arrives; None without a contour."""
         if not _has_contour(phi, walkable):
             return None
         by_sheet = self._slowness_by_sheet(grid, use, through)

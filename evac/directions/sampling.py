@@ -11,7 +11,7 @@ AGREEING, CANCELLING = 0.9, 0.1
 #: Nodes of a cell that differ by more than this multiple of the steepest increase along its side are divided by a wall.
 LARGEST_RISE = 1.5 * math.sqrt(2.0)
 
-#: Twice the triangle area of a point and a wall below which the point counts as on the wall [m2].
+#: Product of the distances of two points from a wall below which one of them counts as on the wall [m2].
 TOUCHING = 1e-9
 
 

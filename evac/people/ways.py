@@ -75,7 +75,7 @@ def check_ways(
         if leaking.size:
             what = f"have a travel time but no ground to {fields.routes[crowd.route[leaking[0]]].destination}"
             raise ScenarioError(
-                f"{_told(source, building, crowd, group, leaking, what)}: the grid passes through a wall; choose "
+                f"{_affected(source, building, crowd, group, leaking, what)}: the grid passes through a wall; choose "
                 "another directions.spacing, and report this case as a bug of evac"
             )
     for route in range(len(fields.routes)) if fields.clearance >= fields.packed.spacing else ():
@@ -109,13 +109,13 @@ def _check_walks(
             x, y, level = ends[lost[0]]
             what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
             raise ScenarioError(
-                f"{_told(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
+                f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
                 f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
                 f"directions.spacing = {world.fields.spacing:g} m, and choose a smaller spacing"
             )
 
 
-def _told(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
+def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
     """Return the beginning of a message: the number of affected people of a group, the problem and the place."""
     x, y = crowd.position[rows[0]]
     return (
@@ -135,7 +135,7 @@ def _unreachable(
 ) -> str:
     """Describe, for a message, why people have no travel time to an exit."""
     exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
-    told = _told(source, building, crowd, group, rows, f"cannot reach {exits}")
+    told = _affected(source, building, crowd, group, rows, f"cannot reach {exits}")
     if is_connected[rows[0]]:
         return (
             f"{told}; the ground leads there, but through a gap that the grid with directions.spacing = "

@@ -98,7 +98,7 @@ class Denied(Eastward):
     ("cls", "words"),
     [
         (Constant, "beyond its cutoff"),
-        (Eastward, "does not turn"),
+        (Eastward, "rotate"),
         (Singular, "must be finite there"),
         (Whole, "float64"),
         (Endless, "finite and not negative"),
@@ -192,15 +192,15 @@ class Left(Slower):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Misspelt, "neither act"),
+        (Misspelt, r"act\(\) or prepare\(\)"),
         (WritesUndeclared, "writes an array"),
         (ReadsUndeclared, "reads velocity"),
         (ReadsForces, "reads contact_force"),
         (SneaksIn, "writes 'velocity'"),
         (WritesPositions, "behaviours write start_time"),
         (Invents, "no array of"),
-        (Remembers, "a run resumed differs"),
-        (Left, "leaving out"),
+        (Remembers, r"resumed .*state\(\)"),
+        (Left, r"is_needed\(\)"),
     ],
 )
 def test_a_broken_behaviour_is_found(cls, words):

@@ -160,10 +160,10 @@ def returning_an_array(x: Floats) -> Floats:
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (unannotated, r"kernel .*test_kernels\.unannotated: 'y' has no annotation"),
-        (without_result, "without_result: 'return' has no annotation"),
-        (of_words, "of_words: .*str.* is no type of kernels"),
-        (returning_an_array, "returning_an_array: it can return int, float, bool, a tuple of them or None"),
+        (unannotated, r"kernel .*test_kernels\.unannotated: 'y' has no type annotation"),
+        (without_result, "without_result: 'return' has no type annotation"),
+        (of_words, "of_words: .*str.*; use int, float, bool"),
+        (returning_an_array, "returning_an_array: it must return int, float, bool, a tuple of them or None"),
     ],
 )
 def test_a_signature_that_is_none_names_kernel_and_argument(function, words):

@@ -163,7 +163,9 @@ def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, find
     """Return the part of the spaces that has a slab below it."""
     plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
     if slabs.is_empty:
-        findings.append(Finding("assumed", "no slab is at the height of the spaces; all spaces are used as ground", name))
+        findings.append(
+            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as ground", name)
+        )
         return plan
     void = without_slivers(cut(plan, slabs), 2 * THICKNESS)
     for part in shapely.get_parts(void):
