@@ -210,7 +210,7 @@ def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
     tail = path.read_bytes()[-1000:].rstrip(b"\0\r\n\t \x1a")
     if not tail.endswith(b"EOF"):
         lines = path.read_bytes().count(b"\n") + 1
-        raise ValueError(f"the file is truncated: it ends at line {lines} without EOF; save it again")
+        raise ValueError(f"the file is truncated: it ends at line {lines} without EOF")
     try:
         return ezdxf.readfile(path), []
     except Exception as first:  # ezdxf raises errors of many types for damaged files

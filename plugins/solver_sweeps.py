@@ -27,8 +27,8 @@ from evac.physics.state import Problem
 #: Relative increase of the energy above which it is not a rounding error.
 RISE = 1e-10
 
-#: Sweeps between two evaluations of the energy; two rises within `SOON` sweeps: momentum is unsuitable even with
-#: symmetric sweeps.
+#: Sweeps between two evaluations of the energy. If the energy increases twice within `SOON` sweeps, momentum is
+#: reduced even with symmetric sweeps.
 WATCH, SOON = 16, 64
 
 
@@ -53,8 +53,8 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     not decrease the energy: for bodies in regular rows, they may oscillate with increasing amplitude. If the energy has
     increased between two evaluations, the solver returns to the state at the previous one and uses symmetric sweeps
     from then on. A symmetric sweep is a step in a metric in which momentum does decrease the energy, but it costs two
-    sweeps. If the energy soon increases again, the extrapolation factor is limited to half of its value. In the limit,
-    these are plain sweeps, which never increase the energy.
+    sweeps. If the energy soon increases again, the upper limit of the extrapolation factor is halved; in the limit of
+    zero, these are plain sweeps, which never increase the energy.
     """
     rows.residual = row_residual(rows)
     momentum, share, most, likely = 1.0, 0.0, 1.0, LIKELY

@@ -123,7 +123,7 @@ def _is_bounded(parameter: Parameter) -> bool:
 def _check_declarations(behaviour: Behaviour) -> None:
     for array in (*behaviour.reads, *behaviour.writes):
         if array not in Crowd.kinds:
-            raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.state.Crowd")
+            raise PluginError(f"{behaviour.name}: declares {array!r}, which Crowd does not have (evac.physics.state)")
     check_writes(behaviour)
     if type(behaviour).act is Behaviour.act and type(behaviour).prepare is Behaviour.prepare:
         raise PluginError(f"{behaviour.name}: has no effect; define act() or prepare()")

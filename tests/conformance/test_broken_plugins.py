@@ -198,7 +198,7 @@ class Left(Slower):
         (ReadsForces, "reads contact_force"),
         (SneaksIn, "writes 'velocity'"),
         (WritesPositions, "behaviours write start_time"),
-        (Invents, "no array of"),
+        (Invents, "Crowd does not have"),
         (Remembers, r"resumed .*state\(\)"),
         (Left, r"is_needed\(\)"),
     ],

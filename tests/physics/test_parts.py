@@ -197,7 +197,7 @@ def test_a_law_reads_the_attributes_of_its_model():
 
 def test_a_law_without_annotations_names_the_argument():
     model = type("Odd", (Odd,), {"law": law_unannotated})()
-    with pytest.raises(PluginError, match=r"law_unannotated: 'h' has no annotation"):
+    with pytest.raises(PluginError, match=r"law_unannotated: 'h'"):
         walk(model, make_crowd([(0, 0)]), 1)
 
 
