@@ -86,7 +86,7 @@ def _rows(corners: list[str], n_points: int, least: int) -> list[int]:
     if 0 in numbers or min(numbers, default=1) < -n_points:
         raise ValueError(f"{what} refers to a vertex that does not exist; indices count from 1, or from -1 backwards")
     if len(numbers) < least:
-        raise ValueError(f"{what} has only {len(numbers)} corners")
+        raise ValueError(f"{what} has only {len(numbers)} corners, not at least {least}")
     return [number - 1 if number > 0 else n_points + number for number in numbers]
 
 

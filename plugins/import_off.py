@@ -43,7 +43,7 @@ class OffImporter(Importer):
                     if len(corners) != int(words[0]):
                         raise ValueError(f"{words[0]} corners are declared, but {len(corners)} follow")
                     if len(corners) < 3:
-                        raise ValueError(f"a face has only {len(corners)} corners")
+                        raise ValueError(f"a face has only {len(corners)} corners, not at least 3")
                     faces.append(corners)
             except ValueError as error:
                 raise ValueError(f"line {number}: {text[number - 1].strip()!r}: {error}") from error

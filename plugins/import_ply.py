@@ -75,7 +75,7 @@ def _face(corners: list[float]) -> list[int]:
     if broken is not None:
         raise ValueError(f"a face refers to vertex {broken:g}, which is not an integer")
     if len(corners) < 3:
-        raise ValueError(f"a face has only {len(corners)} corners")
+        raise ValueError(f"a face has only {len(corners)} corners, not at least 3")
     return [int(corner) for corner in corners]
 
 

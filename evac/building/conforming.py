@@ -81,7 +81,9 @@ def conform(
         chain = [_rounded(point) for point in corners.split([(start, end)])[0]] + [_rounded(end)]
         for x, y, z in chain:
             if (x, y, z) not in points:
-                raise ValueError(f"the edge {name!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is not on any surface")
+                raise ValueError(
+                    f"the edge {name!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is not on any surface; move it to one"
+                )
         chains.append([[points[one], points[other]] for one, other in pairwise(chain)])
     return Conforming(list(points), triangles, surface, chains)
 

@@ -339,7 +339,9 @@ class _Drawing:
         surfaces = []
         for name, floor in self.floors.items():
             if floor.is_empty:
-                raise BuildingError(f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it")
+                raise BuildingError(
+                    f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it; move them"
+                )
             parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((f"floor:{name}",), floor)]
             for item in (item for item in self.plan.areas if item.storey == name):
                 outline = united(item.polygons)
@@ -371,5 +373,7 @@ def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
     across = normal(edge)
     side = float(across @ direction)
     if abs(side) < 0.1 * float(np.hypot(*direction)):
-        raise ValueError(f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}")
+        raise ValueError(
+            f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}; change it"
+        )
     return across if side > 0.0 else -across

@@ -49,7 +49,7 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
                 raise ValueError(f"an outline needs at least three corners [x, y], not {len(items)}")
             corners = np.array(items, dtype=np.float64)
             if not np.isfinite(corners).all():
-                raise ValueError("a coordinate is not finite")
+                raise ValueError("a coordinate is not finite; correct it")
             yield shapely.Polygon(corners)
         else:
             for item in items:
@@ -88,7 +88,7 @@ def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> lis
     others: list[BaseGeometry] = []
     for one in geometries(given):
         if not np.isfinite(shapely.get_coordinates(one)).all():
-            raise ValueError("a coordinate is not finite")
+            raise ValueError("a coordinate is not finite; correct it")
         if one.geom_type == "Polygon":
             found += _valid(shapely.force_2d(one), level, findings)
         elif not one.is_empty:

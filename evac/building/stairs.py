@@ -53,7 +53,7 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
     outline = shapely.Polygon([lower[0], lower[1], upper[1], upper[0]])
     run = float(shapely.LineString(lower).distance(shapely.LineString(upper)))
     if run < LEAST_RUN or not outline.is_valid:
-        raise ValueError(f"its edges are {run:.2f} m apart in plan; a flight must be at least {LEAST_RUN:g} m long")
+        raise ValueError(f"its edges are {run:.2f} m apart in plan; move them at least {LEAST_RUN:g} m apart")
     corners = np.array([*lower, *upper[::-1]])
     heights = np.array([z_lower, z_lower, z_upper, z_upper])
     plane = _plane(corners[:3], heights[:3])
@@ -87,7 +87,8 @@ def straight(
     flight_share = (1.0 - landings * share) / (landings + 1)
     if flight_share * run < LEAST_RUN:
         raise ValueError(
-            f"{landings} landings of {depth:g} m leave {flight_share * run:.2f} m for a flight, on a run of {run:.2f} m"
+            f"{landings} landings of {depth:g} m leave {flight_share * run:.2f} m per flight on a run of {run:.2f} m; "
+            "shorten the landings or lengthen the stair"
         )
     found: list[Piece] = []
     for k in range(landings + 1):

@@ -320,7 +320,7 @@ def _check_shape(found: Distribution) -> None:
     if found.kind == "uniform" and found.numbers[0] >= found.numbers[1]:
         raise ValueError(f"uniform = [low, high] needs low < high, got [{found.numbers[0]:g}, {found.numbers[1]:g}]")
     if found.minimum > found.maximum:
-        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}")
+        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}; swap them")
     if found.kind in ("constant", "list"):
         outside = [x for x in found.numbers if not found.minimum <= x <= found.maximum]
         if outside:

@@ -263,7 +263,9 @@ class ContactModel(Configurable, ABC):
             )
         if not np.isfinite(found).all():
             row = int(np.argwhere(~np.isfinite(found))[0, 0])
-            raise PluginError(f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}")
+            raise PluginError(
+                f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}; it must be finite"
+            )
         bodies.solved[:n] = found
 
 
