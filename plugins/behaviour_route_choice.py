@@ -225,7 +225,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     for column, route in enumerate(routes):
         lengths = fields.lengths_at(level, position, route)
         reached = np.isfinite(lengths[:, 0])
-        with np.errstate(invalid="ignore"):  # who cannot climb is not kept from a way that does not climb
+        with np.errstate(invalid="ignore"):  # 0 m at 0 m/s counts as 0 s
             own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)
         cost[reached, column] = own.sum(axis=1)
     return cost

@@ -39,7 +39,7 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
     Raises
     ------
     BuildingError
-        If the name is taken, the level is not found, or part of the segment is farther than
+        If the name is already used, the level is not found, or part of the segment is farther than
         `EXIT_REACH` from every free edge of the level.
     """
     name, what = item["name"], f"exit {item['name']!r}"
@@ -79,7 +79,7 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     Raises
     ------
     BuildingError
-        If the name is taken, or no part of the polygon is on the level.
+        If the name is already used, or no part of the polygon is on the level.
     """
     name, what = item["name"], f"area {item['name']!r}"
     if any(other.name == name for other in building.areas):

@@ -38,7 +38,7 @@ class Surface:
     vertices : (v, 3) float64 [m]
         In the order of (x, y, z).
     triangles : (t, 3) int64
-        Counter-clockwise in plan, least vertex first, in the order of their vertices.
+        Counter-clockwise in plan, smallest vertex first, sorted by their vertices.
     gradient : (t, 2) float64
         Gradient (dz/dx, dz/dy) of each cell.
     is_sloped : (t,) bool

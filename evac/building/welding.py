@@ -14,7 +14,7 @@ LARGEST_CLUSTER = 2.0
 
 #: Shear of plan coordinates per metre of height, so that points above each other do not coincide in the plan search.
 SHEAR = (0.367, 0.713)
-#: Rounding errors of positions in plan, in units of the greatest coordinate.
+#: Rounding errors of positions in plan, relative to the largest coordinate.
 ROUNDING = 1e-14
 
 

@@ -55,7 +55,7 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
 
 
 def _nearest_lines(squared: IndexArray, lines: IndexArray) -> IndexArray:
-    """Return for each node (i, j) that of `lines` with the least ``(j - k)^2 + squared[i, k]``, the first of several.
+    """Return, for each node (i, j), the first k of `lines` with the smallest ``(j - k)^2 + squared[i, k]``.
 
     These are parabolas in j, whose lower envelope is kept in a stack for each i: Felzenszwalb and Huttenlocher,
     Distance transforms of sampled functions, Theory of Computing 8 (2012) 415-428.
