@@ -75,7 +75,7 @@ class ObjImporter(Importer):
             raise ValueError(f'names: must be a table such as {{ "Treppe*" = "stair" }}, not {given!r}')
         for pattern, kind in given.items():
             if kind not in ("", *KINDS):
-                raise ValueError(f"names.{pattern}: unknown kind {kind!r}; {did_you_mean(str(kind), list(KINDS))}")
+                raise ValueError(f"names: {pattern!r}: unknown kind {kind!r}; {did_you_mean(str(kind), list(KINDS))}")
         return given
 
 

@@ -169,7 +169,7 @@ class Entry(Kernel):
                 passed.append(float(value) if kind == "float64" else int(value))
             else:
                 if not isinstance(value, kind):
-                    raise TypeError(f"{self.label}: {name} must be a {kind.__name__}, not {type(value).__name__}")
+                    raise TypeError(f"{self.label}: {name}: must be a {kind.__name__}, not {type(value).__name__}")
                 passed.append(value.memory_address)
         found = self._call(*passed)
         if _raised:

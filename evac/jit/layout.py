@@ -78,14 +78,14 @@ def check_array(array: Any, kind: Array, name: str) -> None:
     TypeError
     """
     if not isinstance(array, np.ndarray):
-        raise TypeError(f"{name} must be a NumPy array, not {type(array).__name__}")
+        raise TypeError(f"{name}: must be an array, not {type(array).__name__}")
     fits = array.ndim == len(kind.shape) and all(
         wanted is None or wanted == given for wanted, given in zip(kind.shape, array.shape, strict=True)
     )
     if array.dtype != kind.dtype or not fits or not array.flags.c_contiguous:
         wanted = ", ".join("n" if extent is None else str(extent) for extent in kind.shape)
         raise TypeError(
-            f"{name} must be a C-contiguous array of {kind.dtype} with shape ({wanted}), not of {array.dtype} with"
+            f"{name}: must be an array of {kind.dtype} of shape ({wanted}) and C-contiguous, not of {array.dtype} of"
             f" shape {array.shape} (contiguous: {array.flags.c_contiguous})"
         )
 

@@ -280,8 +280,8 @@ class Appends(Recorder):
     [
         (Keeps, r"'slower' keeps scratch .* state\(\)"),
         (Counts, r"recorder 'counts' keeps calls .* state\(\)"),
-        (CountsAnew, r"calls\.txt is not the same"),
-        (Appends, r"appends\.txt is not the same"),
+        (CountsAnew, r"calls\.txt differs"),
+        (Appends, r"appends\.txt differs"),
     ],
 )
 def test_what_keeps_something_without_state_is_found(cls, words):
