@@ -202,7 +202,7 @@ def test_a_call_with_another_struct_or_no_number_is_refused():
 
         factor: float
 
-    with pytest.raises(TypeError, match="times: scales: .* Scales, not Other"):
+    with pytest.raises(TypeError, match=r"times: scales: .* Scales, not Other"):
         times(1.0, Other(factor=1.0))
     with pytest.raises((TypeError, ValueError)):
         times("one", Scales(factor=1.0, calls=0))
