@@ -11,7 +11,7 @@ from evac.hookspecs import hookimpl
 
 
 class PlanImporter(Importer):
-    """Plan files (.plan.toml): the shapes of storeys, in the file or in separate files, and their connections."""
+    """Plan files (.plan.toml): storeys, whose shapes may be in separate files, with stairs, doors, exits and areas."""
 
     name = "plan"
     suffixes = (".plan.toml",)
@@ -21,11 +21,11 @@ class PlanImporter(Importer):
         return (path, *self.read(path).files)
 
     def read(self, path: Path) -> Plan:
-        """Read a plan; raise ValueError if it is no TOML."""
+        """Read a plan; raise ValueError if the file is not TOML."""
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"no TOML: {error}") from error
+            raise ValueError(f"invalid TOML: {error}") from error
         return plan_of(table, path, path.parent)
 
 
