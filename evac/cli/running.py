@@ -1,4 +1,4 @@
-"""What `evac run` and `evac resume` share: a run with its display, stopped by signals, and its tables."""
+"""Code shared by `evac run` and `evac resume`: run with a display, stop at signals, show tables."""
 
 import signal
 import sys
@@ -24,7 +24,7 @@ def run_shown(
 ) -> "tuple[Results, int]":
     """Run a simulation with a display, and write its results; return them with the exit status.
 
-    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that has stopped it.
+    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
     from evac.ending import INTERRUPTED
     from evac.running import run_into
@@ -41,7 +41,7 @@ def run_shown(
 
 
 def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
-    """Show the tables of a run and what is to be known of it; `chosen` are settings that the command has chosen."""
+    """Show the tables and warnings of a run; `chosen` are settings that the command has chosen."""
     from evac.cli.report import show_results
     from evac.cli.screen import show_facts, show_warnings
     from evac.ending import INTERRUPTED
@@ -56,19 +56,19 @@ def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
         has_state = (results.folder / CHECKPOINT_NAME).is_file()
-        how = f"; go on with: evac resume {folder}" if has_state else ", without a state to go on from"
+        how = f"; continue with: evac resume {folder}" if has_state else "; it cannot be resumed, because no state was saved"
         print(f"evac: interrupted at {results.time:.2f} s{beside}{how}", file=sys.stderr)
 
 
 class Interrupt:
-    """Takes the first signal as a wish to stop at the end of the tick; another Ctrl-C stops at once, without results.
+    """Stops the run at the end of the tick after the first signal; a second Ctrl-C stops at once, without results.
 
-    A signal that was ignored before, as SIGHUP under nohup, stays so.
+    Signals that were ignored before, such as SIGHUP under nohup, remain ignored.
 
     Attributes
     ----------
     wanted : int
-        Number of the signal, 0 while there was none.
+        Number of the signal received; 0 if there was none.
     """
 
     def __init__(self, display: Callable[["Progress"], None]) -> None:
@@ -98,7 +98,7 @@ class Interrupt:
             self.release(number)
 
     def release(self, number: int) -> None:
-        """Let a signal mean again what it meant before."""
+        """Restore the previous handler of a signal."""
         if number in self._before:
             signal.signal(number, self._before.pop(number))
 

@@ -31,7 +31,7 @@ def is_inside(path: Path, folder: Path) -> bool:
     return path.resolve().is_relative_to(folder.resolve())
 
 
-def run_plugin_files(case: "Case", tell: Callable[[Path], None] | None = None) -> "Case":
+def run_plugin_files(case: "Case", announce: Callable[[Path], None] | None = None) -> "Case":
     """Return a case whose plugin files have been run, and whose every name has been checked.
 
     The files that a case names are code of whoever wrote it. They are run here and nowhere else, and only from inside
@@ -41,7 +41,7 @@ def run_plugin_files(case: "Case", tell: Callable[[Path], None] | None = None) -
     Parameters
     ----------
     case : Case
-    tell : callable, optional
+    announce : callable, optional
         Called with the path of each file before it is run.
 
     Returns
@@ -67,8 +67,8 @@ def run_plugin_files(case: "Case", tell: Callable[[Path], None] | None = None) -
     from evac.scenario.loading import case_from
 
     for path in case.unloaded_files:
-        if tell is not None:
-            tell(path)
+        if announce is not None:
+            announce(path)
         case.registry.add_file(path)
     files = (*case.loaded_files, *case.unloaded_files)
     return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
