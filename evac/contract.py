@@ -47,12 +47,12 @@ def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str)
         raise PluginError(f"plugin {plugin}: defines no hook; define at least one of {', '.join(known)}")
     check_interface(module, plugin)
     if unmarked:
-        raise PluginError(f"plugin {plugin}: {unmarked[0]} is not marked as a hook; decorate it with @evac.hookspecs.hookimpl")
+        raise PluginError(f"plugin {plugin}: {unmarked[0]} is not marked as a hook; decorate it with @hookimpl")
     for name, options in marked.items():
         if name not in known:
             raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
         if options.get("wrapper") or options.get("hookwrapper"):
-            raise PluginError(f"plugin {plugin}: {name} is a hook wrapper, which evac does not support; make it an ordinary hook")
+            raise PluginError(f"plugin {plugin}: {name} is a hook wrapper; make it an ordinary hook")
 
 
 def check_interface(module: ModuleType, plugin: str) -> None:
@@ -114,10 +114,12 @@ def check_class(cls: Any, plugin: str) -> str:
     kind = kind_of(cls)
     if not kind:
         bases = ", ".join(base for _, base in BASES.values())
-        raise PluginError(f"plugin {plugin}: {cls!r} is not derived from any of {bases}; derive it from one of them")
+        raise PluginError(f"plugin {plugin}: {cls!r} must be derived from one of {bases}")
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
-        raise PluginError(f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs; add it")
+        raise PluginError(
+            f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs; add it"
+        )
     name = getattr(cls, "name", "")
     if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
         raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")

@@ -108,7 +108,7 @@ class Display:
             self._print(numbers)
 
     def runs(self, done: int, runs: int) -> None:
-        """Show how many of several runs are done; without a terminal, a line for the first and then occasional lines."""
+        """Show how many of several runs are done; without a terminal, occasional lines are printed."""
         if self._is_bar:
             self._bar.update(
                 self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"

@@ -57,7 +57,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """Description of the allowed values: the choices, or the bounds; empty if every value of the type is allowed."""
+        """Description of the allowed values: the choices, or the bounds; empty if there are none."""
         if self.choices:
             return ", ".join(self.choices)
         low = (

@@ -349,7 +349,7 @@ class Simulation:
         self.scene.restore(_part(state, "scene."))
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
-            if f"generator.{behaviour.name}" in state:  # otherwise a changed case has added it, and `prepare` has set it up
+            if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
                 behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
                 restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
         self.contact.restore(_part(state, f"contact.{self.contact.name}."))

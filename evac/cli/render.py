@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
     trajectory = trajectory_of(arguments)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
-        show_warnings([f"{groups} groups are more than there are colours, so the picture has no legend; use --colour-by speed"])
+        show_warnings([f"no legend, because {groups} groups are more than the colours; try --colour-by speed"])
     for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)
         is_film = path.suffix in FILMS

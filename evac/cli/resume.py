@@ -9,7 +9,7 @@ cannot be changed.
 import argparse
 from pathlib import Path
 
-from evac.cli.cases import declare_plugin, announce_plugin_file
+from evac.cli.cases import announce_plugin_file, declare_plugin
 from evac.cli.run import declare_checkpoint
 from evac.display import Display
 

@@ -56,7 +56,7 @@ def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
         has_state = (results.folder / CHECKPOINT_NAME).is_file()
-        how = f"; continue with: evac resume {folder}" if has_state else "; it cannot be resumed, because no state was saved"
+        how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
         print(f"evac: interrupted at {results.time:.2f} s{beside}{how}", file=sys.stderr)
 
 

@@ -31,7 +31,10 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
     parser.add_argument("--runs", type=positive, metavar="N", help="number of runs of each point (20)")
     parser.add_argument(
-        "--until", type=share, metavar="SHARE", help="run until the relative half-width of the interval is at most this, such as 2%%"
+        "--until",
+        type=share,
+        metavar="SHARE",
+        help="run until half the interval is at most this share, such as 2%%",
     )
     parser.add_argument(
         "--statistic", metavar="NAME", default="mean", help='with --until: mean, or "percentile 95" for example'
@@ -154,7 +157,7 @@ def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
         rows.append(_row(study.deciding(0), everywhere))
     if study.seeds.repetitions > 1:
         found = study.variation(0)
-        rows.append(("95 % bound (IMO)", seconds(found.reported), "", everywhere))
+        rows.append(("higher than 95 % of times (IMO)", seconds(found.reported), "", everywhere))
         rows.append(("deviation between populations", seconds(found.between), "", complete))
         rows.append(("deviation within populations", seconds(found.within), "", complete))
     return rows
