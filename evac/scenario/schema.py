@@ -189,9 +189,7 @@ class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
     name: Name = key("name of the group; groups are sorted by it, so the order of the tables changes nothing")
-    preset: str | None = key(
-        "name of a preset: its values are used for keys that this table does not set", "", None
-    )
+    preset: str | None = key("name of a preset: its values are used for keys that this table does not set", "", None)
     number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key(
         "name of the area in which they start at random positions; this, `level` or `positions`", "", None
