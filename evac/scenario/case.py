@@ -48,7 +48,7 @@ class Case(Section):
     Returned by `evac.scenario.load_case`; frozen. `change` returns a changed copy.
     """
 
-    title: str = key("title of the case, one line", "", "")
+    title: str = key("one line that says what the case is", "", "")
     building: BuildingSettings = key("the building")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1, max_length=MOST_ITEMS)

@@ -103,7 +103,7 @@ def _toml(value: Any) -> str:
 def _distributions() -> str:
     rows = [f"| `{name}` | {', '.join(numbers)} |" for name, numbers in KINDS.items()]
     return (
-        "### Distributions\n\nA number, or a table with exactly one of these, such as `{ uniform = [0.2, 0.25] }`. "
-        "With `minimum` and `maximum`, values outside of these are drawn again. The values of `list` are used "
+        "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. "
+        "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "
         "in order, and there must be one for each person.\n\n| name | numbers |\n|---|---|\n" + "\n".join(rows)
     )

@@ -91,20 +91,20 @@ class BuildingSettings(Section):
     weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
-    scale: Real = key("factor from the mesh's unit of length to metres", "", SCALE, ge=1e-6, le=1e6)
+    scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
     up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
     headroom: Real = key(
-        "least height above ground on solid bodies and beside flights of treads; ground with less is left out; 0: none",
+        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
         "m",
         HEADROOM,
         ge=0,
         le=10,
     )
-    treads: Switch = key("whether stairs drawn as treads are replaced by inclined flights", "", True)
+    treads: Switch = key("whether stairs modelled as treads become inclined flights", "", True)
     exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
-    closed: tuple[str, ...] = key("names of exits, portals and stairs that are closed during the whole run", "", ())
+    closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
         """Return the keyword arguments of `evac.building.build.build_building`."""
@@ -128,7 +128,7 @@ class BuildingSettings(Section):
 class DirectionSettings(Section):
     """`[directions]`: how travel times and directions are computed."""
 
-    spacing: Real = key("distance between nodes of the grid", "m", SPACING, ge=0.001, le=10)
+    spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
     clearance: Real | None = key(
         "distance kept from walls where there is room; if not given, the greatest body radius, at most twice the mean",
         "m",
@@ -137,14 +137,14 @@ class DirectionSettings(Section):
         le=5,
     )
     stairs_up: Real | None = key(
-        "ratio of the reference speed up stairs to that on the flat; if not given, the mean of the people",
+        "reference speed up stairs over that on the flat; if not given, the people's mean",
         "",
         None,
         ge=0.001,
         le=1000,
     )
     stairs_down: Real | None = key(
-        "ratio of the reference speed down stairs to that on the flat; if not given, the mean of the people",
+        "reference speed down stairs over that on the flat; if not given, the people's mean",
         "",
         None,
         ge=0.001,
@@ -160,7 +160,7 @@ class PeopleSettings(Section):
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
-        "relaxation time of the velocity towards the desired velocity",
+        "relaxation time, within which a person approaches the desired velocity",
         "s",
         Distribution("uniform", (0.1, 0.5)),
     )
@@ -175,34 +175,34 @@ class PeopleSettings(Section):
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
-    limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the person's speed on the flat", "", True)
+    limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
-        "names of the exits they head for; empty: any. People pushed through another exit are out as well",
+        "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
         "",
         (),
     )
-    strategy: Strategy = key("quantity that their routes minimise", "", "fastest")
+    strategy: Strategy = key("quantity that their route to an exit minimises", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
 
 class GroupSettings(PeopleSettings):
     """`[[people]]`: a group: properties, number and start positions of its people."""
 
-    name: Name = key("name of the group; groups are sorted by it, so the order of the tables changes nothing")
-    preset: str | None = key("name of a preset: its values are used for keys that this table does not set", "", None)
+    name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
+    preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
     number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key(
-        "name of the area in which they start at random positions; this, `level` or `positions`", "", None
+        "area of the building in which they start at random places; this, `level` or `positions`", "", None
     )
     positions: tuple[Point, ...] | None = key(
         "start position of each person [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
     )
     velocity: tuple[Velocity, ...] | None = key(
-        "initial velocity of each person, with `positions`; if not given, zero", "m/s", None
+        "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
     )
-    z: Coordinate | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
-        "name of the level of `positions`; without positions, of the level on which they start at random positions",
+        "name of the level of `positions`; without positions, name of the level on which they start at random places",
         "",
         None,
     )
@@ -226,7 +226,9 @@ class GroupSettings(PeopleSettings):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
             if values.kind == "list" and len(values.numbers) != self.count:
-                raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
+                raise wrong(
+                    quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person"
+                )
         return self
 
     def _check_place(self) -> None:
@@ -255,7 +257,7 @@ class ContactSettings(Section):
 
     @property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Tables of parameters by name of the contact model."""
+        """Parameters of each model that has a table of its own."""
         return self.__pydantic_extra__ or {}
 
 
@@ -265,11 +267,11 @@ class SimulationSettings(Section):
     step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
     tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, ge=1e-9, le=3600)
     duration: Real = key(
-        "simulated time at which the run ends at the latest; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
+        "greatest simulated time, after which the run ends; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
     )
     seed: Whole = key("seed of all random numbers", "", 1, ge=0, le=2**63 - 1)
     population_seed: Whole | None = key(
-        "seed of the properties of people (radius, mass, tau, speeds), so that runs with other `seed` place the same "
+        "seed of the properties of people (radius, mass, tau, speeds): runs with different `seed` then place the same "
         "people elsewhere; if not given, `seed`",
         "",
         None,
@@ -277,10 +279,10 @@ class SimulationSettings(Section):
         le=2**63 - 1,
     )
     driving: Literal["exponential", "explicit"] = key(
-        "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
+        "update of the driving force (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends if nobody has left or come nearer to an exit for this long; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody has left or come nearer to an exit for this time; inf: never", "s", 60.0, gt=0
     )
 
     @property
@@ -331,13 +333,13 @@ class OutputSettings(Section):
     )
     tables: Switch = key("whether egress.csv and people.csv are written", "", True)
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
-    replay: Switch = key("whether replay.html is written, which plays the run in a browser", "", True)
+    replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
     trajectory: Switch = key(
-        "whether trajectory.evac is written, the recorded motion from which other outputs can be made later",
+        "whether everybody's motion is recorded in trajectory.evac, from which other outputs can be made later",
         "",
         True,
     )
-    animation: Switch = key("whether VTK files for ParaView are written; needs `trajectory`", "", False)
+    animation: Switch = key("whether the run can be played in ParaView (VTK files); needs `trajectory`", "", False)
 
     @model_validator(mode="after")
     def _animation_of_trajectory(self) -> Self:

@@ -116,14 +116,14 @@ def until_known(
         A number is out of range, or the statistic is not known.
     """
     if not 0.0 < until < 1.0:
-        raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2%), not {until:g}")
+        raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2 %), not {until:g}")
     of = percentile_of(statistic)
     smallest = LEAST_RUNS if of is None else max(LEAST_RUNS, math.ceil(1.1 * least_runs(of)))
     least = smallest if least is None else least
     most = max(MOST_RUNS, least) if most is None else most
     _check(least=least, most=most, repetitions=repetitions)
     if most < least:
-        raise ScenarioError(f"most = {most} runs are fewer than least = {least}; make it greater")
+        raise ScenarioError(f"most = {most} is less than least = {least}; increase it")
     return Rule(least, most, until, statistic, repetitions)
 
 
