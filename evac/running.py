@@ -164,10 +164,10 @@ def resumed(
     before = found.case((), plugin_files, registry, announce)
     case = found.case(overrides, plugin_files, before.registry) if overrides else before
     differences = found.differences(before)
-    _refuse(found.path, differences, allow_differences)
+    _check_differences(found.path, differences, allow_differences)
     simulation = Simulation(case, place.running, bool(found.header["full"]), compiling=compiling)
     differences += found.simulation_differences(simulation)
-    _refuse(found.path, differences, allow_differences)
+    _check_differences(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)
     simulation.resumed.append(
         {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
@@ -235,10 +235,10 @@ def run_into(
             if writing is not None:
                 writing()
             results = write_outputs(results, place.running, simulation.phases)
-            _look(simulation, place)
+            _check_files(simulation, place)
         except EvacError as error:
             note(error, simulation.warnings())
-            _leave(simulation, place, first, error)
+            _keep_failed_run(simulation, place, first, error)
             raise
         if results.ended == INTERRUPTED:
             return replace(results, folder=place.publish_if_new())
@@ -288,7 +288,7 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
     return results
 
 
-def _look(simulation: Simulation, place: ResultFolder) -> None:
+def _check_files(simulation: Simulation, place: ResultFolder) -> None:
     """Check that all files of the run exist."""
     place.check()
     simulation.recording.check_files()
@@ -296,7 +296,7 @@ def _look(simulation: Simulation, place: ResultFolder) -> None:
     check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
 
 
-def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
+def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
     """Write the tables of a run that has failed, or remove its folder if it has not made a step since `first`."""
     with suppress(ResultError, OSError):  # the first failure is reported, not a later one
         place.check()
@@ -312,7 +312,7 @@ def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacE
             place.discard(simulation.recording.plugin_files())
 
 
-def _refuse(path: Path, differences: list[str], is_allowed: bool) -> None:
+def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> None:
     """Raise an error that lists the differences, if there are any and they are not allowed."""
     if differences and not is_allowed:
         raise ResultError(

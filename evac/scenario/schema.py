@@ -226,9 +226,7 @@ class GroupSettings(PeopleSettings):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
             if values.kind == "list" and len(values.numbers) != self.count:
-                raise wrong(
-                    quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person"
-                )
+                raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
         return self
 
     def _check_place(self) -> None:
