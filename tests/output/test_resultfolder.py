@@ -157,7 +157,7 @@ def test_a_link_stays_a_link(tmp_path):
 def test_folders_that_cannot_be_replaced_are_refused(tmp_path, monkeypatch, name):
     (tmp_path / "within").mkdir()
     monkeypatch.chdir(tmp_path / "within")
-    with pytest.raises(ResultError, match="name a folder in it"), ResultFolder(Path(name)):
+    with pytest.raises(ResultError, match="--out"), ResultFolder(Path(name)):
         pass
 
 
