@@ -274,5 +274,5 @@ def test_a_class_is_registered_by_itself():
     assert "Spring" in provider
     with pytest.raises(PluginError, match="contact model 'spring'"):
         registry.add_class(type("Other", (ContactModel,), {"name": "spring"}))
-    with pytest.raises(PluginError, match="int.*ContactModel"):
+    with pytest.raises(PluginError, match=r"int.*ContactModel"):
         registry.add_class(int)
