@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evac import plan
 from evac.behaviour import Behaviour
 from evac.building.links import links_named
-from evac.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError
+from evac.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
 from evac.jit.processor import host
@@ -264,7 +264,8 @@ class Checkpoint:
             simulation.restore(state)
         except (KeyError, ValueError, IndexError) as error:
             raise ResultError(
-                f"{self.path}: the checkpoint does not fit the case: {error}; run the case from its start"
+                f"{self.path}: the state cannot be restored: {in_one_line(error)}; run the case from its start (in a "
+                "plugin, state() must return everything that restore() reads)"
             ) from error
         simulation.resumed = list(self.header["resumed"])
 

@@ -68,8 +68,8 @@ def execute(arguments: argparse.Namespace) -> int:
     folder = arguments.out or Path(f"{default_folder(case or first).name.removesuffix('-result')}-sweep")
     prepare(first)
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    told = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
-    print(told, file=sys.stderr, flush=True)
+    line = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
+    print(line, file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
         study = conducted(
             points, rule, folder, options["repetitions"], options["workers"], executor, arguments.resume, Rows(display)

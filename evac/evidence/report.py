@@ -46,7 +46,7 @@ OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "pyvista", "vtk")
 #: Files of a checkout that affect the results.
 CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
-#: Greatest number of processes, independent of the number of cores.
+#: Number of processes, the same on all machines so that times per core are comparable.
 WORKERS = 2
 
 #: Conditions of the measurement that are stored in run.json and shown on the page below its verdicts.
