@@ -50,7 +50,7 @@ def run(
         Result folder: new, empty, or that of an earlier run, which is replaced when this run has ended. None writes
         no files.
     full : bool
-        Include parts that the scene does not need; the results are bitwise the same, and the run is slower.
+        Include the parts that the scene does not need: identical results, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
     progress : callable or bool, optional
@@ -94,9 +94,7 @@ def resume(
     allow_differences: bool = False,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
-    """Resume a run that was killed or stopped from its last checkpoint.
-
-    The results are bitwise those of a run without interruption.
+    """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
 
     Parameters
     ----------

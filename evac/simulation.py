@@ -50,7 +50,7 @@ class Simulation:
     folder : Path, optional
         Result folder for the recorders; None writes no files.
     full : bool
-        Include parts that the scene does not need; the results are bitwise the same, and the run is slower.
+        Include the parts that the scene does not need: identical results, slower.
     ground : Ground, optional
         Ground of a simulation whose case has the same `evac.assembly.ground_key`; computed if not given.
     will_run : bool
@@ -66,7 +66,7 @@ class Simulation:
     Attributes
     ----------
     registry, scene, building, fields, population, contact, forces, engine, recording
-        The parts of the run, see docs/architecture.md.
+        The parts of the simulation, see docs/architecture.md.
     behaviours : list of (Behaviour, BehaviourScene)
         The behaviours in use, each with the scene that it can access.
     plan : list of Part
@@ -191,12 +191,12 @@ class Simulation:
         return self.step * self.case.simulation.step
 
     def warnings(self) -> tuple[str, ...]:
-        """Return warnings about the scene before the first step, one line each.
+        """Return warnings that should be read before a run, one line each.
 
         Returns
         -------
         tuple of str
-            Warnings about the building, places too narrow for the widest person, and unusual values of people.
+            About the building, places that are too narrow for the widest person, and unusual properties of people.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
@@ -294,7 +294,7 @@ class Simulation:
             self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
-        """Return the results up to the current time."""
+        """Return the results up to the present step."""
         results = Results(
             case=self.case,
             building=self.building,
@@ -322,9 +322,9 @@ class Simulation:
         return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all arrays that are needed to resume the run from this tick with bitwise equal results.
+        """Return copies of all data that are needed to continue a run from this tick with identical results.
 
-        The state of recorders is not included, see `Recording.state`.
+        The state of recorders is not part of it, see `Recording.state`.
         """
         self.engine.load(self.contact)  # prepares the contact model, so that it has a state
         state = {f"population.{key}": value for key, value in self.population.state().items()}

@@ -1,4 +1,4 @@
-"""evac list: the cases shipped with evac and the installed plugins."""
+"""evac list: list the cases shipped with evac and installed plugins."""
 
 import argparse
 import tomllib

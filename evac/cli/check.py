@@ -1,4 +1,4 @@
-"""evac check: read a case or a building file, and show its levels, links, people and warnings.
+"""evac check: read a case or a building file and show levels, exits, areas and warnings.
 
 Plugin files named in a case are listed but not executed, so names that they provide cannot be checked; --plugin FILE
 executes one.

@@ -1,4 +1,4 @@
-"""evac explain: show which optional parts a case needs, and why.
+"""evac explain: show which parts of the program a case needs, and why.
 
 Leaving out the others does not change the trajectories in any bit; `evac run --full` includes all parts. Forces and
 behaviours decide themselves whether they are needed: plugin files of the case are executed, as by `evac run`.

@@ -1,4 +1,4 @@
-"""evac export: convert a recorded run to a format of other programs.
+"""evac export: write a recorded run in the format of another program.
 
 Also works during a run and after a run was killed. Formats are plugins: `evac plugins` lists them.
 """

@@ -1,4 +1,4 @@
-"""evac import: create a case from the files of a building.
+"""evac import: create a case from building files.
 
 Writes to --out the surface as a tagged mesh (building.msh), a case.toml with preliminary people, a picture of every
 level (levels.png) and a report on everything found, assumed, repaired or left out (report.md). Several files are the

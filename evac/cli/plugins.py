@@ -1,4 +1,4 @@
-"""evac plugins: list all plugins with their parameters, units and defaults."""
+"""evac plugins: list all registered plugins with their parameters, units and defaults."""
 
 import argparse
 

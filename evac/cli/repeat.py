@@ -1,4 +1,4 @@
-"""evac repeat: run a case with many seeds, and estimate the uncertainty of the result.
+"""evac repeat: run a case with many seeds and compute statistics with confidence intervals.
 
 The row of each run is written to ./CASE-runs, or to --out, as soon as it is done; --resume continues a study that was
 killed. At the end runs.parquet and runs.csv contain the rows, statistics.csv and summary.json the statistics,

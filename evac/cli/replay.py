@@ -1,4 +1,4 @@
-"""evac replay: write the replay page of a recorded run.
+"""evac replay: write the page that plays a run again.
 
 Every run writes replay.html unless output.replay is false. This command writes it from a recorded trajectory, also of
 a killed run, to another place or with fewer states.

@@ -1,4 +1,4 @@
-"""evac resume: continue a run that was killed or stopped from its last checkpoint.
+"""evac resume: continue a run that was killed or stopped, from its last checkpoint.
 
 On the same machine, with the same versions, plugins and building, the results are bitwise those of a run without
 interruption, except wall times. --set changes the case from the checkpoint on, such as building.closed='["door"]', and

@@ -1,4 +1,4 @@
-"""evac report: write a report on a run or a study as one printable HTML file.
+"""evac report: write the report of a run or a study, one HTML file for printing.
 
 It contains the building and its plans, occupants and assumptions, the model with its parameters and versions, the
 verification results, egress curve and times, congestion, maps, warnings and limits of use, and a checklist for the

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16})")
 
 PEOPLE = """
-# Preliminary people: set their number in each room and their properties.
+# Adapt the number of people in each room and their properties.
 [presets.person]
 speed = { normal = [1.34, 0.26], minimum = 0.5, maximum = 2.2 }
 speed_up = { uniform = [0.5, 0.9] }
@@ -27,10 +27,10 @@ REST = """
 [contact]
 model = "nsm2"
 
-# People keep their distance; without it they walk at full speed until bodies touch.
+# People keep a distance to the person ahead. Without this behaviour they walk at full speed until bodies touch.
 [behaviours.headway]
 
-# Seconds until they set off.
+# Response (pre-movement) times in seconds.
 [behaviours.response_time]
 time = { uniform = [0.0, 10.0] }
 per = "person"

@@ -81,7 +81,7 @@ def import_building(
     options: Mapping[str, Any] | None = None,
     registry: Registry | None = None,
 ) -> Imported:
-    """Create a case from files of a building: one file, or one for each storey, from the lowest up.
+    """Create a case from building files: one file, or one for each storey, from the lowest up.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def import_building(
     exits : sequence of int
         Numbers of the openings that become exits.
     people : int, optional
-        Number of people, divided among the rooms by area.
+        Number of people, distributed over the rooms in proportion to their floor areas.
     density : float, optional
         People per square metre, if `people` is not given; 0.1 by default.
     z : sequence of float, optional

@@ -29,8 +29,8 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
     Returns
     -------
     motion : pedpy.TrajectoryData
-        ``id`` is the person's index, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. It contains
-        people only while they are on the level, so that a person who leaves and returns has a gap in the frames.
+        ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on
+        the level are in it; a person who leaves the level and returns has a gap in the frames.
     area : pedpy.WalkableArea
         The plan of the level.
 

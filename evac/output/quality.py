@@ -1,4 +1,4 @@
-"""Quality warnings: results that are numerically inaccurate or physically implausible, each with advice."""
+"""Quality warnings: numerical or physical problems of a run, one line each, with how to fix them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ MADE = 0.01
 
 
 def contact_warnings(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the quality warnings on a run's contact report.
+    """Return a warning for each number of a run's contact report that is out of bounds.
 
     Parameters
     ----------

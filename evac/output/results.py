@@ -179,7 +179,7 @@ class Results:
 
     @property
     def left_by_other_exits(self) -> IntArray:
-        """Indices of the people who left by an exit that is not on their route, for example pushed through it."""
+        """Rows of the people who left by an exit that does not belong to their route, for example when pushed."""
         exits = [exit_.name for exit_ in self.building.exits]
         leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
@@ -193,7 +193,7 @@ class Results:
 
     @property
     def quality_warnings(self) -> tuple[str, ...]:
-        """Quality warnings, one line each: results that are inaccurate or implausible (docs/results.md)."""
+        """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
         levels = [level.name for level in self.building.levels]
         keeps_distance = self.case.behaviours.get("headway", False) is not False
         lines = [*contact_warnings(self.report)]

@@ -175,7 +175,7 @@ class Trajectory:
         return level_maps(self, levels, **options)
 
     def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
-        """Return the motion on a level and its floor for PedPy: see `evac.output.pedpy_data.to_pedpy`."""
+        """Return the motion on a level and its walkable area for PedPy: see `evac.output.pedpy_data.to_pedpy`."""
         from evac.output.pedpy_data import to_pedpy
 
         return to_pedpy(self, level)

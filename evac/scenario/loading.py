@@ -30,7 +30,7 @@ def load_case(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
 ) -> Case:
-    """Read and check a case without executing anything that it contains or names.
+    """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
 
     Plugin files named in the case are executed when the case is run (`evac.scenario.trust.run_plugin_files`). Names
     that they may provide are checked then; until then `Case.unchecked` lists them.

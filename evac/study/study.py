@@ -133,7 +133,7 @@ class Study:
         return self.rule.estimate(self.times(point), self.populations(point))
 
     def variation(self, point: int) -> imo.Variation:
-        """Return the quantities that the IMO's scheme requires, at one point."""
+        """Return the variation between populations and repetitions, as the procedure of the IMO requires."""
         return imo.variation(self.times(point), self.populations(point))
 
     def rows(self, point: int | None = None, columns: Sequence[str] = ()) -> Iterable[dict[str, Any]]:
