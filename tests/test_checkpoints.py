@@ -257,10 +257,10 @@ def test_a_file_that_was_cut_is_refused(tmp_path, hall):
     kill(evac.load(hall), tmp_path / "r", 1.5)
     path = tmp_path / "r.running" / "trajectory.evac"
     os.truncate(path, 100)
-    with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 are there"):
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 "):
         evac.resume(tmp_path / "r")
     path.unlink()
-    with pytest.raises(ResultError, match=r"trajectory\.evac: the file has been removed"):
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .*removed"):
         evac.resume(tmp_path / "r")
 
 
@@ -360,7 +360,7 @@ def test_a_folder_that_is_removed_during_the_run_ends_it(tmp_path, hall):
             (tmp_path / "r.running").rmdir()
         assert progress.time < 1.2
 
-    with pytest.raises(ResultError, match=r"r\.running: the folder has been removed"):
+    with pytest.raises(ResultError, match=r"r\.running: .*removed"):
         evac.run(case, earlier, progress=remove)
     assert (earlier / "summary.json").read_bytes() == before
 

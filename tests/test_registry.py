@@ -136,7 +136,7 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
          "class A(ContactModel):\n    name = 'model'\n@hookimpl\ndef evac_contact_models():\n    return [A]\n",
          ["A.name 'model' is a key of its section"]),
         ("from evac.hookspecs import hookimpl\n@hookimpl\ndef evac_building_cases():\n    return ['/nowhere']\n",
-         ["folder /nowhere of a case has no case.toml"]),
+         ["/nowhere", "case.toml"]),
         ("from evac import Importer, hookimpl\n"
          "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
          "@hookimpl\ndef evac_importers():\n    return [A]\n",
