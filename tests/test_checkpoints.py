@@ -212,10 +212,10 @@ def test_plugins_without_state_are_refused_by_name(tmp_path, hall):
     case = evac.load({**hall, "behaviours": {"closing": {}}}, plugin_files=[plugin])
     with pytest.raises(PluginError) as caught:
         evac.run(case, tmp_path / "r", checkpoint=60)
-    for words in ("behaviour 'closing' keeps seen", "recorder 'inside' keeps length"):
+    for words in ("behaviour 'closing'", "seen", "recorder 'inside'", "length"):
         assert words in str(caught.value)
     assert not (tmp_path / "r").exists()
-    with pytest.warns(FolderWarning, match="behaviour 'closing' keeps seen"):
+    with pytest.warns(FolderWarning, match=r"behaviour 'closing' .*seen"):
         evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
     assert (tmp_path / "r" / "people.csv").is_file()
     assert not (tmp_path / "r" / CHECKPOINT_NAME).exists()

@@ -200,7 +200,7 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
     """Return the openings of some numbers."""
     for number in numbers:
         if not 1 <= number <= len(openings):
-            raise ScenarioError(f"exits: no opening has the number {number}; choose from 1 to {len(openings)}")
+            raise ScenarioError(f"exit {number}: no opening has this number; choose from 1 to {len(openings)}")
     return [openings[number - 1] for number in sorted(set(numbers))]
 
 
