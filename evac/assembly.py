@@ -1,4 +1,4 @@
-"""From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
+"""Assembly: read the building of a case and create its plugins."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -67,9 +67,9 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     ----------
     path : str or Path
     registry : Registry, optional
-        Whose importers may read it; by default the built-in and the installed ones.
+        Registry whose importers may be used; by default the built-in and the installed ones.
     **options
-        As `evac.building.build.build_building`, the keys of ``[building]`` among them.
+        Keyword arguments of `evac.building.build.build_building`, such as the keys of ``[building]``.
 
     Returns
     -------
@@ -91,10 +91,10 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
 
 
 def ground_key(case: "Case") -> str:
-    """Return a digest that two cases have in common only where their building and directions are the same.
+    """Return a digest that is equal for two cases only if their building and directions are the same.
 
-    It covers the files of the building and how they are read, and everything that the directions depend on. What groups
-    of people, contact models and behaviours do not share with these may differ, as may the seed.
+    It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
+    of groups, contact models and behaviours may differ, as may the seed.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def make_importers(case: "Case") -> "list[Importer]":
 
 
 def _importer(case: "Case", path: Path) -> "Importer":
-    """Return the importer that a case leaves for a file."""
+    """Return the importer for a file, chosen among those that the case does not switch off."""
     off = {name for name, table in case.importers.items() if table is False}
     importer = case.registry.importer_for(path, off)
     made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
@@ -155,7 +155,7 @@ def make_contact_model(case: "Case") -> "ContactModel":
     Raises
     ------
     ScenarioError
-        It names a solver that is not registered.
+        The contact model names a solver that is not registered.
     """
     from evac.physics.contact_model import SolvedContactModel
 
@@ -176,19 +176,19 @@ def make_forces(case: "Case") -> "list[Force]":
 
 
 def make_behaviours(case: "Case") -> "list[Behaviour]":
-    """Return the behaviours in use, in the order of the case; those that act last behind the others."""
+    """Return the behaviours in use, in the order of the case; those with `acts_last` come last."""
     made: list[Behaviour] = _all_made(case, "behaviour", case.behaviours)
     return sorted(made, key=lambda behaviour: behaviour.acts_last)
 
 
 def make_recorders(case: "Case") -> "list[Recorder]":
-    """Return the recorders in use: all that are registered but those switched off."""
+    """Return the recorders in use: all registered recorders except those that the case switches off."""
     given = {name: case.recorders.get(name, {}) for name in case.registry.recorders}
     return _all_made(case, "recorder", given)
 
 
 def providers(case: "Case") -> list[str]:
-    """Return name and version of each plugin that a case names, and of those with a part in every run."""
+    """Return name and version of each plugin that a case uses, and of plugins whose hooks act in every run."""
     used = [*make_importers(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
     return case.registry.providers([*used, *make_recorders(case)])
 
@@ -205,14 +205,14 @@ def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
 
 
 def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:
-    """Return the surface that an importer reads from a file, drawn if the importer returns a plan.
+    """Return the surface that an importer reads from a file; a plan is converted to a surface.
 
     Parameters
     ----------
     importer : Importer
     path : Path
     registry : Registry, optional
-        Whose importers read the files that a plan names; by default the built-in and the installed ones.
+        Registry whose importers read the files that a plan names; by default the built-in and the installed ones.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
 
 
 def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
-    """Return the surface of a plan, its storeys that are files being read.
+    """Return the surface of a plan; storeys that are given as files are read.
 
     Raises
     ------
@@ -245,14 +245,14 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
             raise type(error)(f"{plan.source}: storey {storey.name!r}: {error}") from error
         if not isinstance(read, Plan):
             raise BuildingError(
-                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey is read from a plan"
+                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey needs a file with a plan"
             )
         plan.take(storey.name, read)
     return plan.surface()
 
 
 def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
-    """Return what an importer makes of a file: a plan, which is not drawn yet, or a surface.
+    """Return what an importer reads from a file: a plan, not yet converted to a surface, or a surface.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
     read = _called(importer, path, importer.read)
     if not isinstance(read, SurfaceMesh | Plan):
         raise PluginError(
-            f"{path}: importer {importer.name!r} returned {type(read).__name__}, neither a Plan nor a SurfaceMesh"
+            f"{path}: importer {importer.name!r} returned {type(read).__name__}; it must return a Plan or a SurfaceMesh"
         )
     return read
 
@@ -274,11 +274,11 @@ def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -
     if not path.is_file():
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
-        raise BuildingError(f"{path}: the file is empty; write it again")
+        raise BuildingError(f"{path}: the file is empty; export it again")
     with plugin_code(f"{path}: importer {importer.name!r}"):
         try:
             return method(path)
         except (ValueError, OSError) as error:
             raise BuildingError(
-                f"{path}: cannot be read: {text_of(error)}; write the file again, or in another format"
+                f"{path}: cannot be read: {text_of(error)}; export the file again, or in another format"
             ) from error

@@ -1,4 +1,4 @@
-"""Signals that end a run at the end of its tick, with its results."""
+"""Stop a run by a signal at the end of a tick, with results."""
 
 import signal
 import threading
@@ -11,36 +11,36 @@ from evac.phases import Progress
 
 
 class Interrupt:
-    """The progress of a run that takes the first signal as a wish to stop at the end of the tick.
+    """Stops the run at the end of the tick after the first signal; a second Ctrl-C stops at once, without results.
 
-    A second Ctrl-C stops at once, without results. A signal that was ignored before, as SIGHUP under nohup, stays so.
-    Outside of the main thread, which alone gets signals, nothing is changed.
+    Signals that were ignored before, such as SIGHUP under nohup, remain ignored. Outside the main thread, which is the
+    only one that receives signals, no handler is installed.
 
     Parameters
     ----------
     progress : callable, optional
         Called with a `Progress` at every tick.
     names : iterable of str
-        Names of the signals; those that the system does not have are left out.
-    tell : callable, optional
-        Called with the number of the first signal. It is called by the handler, and must not fail.
+        Names of the signals; those that do not exist on the system are skipped.
+    announce : callable, optional
+        Called by the handler with the number of the first signal. It must not raise.
 
     Attributes
     ----------
     wanted : int
-        Number of the signal, 0 while there was none.
+        Number of the signal received; 0 if there was none.
     """
 
     def __init__(
         self,
         progress: Callable[[Progress], None] | None = None,
         names: Iterable[str] = ("SIGINT",),
-        tell: Callable[[int], None] | None = None,
+        announce: Callable[[int], None] | None = None,
     ) -> None:
         self.progress = progress
         self.wanted = 0
         self._numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-        self._tell = tell
+        self._announce = announce
         self._before: dict[int, Any] = {}
 
     def __call__(self, state: Progress) -> None:
@@ -64,12 +64,12 @@ class Interrupt:
             self.release(number)
 
     def release(self, number: int) -> None:
-        """Let a signal mean again what it meant before."""
+        """Restore the previous handler of a signal."""
         if number in self._before:
             signal.signal(number, self._before.pop(number))
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.wanted = number
-        if self._tell is not None:
-            self._tell(number)
+        if self._announce is not None:
+            self._announce(number)
         self.release(signal.SIGINT)

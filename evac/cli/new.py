@@ -115,10 +115,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Write the files; a folder that holds anything is left alone."""
+    """Write the files; raise an error if the folder exists and is not empty."""
     folder: Path = arguments.folder
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ScenarioError(f"{folder}: is there already and not empty; choose a new folder")
+        raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in (("case.toml", CASE), ("house.plan.toml", PLAN)):

@@ -1,4 +1,4 @@
-"""What `evac run` and `evac resume` share: a run with its display, stopped by signals, and its tables."""
+"""Code shared by `evac run` and `evac resume`: run with a display, stop at signals, show tables."""
 
 import signal
 import sys
@@ -22,18 +22,18 @@ def run_shown(
 ) -> "tuple[Results, int]":
     """Run a simulation with a display, and write its results; return them with the exit status.
 
-    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that has stopped it.
+    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
     from evac.ending import INTERRUPTED
     from evac.interrupt import Interrupt
     from evac.running import run_into
 
-    def tell(number: int) -> None:
+    def announce(number: int) -> None:
         hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
         notify(f"\nevac: stopping at the end of this tick{hint}")
 
     display.phase("first tick")
-    with Interrupt(display, SIGNALS, tell) as progress:
+    with Interrupt(display, SIGNALS, announce) as progress:
 
         def writing() -> None:
             progress.release(signal.SIGINT)
@@ -44,7 +44,7 @@ def run_shown(
 
 
 def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
-    """Show the tables of a run and what is to be known of it; `chosen` are settings that the command has chosen."""
+    """Show the tables and warnings of a run; `chosen` are settings that the command has chosen."""
     from evac.cli.report import show_results
     from evac.cli.screen import show_facts, show_warnings
     from evac.ending import INTERRUPTED
@@ -59,5 +59,5 @@ def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
         has_state = (results.folder / CHECKPOINT_NAME).is_file()
-        how = f"; go on with: evac resume {folder}" if has_state else ", without a state to go on from"
+        how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
         print(f"evac: interrupted at {results.time:.2f} s{beside}{how}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""A recorded level as PedPy takes it, to measure densities, speeds, flows and fundamental diagrams.
+"""Conversion of a recorded level to PedPy, to measure densities, speeds, flows and fundamental diagrams.
 
 PedPy (https://pedpy.readthedocs.io) is installed with ``pip install evac[pedpy]``.
 """
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.TrajectoryData, pedpy.WalkableArea]":
-    """Return the motion on one level and its floor as PedPy takes them.
+    """Return the motion on one level and its floor as objects of PedPy.
 
     Parameters
     ----------
     trajectory : Trajectory
     level : str or int
-        Name of the level, or its row in ``building.levels``.
+        Name of the level, or its index in ``building.levels``.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.Trajector
     Raises
     ------
     ResultError
-        PedPy is not installed, there is no such level, nobody was ever on it, or fewer than two frames were recorded.
+        PedPy is not installed, the level does not exist, nobody was ever on it, or fewer than two frames were recorded.
     """
     try:
         import pandas as pd

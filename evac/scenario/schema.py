@@ -26,16 +26,16 @@ from evac.scenario.keys import (
     wrong,
 )
 
-#: Steps to a tick: in between nothing is seen, not even an interrupt.
+#: Greatest number of steps in a tick, during which even an interrupt is not noticed.
 MOST_STEPS = 100_000
 
-#: People in a group, and in a case.
+#: Greatest number of people in a group, and in a case.
 MOST_PEOPLE = 1_000_000
 
-#: Groups, exits, areas and obstacles, of each as many.
+#: Greatest number of groups, of exits, of areas and of obstacles.
 MOST_ITEMS = 10_000
 
-#: Simulated time of a run [s]: four months; and states that it records.
+#: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
 MOST_STATES = 10_000_000
 
@@ -46,14 +46,13 @@ Velocity = tuple[
 
 
 def _check_level(what: str, level: str | None, z: float | None) -> None:
-    """Refuse a level that is not given in exactly one of the two ways."""
+    """Check that a level is given either by name or by height."""
     if (z is None) == (level is None):
-        both = "and not both" if z is not None else "neither is there"
-        raise wrong("level", f"give {what} by name, or its height z: {both}")
+        raise wrong("level", f"give {what} by name, or its height z{', not both' if z is not None else ''}")
 
 
 class Placed(Section):
-    """Something that stands on one level."""
+    """An item on one level."""
 
     z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
     level: str | None = key("name of the level it is on; this or `z`", "", None)
@@ -65,7 +64,7 @@ class Placed(Section):
 
 
 class ExitLine(Placed):
-    """`[[building.exits]]`: an exit drawn as a line, for a mesh that names none or to add one."""
+    """`[[building.exits]]`: an exit given as a line, in addition to those of the file."""
 
     name: Name = key("name of the exit")
     segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
@@ -85,7 +84,7 @@ class Outline(Placed):
 
 
 class BuildingSettings(Section):
-    """`[building]`: its file, and what the file does not hold."""
+    """`[building]`: the file of the building, how it is read, and additions to it."""
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
     plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
@@ -114,7 +113,7 @@ class BuildingSettings(Section):
     @model_validator(mode="after")
     def _given_one_way(self) -> Self:
         if (self.mesh is None) == (self.plan is None):
-            raise wrong("mesh", "missing; name the file of the building, or give its plan, and not both")
+            raise wrong("mesh", "give either the file of the building (mesh) or its plan (plan)")
         return self
 
     @model_validator(mode="after")
@@ -156,7 +155,7 @@ class DirectionSettings(Section):
 
 
 class PeopleSettings(Section):
-    """`[presets.NAME]`: what people are like; each quantity is a number or a distribution."""
+    """`[presets.NAME]`: properties of people; each quantity is a number or a distribution."""
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
@@ -187,7 +186,7 @@ class PeopleSettings(Section):
 
 
 class GroupSettings(PeopleSettings):
-    """`[[people]]`: one group: what people are like, how many they are and where they start."""
+    """`[[people]]`: a group: properties, number and start positions of its people."""
 
     name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
     preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
@@ -216,9 +215,9 @@ class GroupSettings(PeopleSettings):
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
         if self.area is not None and self.positions is not None:
-            raise wrong("area", "people start in an area or at positions, not both; remove one")
+            raise wrong("area", "give either area or positions, not both; remove one")
         if self.area is None and self.positions is None and self.level is None:
-            raise wrong("area", "missing: say where they start, by an area or a level and a number, or by positions")
+            raise wrong("area", "give the start of the people: area and number, level and number, or positions")
         if self.positions is None:
             self._check_place()
         else:
@@ -227,25 +226,23 @@ class GroupSettings(PeopleSettings):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
             if values.kind == "list" and len(values.numbers) != self.count:
-                raise wrong(
-                    quantity, f"a list of {len(values.numbers)} values for {self.count} people; give one for each"
-                )
+                raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
         return self
 
     def _check_place(self) -> None:
         place = "area" if self.area is not None else "level"
         if self.number is None:
-            raise wrong("number", f"missing; how many people start in the {place}?")
+            raise wrong("number", f"missing; give the number of people who start in the {place}")
         for other in ("velocity", "z", *(("level",) if place == "area" else ())):
             if getattr(self, other) is not None:
-                raise wrong(other, f"goes with positions, not with {place} and number; remove it")
+                raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
-            raise wrong("number", f"{self.number} people at {count} positions; remove number or correct it")
+            raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
         _check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
-            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
+            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
 
 
 class ContactSettings(Section):
@@ -307,14 +304,14 @@ class SimulationSettings(Section):
             below = max(1, int(self.tick / self.step))
             raise wrong(
                 "tick",
-                f"{self.tick:g} s is no multiple of simulation.step {self.step:g} s; nearest: "
+                f"{self.tick:g} s is not a multiple of simulation.step {self.step:g} s; use "
                 f"tick = {below * self.step:.6g} or {(below + 1) * self.step:.6g}, "
                 f"or step = {self.tick / (below + 1):.6g} or {self.tick / below:.6g}",
             )
         if self.tick > MOST_STEPS * self.step:
             raise wrong(
                 "step",
-                f"{self.step:g} s makes {self.tick / self.step:.3g} steps to a tick of {self.tick:g} s, more than "
+                f"{self.step:g} s gives {self.tick / self.step:.3g} steps in a tick of {self.tick:g} s, more than "
                 f"{MOST_STEPS:,}; use a longer step or a shorter tick",
             )
         if self.last_step < 1:
@@ -327,7 +324,7 @@ class SimulationSettings(Section):
 
 
 class OutputSettings(Section):
-    """`[output]`: what is written to the result folder, beside summary.json."""
+    """`[output]`: files in the result folder in addition to summary.json."""
 
     every: Real = key(
         "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
@@ -345,11 +342,11 @@ class OutputSettings(Section):
     @model_validator(mode="after")
     def _animation_of_trajectory(self) -> Self:
         if self.animation and not self.trajectory:
-            raise wrong("animation", "is made of the trajectory; set output.trajectory = true, or animation = false")
+            raise wrong("animation", "needs the trajectory; set output.trajectory = true, or animation = false")
         return self
 
 
 class PluginSettings(Section):
-    """`[plugins]`: files to register beside the installed plugins."""
+    """`[plugins]`: plugin files in addition to the installed plugins."""
 
     files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())
