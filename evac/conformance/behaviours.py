@@ -1,4 +1,4 @@
-"""What behaviours have to hold to: only declared arrays, in every branch that a case or a scene made of it reaches."""
+"""Checks of behaviours: declared arrays, in all branches that a case or an artificial scene reaches."""
 
 import ast
 import sys
@@ -17,18 +17,18 @@ from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
-#: A case is run for at most so many ticks while lines of the behaviour wait to be reached.
+#: Maximum number of ticks of a case, while lines of the behaviour have not been executed.
 MOST_TICKS = 1000
 
-#: Contact force on everybody in a scene of a crush [N].
+#: Contact force on each person in an artificial crush [N].
 CRUSH = 5000.0
 
 
 def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
-    """A behaviour touches only the arrays that it declares, wherever its code branches.
+    """Check that a behaviour reads and writes only the arrays that it declares, in all branches of its code.
 
-    The case is run until every line that acts has been reached, or to its end; what is missing then is tried in
-    scenes made of it: a closed door, a crush, the last person inside, the end of the run.
+    The case runs until all lines of `act`, and of what it calls in the same file, have been executed, or to its end.
+    For the remaining lines artificial scenes are tried: a closed exit, a crush, the last person inside.
     """
     seen: set[str] = set()
     simulation, behaviour, scene = _prepared(case, name, seen)
@@ -47,19 +47,19 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
         raise PluginError(f"{case.title!r}: reads {names} without declaring it; add it to `reads`")
     if missing := lines.missing():
         warnings.warn(
-            f"{name}: check_declared_arrays: {missing} not reached in {case.title!r}, so what they read and write is"
-            f" not checked; give a case that reaches them: check_plugin({type(behaviour).__name__}, case)",
+            f"{name}: check_declared_arrays: {missing} not executed in {case.title!r} and therefore not checked;"
+            f" give a case that executes them: check_plugin({type(behaviour).__name__}, case)",
             ConformanceWarning,
             stacklevel=3,
         )
 
 
 def _prepared(case: Case, name: str, seen: set[str]) -> tuple[Simulation, Behaviour, BehaviourScene]:
-    """Return a run of a case, and a behaviour of it, prepared, with its scene; `seen` gets the arrays that it reads."""
+    """Return a simulation, and a prepared behaviour with its scene; the arrays that it reads are added to `seen`."""
     simulation = Simulation(case, full=True)
     found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
     if found is None:
-        raise PluginError(f"{case.title!r}: does not use behaviour {name!r}; give a case that does")
+        raise PluginError(f"{case.title!r}: the case does not use behaviour {name!r}; give a case that does")
     behaviour, scene = found
     scene.crowd = _WatchedCrowd(**scene.crowd.values())
     scene.crowd.__dict__["noted"] = seen
@@ -75,7 +75,7 @@ def _act(
     what: str,
     time: float | None = None,
 ) -> None:
-    """Let the behaviour act once, and refuse writes that it does not declare."""
+    """Call `act` once, and refuse writes to arrays that are not declared."""
     crowd = simulation.population.crowd
     before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
     try:
@@ -84,18 +84,14 @@ def _act(
     except ValueError as error:
         if "read-only" not in str(error):
             raise
-        raise PluginError(
-            f"{what}: writes an array that it does not declare: {error}; add it to `writes`, or write to a copy"
-        ) from error
+        raise PluginError(f"{what}: writes an array without declaring it in `writes`: {error}") from error
     for key, array in before.items():
         if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
-            raise PluginError(
-                f"{what}: writes {key!r}, which it does not declare; add it to `writes`, or leave it alone"
-            )
+            raise PluginError(f"{what}: writes {key!r} without declaring it; add it to `writes`")
 
 
 def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
-    """Make scenes of a run that begins, one after the other; yield what each is, and its time [s]."""
+    """Change a simulation to artificial scenes, one after the other; yield the name and the time [s] of each."""
     crowd, end = simulation.population.crowd, simulation.case.simulation.duration
     inside = np.flatnonzero(crowd.level >= 0)
     if simulation.building.exits and len(simulation.building.exits) > 1:
@@ -113,7 +109,7 @@ def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
 
 
 class _Lines:
-    """The lines of a behaviour's file that run while it acts."""
+    """The executed lines of the file of a behaviour."""
 
     def __init__(self, behaviour: Behaviour) -> None:
         code = getattr(type(behaviour).act, "__code__", None)
@@ -123,7 +119,7 @@ class _Lines:
 
     @contextmanager
     def noted(self) -> Iterator[None]:
-        """Note the lines that run in the block."""
+        """Record the lines that are executed in the block."""
         before = sys.gettrace()
         sys.settrace(self._enter)
         try:
@@ -142,7 +138,7 @@ class _Lines:
         return self._note
 
     def missing(self) -> str:
-        """Return the lines that have not run, of the functions that have, or nothing; lines that raise do not count."""
+        """Describe the lines not executed in functions that were; empty if there are none. `raise` is exempt."""
         lines = set()
         for code, seen in self._seen.items():
             own = {line for *_, line in code.co_lines() if line} - {code.co_firstlineno}
@@ -153,7 +149,7 @@ class _Lines:
 
 
 def _raising(file: str) -> set[int]:
-    """Return the lines of a file that raise an exception; none if its source cannot be read."""
+    """Return the lines of the `raise` statements of a file; none if its source cannot be read."""
     try:
         tree = ast.parse(Path(file).read_text(encoding="utf-8"))
     except (OSError, SyntaxError, ValueError):
@@ -163,7 +159,7 @@ def _raising(file: str) -> set[int]:
 
 
 class _WatchedCrowd(Crowd):
-    """A crowd that notes which arrays are asked for."""
+    """A crowd that records which arrays are accessed."""
 
     def __getattribute__(self, name: str) -> Any:
         if name in Crowd.kinds:

@@ -1,4 +1,4 @@
-"""Scenes made by hand: one flat level, people who all want to go the same way, walls or none."""
+"""Artificial scenes: one flat level with or without walls, on which all people want to walk in one direction."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +18,7 @@ from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 from evac.registry import Registry
 
-#: Step of the scenes [s]; a tick is ten steps. A stiff model makes each in parts, see `Pace`.
+#: Step of the scenes [s]; a tick is ten steps. For stiff models they are divided, see `Pace`.
 STEP = 0.01
 
 #: Half the side of the square room that people are pressed into [m].
@@ -29,14 +29,14 @@ EXTENT = 20.0
 
 
 class Pace(NamedTuple):
-    """How a scene is walked, so that what a model is to hold to does not depend on how stiff it is.
+    """Time scale and step of a scene, so that checks do not depend on the stiffness of a model.
 
     Attributes
     ----------
     slow : int
-        How many times slower everybody moves, and reacts: contacts a square of it softer carry the same scene.
+        Factor by which all motion is slowed down. Contacts that are softer by its square have the same overlaps.
     parts : int
-        Into how many parts each step is cut.
+        Number of parts of each step.
     """
 
     slow: int = 1
@@ -48,7 +48,7 @@ class Pace(NamedTuple):
         return STEP * self.slow / self.parts
 
     def __str__(self) -> str:
-        slower = f", everybody {self.slow} times slower" if self.slow > 1 else ""
+        slower = f", motion slowed down {self.slow} times" if self.slow > 1 else ""
         return f"steps of {self.step:g} s{slower}"
 
 
@@ -56,10 +56,10 @@ PLAIN = Pace()
 
 
 def pace_of(model: ContactModel) -> Pace:
-    """Return the pace at which a model parts people at one place, and carries people pressed and thrown at a wall.
+    """Return the pace at which a model separates coincident people, and keeps people pressed against a wall inside.
 
-    Tried are the plain pace, then ever slower people (for soft contacts) and ever shorter steps (for stiff ones). If
-    none will do, it is no matter of stiffness, and the plain pace shows what is wrong.
+    The plain pace is tried first, then slower motion (for soft contacts) and shorter steps (for stiff ones). If all
+    fail, the cause is not the stiffness, and the plain pace is returned.
     """
     powers = [2**k for k in range(1, 7)]
     for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
@@ -74,13 +74,13 @@ def pace_of(model: ContactModel) -> Pace:
 
 
 def coincident(model: ContactModel, pace: Pace) -> Crowd:
-    """Put two people at one place and one on a wall; make two steps, since stiff contacts then throw them."""
+    """Place two people at one position and one on a wall, and make two steps; later, stiff contacts throw them far."""
     crowd = make_crowd([[0.0, 0.0], [0.0, 0.0], [ROOM, 0.0]], speed=1.0)
     return walked(model, crowd, 0, room(), pace=pace)[0]
 
 
 def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, Engine]:
-    """Throw somebody at a wall of a closed room."""
+    """Let a person hit a wall of a closed room at high speed."""
     return walked(model, make_crowd([[2.0, 0.0]], velocity=[[10.0, 0.0]], speed=2.0, tau=0.1), 50, room(), pace=pace)
 
 
@@ -98,7 +98,7 @@ def pressed(
     watch: Callable[[Crowd], None] = lambda crowd: None,
     pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
-    """Press nine people of different sizes against a wall of a closed room, in a scene turned and shifted."""
+    """Press nine people of different sizes against a wall of a closed room; the scene may be rotated and shifted."""
     spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
     position, walls = spread + np.array([0.2, 0.0]), np.array(room())
     if turn:
@@ -115,7 +115,7 @@ def pressed(
 
 
 def greatest_overlap(crowd: Crowd) -> float:
-    """Return the greatest overlap of two people or of one with the room's walls [m], not below zero."""
+    """Return the largest overlap of people with each other and with the walls of the room [m], at least 0."""
     first, second = np.triu_indices(len(crowd.radius), 1)
     apart = np.hypot(*(crowd.position[first] - crowd.position[second]).T)
     between = crowd.radius[first] + crowd.radius[second] - apart
@@ -132,10 +132,10 @@ def walked(
     watch: Callable[[Crowd], None] = lambda crowd: None,
     pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
-    """Make so many steps at a pace, everybody wanting to go the same way; watch after each tick.
+    """Make a number of steps in which all people want to walk in one direction; call `watch` after each tick.
 
-    Velocities, speeds and times of the crowd are those of the plain pace, before and after. With no steps, the first
-    two of the pace's own are made.
+    Velocities, speeds and relaxation times of the crowd are those of the plain pace, before and after. With no steps,
+    the first two steps at the pace are made.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def walked(
         try:
             engine.advance(model, crowd, first, tick, pace.step, True, True)
         except SimulationError as error:
-            raise PluginError(f"cannot step through a plain scene, {pace}: {error}") from error
+            raise PluginError(f"a simple scene, {pace}: {error}") from error
         watch(crowd)
     _slow_down(crowd, 1.0 / pace.slow)
     return crowd, engine
@@ -168,7 +168,7 @@ def _slow_down(crowd: Crowd, times: float) -> None:
 
 
 def _flat(walls: FloatArray) -> Building:
-    """Return one flat level with walls on it."""
+    """Return a building with one flat level and walls on it."""
     level = Level(
         index=0,
         name="floor",
@@ -195,7 +195,7 @@ def _flat(walls: FloatArray) -> Building:
 
 
 def _fields(direction: FloatArray) -> Fields:
-    """Return the same direction everywhere; the travel time falls along it."""
+    """Return fields with a uniform direction, along which the travel time decreases."""
     nodes = EXTENT * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     return Fields(
         routes=(Route(),),

@@ -1,4 +1,4 @@
-"""Forces besides contact: the base class of force plugins."""
+"""Base class of forces other than contact forces: between two people, or on one person."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
@@ -10,9 +10,9 @@ from evac.parameters import Configurable
 
 
 class Force(Configurable, ABC):
-    """A force between two people, on one person, or both, evaluated in every sub-step.
+    """Base class of forces between two people, on one person, or both, which are evaluated in every sub-step.
 
-    A subclass names compiled functions and turns its parameters into the float64 array that they read.
+    A subclass names compiled functions, and packs its parameters into the float64 array that they read.
     """
 
     #: Force between two people closer than the cut-off, a function compiled by `evac.jit.pair_force`.
@@ -22,13 +22,13 @@ class Force(Configurable, ABC):
     body: ClassVar[Any] = None
 
     def packed(self) -> NDArray[np.float64]:
-        """Return the parameters as the functions read them, (p,) float64; by default all declared numbers."""
+        """Return the parameters (p,) float64 that the functions read; by default all declared numbers."""
         return np.array(list(self.values().values()), dtype=np.float64)
 
     @abstractmethod
     def cutoff(self) -> float:
-        """Return the gap [m] from which on people do not feel each other, or a wall; 0 if they feel neither."""
+        """Return the gap [m] beyond which people, or walls, have no influence; 0 if the force depends on neither."""
 
     def is_needed(self) -> bool:
-        """Return False if the force is zero everywhere, so that it can be left out."""
+        """Return False if the force is zero everywhere and can be omitted."""
         return True

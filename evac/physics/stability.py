@@ -1,11 +1,11 @@
-"""How stiff the contacts of a sub-step may be: a bound for each body, and the limit of an explicit step.
+"""Stability of a sub-step with stiff contacts.
 
-Kernels here take a law's own struct, `own`, which has two arrays as scratch:
+The functions work on two arrays in the struct `own` of a law:
 
-- ``stiffnesses``, Triples: xx, yy and xy of the sum of k n n^T / m over a body's contacts;
-- ``coupling``, Floats: the sum of k / sqrt(m m') over those to other bodies; -1 once the body has been asked about.
+- ``stiffnesses``, Triples: xx, yy and xy of the sum of k n n^T / m over the contacts of a body;
+- ``coupling``, Floats: the sum of k / sqrt(m m') over its contacts with other bodies; -1 after the check.
 
-The stiffness k of a contact may be in any unit: `makes_unstable` multiplies by it.
+The stiffness k of a contact may be given in any unit, by which `makes_unstable` multiplies.
 """
 
 import math
@@ -15,7 +15,7 @@ from evac.jit import inner
 
 @inner
 def damping_limit(h, tau, explicit):
-    """Return the greatest stable h^2 omega^2 of contact springs with the drive's damping."""
+    """Return the stability limit of h^2 omega^2 for a contact spring with the damping of the drive."""
     if explicit:
         return 4.0 - 2.0 * h / tau
     return 2.0 * (1.0 + math.exp(-h / tau))
@@ -23,7 +23,7 @@ def damping_limit(h, tau, explicit):
 
 @inner
 def forget_stiffnesses(contacts, own):
-    """Set the sums of all bodies that have a contact to zero."""
+    """Set the sums of all bodies in contact to zero."""
     for c in range(contacts.number):
         _forget(own, contacts.body[c])
         if contacts.other[c] >= 0:
@@ -58,10 +58,10 @@ def _stiffen(own, share, i, nx, ny):
 
 @inner
 def makes_unstable(state, own, h, unit):
-    """Say whether the contacts make a sub-step of `h` unstable, and note the body; `unit` is that of stiffnesses.
+    """Return whether the contacts make a sub-step of `h` unstable; note the body as failed.
 
-    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts.
+    omega^2 is bounded for each body (block Gershgorin) by the largest eigenvalue of sum k n n^T / m_i plus the
+    couplings k / sqrt(m_i m_j) of its contacts. `unit` is the unit of the added stiffnesses.
     """
     contacts = state.contacts
     for c in range(contacts.number):
@@ -74,7 +74,7 @@ def makes_unstable(state, own, h, unit):
 
 @inner
 def _exceeds_limit(state, own, h, unit, i):
-    """Say whether the stiffness at body i makes a sub-step unstable, and note the body; asked once for each."""
+    """Return whether the stiffness at body i makes a sub-step unstable; note the body as failed. Checks a body once."""
     if own.coupling[i] < 0.0:
         return False
     xx, yy, xy = own.stiffnesses[i, 0], own.stiffnesses[i, 1], own.stiffnesses[i, 2]
@@ -88,7 +88,7 @@ def _exceeds_limit(state, own, h, unit, i):
 
 
 def longest_step(square: float, tau: float, explicit: bool) -> float:
-    """Return the longest stable step [s] at an omega^2 of `square` [1/s2] with the drive's damping."""
+    """Return the stability limit of the step [s] for an omega^2 of `square` [1/s2] with the damping of the drive."""
     limit = 2.0 / math.sqrt(square)
     while limit**2 * square > damping_limit(limit, tau, explicit):
         limit *= 0.999
