@@ -91,11 +91,12 @@ class PairContact(ContactModel):
         if self.overdamped:
             return
         load = float((scene.mass * scene.speed / scene.tau).max(initial=0.0))
-        mass, tau = float(scene.mass.min()), float(scene.tau.min())
-        step = scene.step
-        while step > 0.0 and step**2 * 6.0 * self._stiffness(scene, load, step) / mass >= damping_limit(
-            step, tau, scene.explicit
-        ):
+        mass, tau, step = float(scene.mass.min()), float(scene.tau.min()), scene.step
+        overlap = self._overlap(load, 0.5 * mass, float(scene.radius.min()))
+        while step > 0.0:
+            rise = self._force(overlap + SPAN, 0.5 * mass, 2.0 * SPAN / step) - self._force(overlap, 0.5 * mass)
+            if step**2 * 6.0 * PER_SPAN * rise / mass < damping_limit(step, tau, scene.explicit):
+                break
             step *= 0.98
         if step < scene.step:
             raise ScenarioError(
@@ -104,18 +105,16 @@ class PairContact(ContactModel):
                 f" be at most {step:.2g} s (or choose parameters of contact.{self.name} that make contacts softer)"
             )
 
-    def _stiffness(self, scene: BorderScene, load: float, step: float) -> float:
-        """Return the stiffness in a step [s] at the overlap that balances a load [N], or at the smallest radius."""
-        given, mass = self.packed(), 0.5 * float(scene.mass.min())
+    def _force(self, overlap: float, mass: float, closing: float = 0.0) -> float:
+        return float(self.pair.function(-overlap, closing, mass, self.packed()))
 
-        def force(overlap: float, closing: float = 0.0) -> float:
-            return float(self.pair.function(-overlap, closing, mass, given))
-
-        low, high = 0.0, float(scene.radius.min())
+    def _overlap(self, load: float, mass: float, largest: float) -> float:
+        """Return the overlap [m] that balances a load [N], or the largest one."""
+        low, high = 0.0, largest
         for _ in range(50):
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if force(middle) > load else (middle, high)
-        return (force(high + SPAN, 2.0 * SPAN / step) - force(high)) / SPAN
+            low, high = (low, middle) if self._force(middle, mass) > load else (middle, high)
+        return high
 
     def own(self, people: int, world: World) -> PairLaw:
         """Return the parameters of the law, with work arrays for a number of people."""

@@ -8,7 +8,7 @@ from evac.building.importer import Importer
 from evac.building.surfacemesh import SurfaceMesh
 from evac.conformance import check_plugin
 from evac.errors import ConformanceWarning, PluginError
-from evac.jit import pair_force
+from evac.jit import body_force, pair_force
 from evac.output.recorder import Recorder
 from evac.parameters import Parameter
 from evac.physics.contact_model import ContactModel
@@ -63,6 +63,31 @@ class Singular(Constant):
     pair = singular
 
 
+@body_force
+def towards_walls(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return -parameters[0] * nx / gap, -gap * ny
+
+
+@body_force
+def endless(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return gap * nx, parameters[0]
+
+
+class TowardsWalls(Constant):
+    """Is infinite at a wall."""
+
+    name = "towards_walls"
+    pair = None
+    body = towards_walls
+
+
+class WithoutWalls(TowardsWalls):
+    """Multiplies with the gap to a wall that may not be there."""
+
+    name = "without_walls"
+    body = endless
+
+
 class Whole(Constant):
     """Packs whole numbers."""
 
@@ -100,6 +125,8 @@ class Denied(Eastward):
         (Constant, "beyond its cutoff"),
         (Eastward, "rotate"),
         (Singular, "must be finite there"),
+        (TowardsWalls, "gap of 0.000 m .*must be finite there"),
+        (WithoutWalls, "gap of inf m .*must be finite there"),
         (Whole, "float64"),
         (Endless, "finite and not negative"),
         (Denied, "is_needed"),
