@@ -193,7 +193,7 @@ def _about(account: Account) -> dict[str, Any]:
     def whole(values: FloatArray | None, scale: float) -> list[int] | None:
         if values is None:
             return None
-        scaled = np.where(np.isfinite(values), np.rint(np.nan_to_num(values) * scale), -1)
+        scaled = np.where(np.isfinite(values), np.rint(np.minimum(np.nan_to_num(values), LARGEST) * scale), -1)
         return [int(value) for value in scaled.tolist()]
 
     return {
