@@ -21,6 +21,9 @@ from evac.output.replay.geometry import building_for_page
 from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
 from evac.output.trajectory import Trajectory
 
+#: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
+LARGEST = 1e9
+
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
 
