@@ -162,7 +162,10 @@ def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
 def beside(
     axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
 ) -> None:
-    """Write a text outside the middle of a line, which has the inside on its left."""
+    """Write a text outside the middle of a line, which has the inside on its left; upright where the line is.
+
+    An upright text needs no more space beside the plan than its height, so that it is not cut off.
+    """
     x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
     length = math.hypot(x2 - x1, y2 - y1)
     outward = (y2 - y1) / length, -(x2 - x1) / length
@@ -171,8 +174,9 @@ def beside(
         (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
         xytext=(6.0 * outward[0], 6.0 * outward[1]),
         textcoords="offset points",
-        ha="left" if outward[0] > 0.5 else "right" if outward[0] < -0.5 else "center",
-        va="bottom" if outward[1] > 0.5 else "top" if outward[1] < -0.5 else "center",
+        ha="center" if abs(outward[0]) <= 0.5 else "left" if outward[0] > 0.0 else "right",
+        va="center" if abs(outward[1]) <= 0.5 else "bottom" if outward[1] > 0.0 else "top",
+        rotation=90 if abs(outward[0]) > abs(outward[1]) else 0,
         color=colour,
         fontsize=size,
         fontweight=weight,

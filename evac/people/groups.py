@@ -82,7 +82,8 @@ def check_people(case: "Case", building: Building) -> None:
             if people.area in areas:
                 problems.append(f"{key}.area: {areas.count(people.area)} areas are named {people.area!r}; rename them")
             else:
-                problems.append(f"{key}.area: unknown area {people.area!r}; {did_you_mean(people.area, areas)}")
+                hint = did_you_mean(people.area, areas) if areas else "there are no areas: add one to building.areas"
+                problems.append(f"{key}.area: unknown area {people.area!r}; {hint}")
         if people.level is not None and building.level_named(people.level) is None:
             levels = [level.name for level in building.levels]
             problems.append(f"{key}.level: unknown level {people.level!r}; {did_you_mean(people.level, levels)}")

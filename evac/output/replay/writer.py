@@ -21,6 +21,9 @@ from evac.output.replay.geometry import building_for_page
 from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
 from evac.output.trajectory import Trajectory
 
+#: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
+LARGEST = 1e9
+
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
 
@@ -193,7 +196,7 @@ def _about(account: Account) -> dict[str, Any]:
     def whole(values: FloatArray | None, scale: float) -> list[int] | None:
         if values is None:
             return None
-        scaled = np.where(np.isfinite(values), np.rint(np.nan_to_num(values) * scale), -1)
+        scaled = np.where(np.isfinite(values), np.rint(np.minimum(np.nan_to_num(values), LARGEST) * scale), -1)
         return [int(value) for value in scaled.tolist()]
 
     return {
