@@ -61,7 +61,7 @@ FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
 #: Names in `evac explain` of the optional kernels of the step loop, by their attributes of `Parts`.
 LOOP = {
     "seams": "contacts across portals",
-    "stronger": "which tries again",
+    "stronger": "for solves that fail",
     "separation": "separation of overlaps",
 }
 
