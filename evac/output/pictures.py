@@ -59,6 +59,8 @@ def curves_figure(
 ) -> Figure:
     """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
 
+    Groups of one person have no curve, which the legend says.
+
     Parameters
     ----------
     title : str
@@ -81,7 +83,10 @@ def curves_figure(
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
-        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+        single = sum(size == 1 for size in sizes.values())
+        title = f"without {single} {'group' if single == 1 else 'groups'}\nof one person" if single else None
+        style = {"frameon": False, "fontsize": 8, "title": title, "title_fontsize": 7, "alignment": "left"}
+        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), **style)
         # Names that are too long for the picture are cut at the end.
         figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
     return figure

@@ -12,7 +12,7 @@ from evac.output.report.occupants import occupants_section
 from evac.output.report.page import BLANK, Head, Labels, assessment_section, files_section, page
 from evac.output.report.source import Run, read_run
 from evac.output.report.times import times_section
-from evac.output.report.verification import verification_section
+from evac.output.report.verification import evidence_section, verification_section
 
 #: Ends of a run that it did not come to by itself.
 STOPPED = ("interrupted", "failed")
@@ -60,6 +60,7 @@ def run_report(
         warnings_section(quality_of(run), summary.warnings),
         assessment_section(),
         limits_section(is_study=False),
+        evidence_section(),
         case_section(run.case),
         files_section(run.files),
     ]

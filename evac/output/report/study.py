@@ -32,7 +32,7 @@ from evac.output.report.study_files import (
     read_study,
 )
 from evac.output.report.times import place_tables
-from evac.output.report.verification import verification_section
+from evac.output.report.verification import evidence_section, verification_section
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
@@ -97,6 +97,7 @@ def study_report(
         assessment_section(),
         limits_section(is_study=True),
         _runs(study),
+        evidence_section(),
         case_section(study.case),
         files_section(digests(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME))),
     ]
