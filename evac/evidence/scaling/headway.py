@@ -1,4 +1,4 @@
-"""What keeping one's distance costs, and saves: the same hall without and with the behaviour headway."""
+"""Cost of the behaviour headway: the same hall without and with it."""
 
 import time
 from typing import Any
@@ -51,7 +51,7 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[
 
 
 def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
-    """Return the costs of a walk without and with headway, made in turns [ns per person-step]."""
+    """Return the costs of a walk without and with headway, measured alternately [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = plugins().get("behaviour", "headway")()
     scene = BehaviourScene(
