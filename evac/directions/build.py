@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from evac.arrays import FloatArray
+from evac.arrays import FloatArray, IndexArray
 from evac.building.checks import measures
 from evac.building.model import FLAT, Building, Exit
 from evac.building.narrow import gaps_below
@@ -16,7 +16,7 @@ from evac.directions.cellwalls import find_cell_walls
 from evac.directions.descent import Ways, add_lengths, descend, find_lowest
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, use_towards
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes, use_towards
 from evac.directions.marching import Metric, march
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
@@ -32,7 +32,10 @@ BEND = 8.0
 AVOID = 100.0
 
 #: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
-NODE_BYTES, ROUTE_BYTES = 190.0, 50.0
+NODE_BYTES, ROUTE_BYTES = 125.0, 80.0
+
+#: Nodes that are looked at together where that takes much memory for each.
+CHUNK = 2**17
 
 #: Memory of all fields [bytes]: a minute or two of computing.
 MOST_BYTES = 2.5e9
@@ -91,24 +94,28 @@ def build_fields(
     _check_memory(building, len(routes), spacing, clearance)
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
-    bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
+    bent = _bent(grids, clearance, avoided) if clearance > 0.0 else None
     greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
     steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
-    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    parts: list[list[FloatArray]] = [[], [], []]
     filled = 0
     for index, route in enumerate(routes):
         allowed = [e for e in building.exits if route.leads_to(e.name)]
         exits = [e for e in allowed if building.is_open(e)]
         rates = _rates(route.strategy, speeds, comfort)
-        direction, travel_time, lengths = _solve(grids, exits, rates, avoided, bent, order)
-        for level in sorted(levels_reaching(building, exits)):
-            nodes = grids.levels[level].packed
-            field_of[level, index] = len(parts)
+        solved = _solve(grids, exits, rates, avoided, bent, order)
+        reaching = sorted(levels_reaching(building, exits))
+        for level in reaching:
+            field_of[level, index] = len(offsets)
             offsets.append(filled)
-            parts.append((direction[nodes], travel_time[nodes], lengths[nodes]))
-            filled += nodes.stop - nodes.start
+            filled += grids.levels[level].sheet.size
+        # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
+        chosen = reaching if len(reaching) < len(building.levels) else None
+        for part, values in zip(parts, solved, strict=True):
+            part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
+    direction, travel_time, lengths = (_joined(parts.pop(0), rest) for rest in ((2,), (), (3,)))
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
@@ -117,11 +124,11 @@ def build_fields(
             spacing=float(spacing),
             field_of=field_of,
             offset=np.array(offsets, dtype=np.int64),
-            direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
-            travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+            direction=direction,
+            travel_time=travel_time,
             walls=find_cell_walls(grids, steepest),
         ),
-        lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
+        lengths=lengths,
         comfort=float(comfort),
         clearance=float(clearance),
     )
@@ -175,23 +182,36 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     )
 
 
+def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
+    """Return arrays (n, *rest) one after another; of one, itself."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
+
+
 def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
     """Return the factor (nodes,) of the slowness in gaps narrower than a width [m], else 1."""
-    factor = np.ones(grids.size)
+    avoided = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
         if len(gaps):
             lines = shapely.multilinestrings(gaps.reshape(-1, 2, 2))
             shapely.prepare(lines)
-            nodes = shapely.dwithin(lines, shapely.points(*grid.window.coordinates()), grids.lattice.spacing)
-            factor[grid.packed][nodes.ravel()] = AVOID
+            near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
+            near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
+            avoided.append(grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape))
+    nodes = np.concatenate(avoided)
+    if not len(nodes):
+        return np.broadcast_to(1.0, grids.size)  # takes no memory
+    factor = np.ones(grids.size)
+    factor[nodes] = AVOID
     return factor
 
 
-def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
-    """Return the factor (nodes,) of the slowness near walls; see `build_fields`."""
-    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
-    return np.asarray(1.0 + BEND * (1.0 - near / clearance) ** 2)
+def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
+    """Return the factor (nodes,) of the slowness near walls, times that of what is avoided; see `build_fields`."""
+    factor = avoided.copy()
+    for grid in grids.levels:
+        factor[grid.ring] *= 1.0 + BEND * (1.0 - grid.distance / clearance) ** 2
+    return factor
 
 
 def _solve(
@@ -208,8 +228,12 @@ def _solve(
     plain = march(grids, Metric(slowness, avoided), exits, order)
     guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
     direction = _directions(grids, guide, exits, bent is None)
+    del guide  # before the lengths, which need as much memory again
     lengths = _lengths(grids, plain, exits, rates, cosine)
-    return direction, _continued(grids, _with_halos(grids, plain)), _continued(grids, lengths)
+    _take_halos(grids, plain)
+    _continue(grids, plain)
+    _continue(grids, lengths)
+    return direction, plain, lengths
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
@@ -222,22 +246,19 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _with_halos(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values with those of the neighbours themselves in the halos."""
-    seen = values.copy()
+def _take_halos(grids: BuildingGrids, values: FloatArray) -> None:
+    """Set packed values in the halos to those of the neighbours themselves, which are own nodes and stay."""
     for grid in grids.levels:
         halo = (grid.sheet > OWN) & (grid.source >= 0)
-        seen[grid.packed][halo.ravel()] = values[grid.source[halo]]
-    return seen
+        values[grid.packed][halo.ravel()] = values[grid.source[halo]]
 
 
-def _continued(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values, linearly continued to the nodes of levels that the march leaves out."""
+def _continue(grids: BuildingGrids, values: FloatArray) -> None:
+    """Continue packed values linearly to the nodes of levels that the march leaves out."""
     left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
     with np.errstate(invalid="ignore"):  # where no way leads
         rise = values[stand_in] - values[next_one]
     values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
-    return values
 
 
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
@@ -248,12 +269,13 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
+        strips = _strips(grids, grid)
         for exit_ in exits:
             if exit_.level == grid.level:
-                strip = grid.sheet == 1 + grids.building.link_of(exit_)
-                points = np.stack([x[strip] for x in grid.window.coordinates()], axis=1)
-                own[strip] = outward_directions(exit_.segments, points)
-    direction = _with_halos(grids, direction)
+                strip = strips[exit_.index]
+                nodes = np.stack(np.unravel_index(strip, grid.window.shape), axis=1)
+                packed[strip] = outward_directions(exit_.segments, grid.window.places(nodes))
+    _take_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -275,9 +297,9 @@ def _lengths(
     """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
     building = grids.building
     lengths = np.full((grids.size, 3), math.inf)
+    strips = {exit_.level: _strips(grids, grids.levels[exit_.level]) for exit_ in exits}
     for exit_ in exits:
-        grid = grids.levels[exit_.level]
-        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + building.link_of(exit_))
+        behind = grids.levels[exit_.level].offset + strips[exit_.level][exit_.index]
         use = use_towards(building.levels[exit_.level], exit_.segments)
         lengths[behind] = 0.0
         lengths[behind, use] = cost[behind] / rates[use]
@@ -299,17 +321,29 @@ def _lengths(
         lengths[begins, towards] = cost[begins] / rates[towards]
         add_lengths(node, ways, lengths)
     # The lengths are of first order; their sum must give the cost, which is of second.
-    along = lengths[node] @ rates
-    usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
-    lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
-    return _with_halos(grids, lengths)
+    for first in range(0, len(node), CHUNK):
+        some = node[first : first + CHUNK]
+        along = lengths[some] @ rates
+        usable = (along > 0.0) & (cost[some] > 0.0) & np.isfinite(along)
+        lengths[some[usable]] *= (cost[some[usable]] / along[usable])[:, None]
+    _take_halos(grids, lengths)
+    return lengths
+
+
+def _strips(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
+    """Return the flat indices of the nodes behind each exit of a level, by index of the exit."""
+    nodes = np.flatnonzero(grid.sheet > len(grids.building.portals))
+    links = grid.sheet.ravel()[nodes] - 1
+    return {exit_.index: nodes[links == grids.building.link_of(exit_)] for exit_ in grids.building.exits_of(grid.level)}
 
 
 def _ways(grids: BuildingGrids, cost: FloatArray, cosine: FloatArray) -> Ways:
     """Return what the ways of steepest descent of a cost lead over."""
     return Ways(
         level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
+        source=grids.levels[0].source.ravel()
+        if len(grids.levels) == 1
+        else np.concatenate([grid.source.ravel() for grid in grids.levels]),
         twin=_twins(grids),
         cost=cost,
         stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),

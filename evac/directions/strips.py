@@ -1,6 +1,7 @@
 """Strips of nodes behind exits: where the march of a level starts, so that ways turn round the posts of an exit."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -48,18 +49,17 @@ def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: 
     return rows if rows >= LEAST_ROWS else 0
 
 
-def behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
-    """Return the nodes within a strip some rows of nodes deep behind exit segments."""
-    x, y = window.coordinates()
+def behind(window: Window, segments: FloatArray, rows: int) -> Iterator[tuple[tuple[slice, slice], BoolArray]]:
+    """Yield for each segment of an exit a box and the nodes in it within a strip some rows of nodes deep behind it."""
     depth = rows * window.lattice.spacing
-    found = np.zeros(window.shape, dtype=np.bool_)
     for segment in segments:
+        box = window.box_around(segment, depth)
+        x, y = window.coordinates(box)
         x1, y1, x2, y2 = segment
         length = math.hypot(x2 - x1, y2 - y1)
         ahead = side_of(segment, x, y) / length
         along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
-        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
-    return found
+        yield box, (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
 
 
 def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
