@@ -5,18 +5,25 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from evac.arrays import FloatArray, IndexArray
+from evac.arrays import FloatArray
 from evac.building.checks import measures
-from evac.building.model import FLAT, Building, Exit
+from evac.building.model import Building, Exit
 from evac.building.narrow import gaps_below
 from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.descent import Ways, add_lengths, descend, find_lowest
+from evac.directions.descent import descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes, use_towards
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes
+from evac.directions.lengths import (
+    Marched,
+    continue_values,
+    exits_of_route,
+    nodes_not_marched,
+    strips_of,
+    take_halos,
+)
 from evac.directions.marching import Metric, march
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
@@ -33,9 +40,6 @@ AVOID = 100.0
 
 #: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
 NODE_BYTES, ROUTE_BYTES = 125.0, 80.0
-
-#: Nodes that are looked at together where that takes much memory for each.
-CHUNK = 2**17
 
 #: Memory of all fields [bytes]: a minute or two of computing.
 MOST_BYTES = 2.5e9
@@ -99,13 +103,16 @@ def build_fields(
     steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
-    parts: list[list[FloatArray]] = [[], [], []]
+    parts: list[list[FloatArray]] = [[], []]
     filled = 0
+    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
+    not_marched, costs = nodes_not_marched(grids), []
     for index, route in enumerate(routes):
-        allowed = [e for e in building.exits if route.leads_to(e.name)]
-        exits = [e for e in allowed if building.is_open(e)]
-        rates = _rates(route.strategy, speeds, comfort)
-        solved = _solve(grids, exits, rates, avoided, bent, order)
+        exits = exits_of_route(building, route)
+        direction, travel_time = _solve(grids, exits, rates[index], avoided, bent, order)
+        costs.append(travel_time[not_marched])
+        take_halos(grids, travel_time)
+        continue_values(grids, travel_time)
         reaching = sorted(levels_reaching(building, exits))
         for level in reaching:
             field_of[level, index] = len(offsets)
@@ -113,9 +120,9 @@ def build_fields(
             filled += grids.levels[level].sheet.size
         # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
         chosen = reaching if len(reaching) < len(building.levels) else None
-        for part, values in zip(parts, solved, strict=True):
+        for part, values in zip(parts, (direction, travel_time), strict=True):
             part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
-    direction, travel_time, lengths = (_joined(parts.pop(0), rest) for rest in ((2,), (), (3,)))
+    direction, travel_time = (_joined(parts.pop(0), rest) for rest in ((2,), ()))
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
@@ -128,7 +135,7 @@ def build_fields(
             travel_time=travel_time,
             walls=find_cell_walls(grids, steepest),
         ),
-        lengths=lengths,
+        marched=Marched(building, spacing, clearance, rates, not_marched, tuple(costs)),
         comfort=float(comfort),
         clearance=float(clearance),
     )
@@ -221,19 +228,13 @@ def _solve(
     avoided: FloatArray,
     bent: FloatArray | None,
     order: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return directions (nodes, 2), travel times (nodes,) and lengths (nodes, 3) to some exits on all grids."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return directions (nodes, 2) and travel times (nodes,) to some exits on all grids, as they are marched."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     slowness = rates / cosine[:, None]
     plain = march(grids, Metric(slowness, avoided), exits, order)
     guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
-    direction = _directions(grids, guide, exits, bent is None)
-    del guide  # before the lengths, which need as much memory again
-    lengths = _lengths(grids, plain, exits, rates, cosine)
-    _take_halos(grids, plain)
-    _continue(grids, plain)
-    _continue(grids, lengths)
-    return direction, plain, lengths
+    return _directions(grids, guide, exits, bent is None), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
@@ -246,21 +247,6 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _take_halos(grids: BuildingGrids, values: FloatArray) -> None:
-    """Set packed values in the halos to those of the neighbours themselves, which are own nodes and stay."""
-    for grid in grids.levels:
-        halo = (grid.sheet > OWN) & (grid.source >= 0)
-        values[grid.packed][halo.ravel()] = values[grid.source[halo]]
-
-
-def _continue(grids: BuildingGrids, values: FloatArray) -> None:
-    """Continue packed values linearly to the nodes of levels that the march leaves out."""
-    left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
-    with np.errstate(invalid="ignore"):  # where no way leads
-        rise = values[stand_in] - values[next_one]
-    values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
-
-
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
     """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
@@ -269,13 +255,13 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
-        strips = _strips(grids, grid)
+        strips = strips_of(grids, grid)
         for exit_ in exits:
             if exit_.level == grid.level:
                 strip = strips[exit_.index]
                 nodes = np.stack(np.unravel_index(strip, grid.window.shape), axis=1)
                 packed[strip] = outward_directions(exit_.segments, grid.window.places(nodes))
-    _take_halos(grids, direction)
+    take_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -289,74 +275,3 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         if known.any():
             own[missing] = own[nearest_marked(known, missing)]
     return direction
-
-
-def _lengths(
-    grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray, cosine: FloatArray
-) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
-    building = grids.building
-    lengths = np.full((grids.size, 3), math.inf)
-    strips = {exit_.level: _strips(grids, grids.levels[exit_.level]) for exit_ in exits}
-    for exit_ in exits:
-        behind = grids.levels[exit_.level].offset + strips[exit_.level][exit_.index]
-        use = use_towards(building.levels[exit_.level], exit_.segments)
-        lengths[behind] = 0.0
-        lengths[behind, use] = cost[behind] / rates[use]
-    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
-    node = np.flatnonzero(own & np.isfinite(cost))
-    node = node[np.argsort(cost[node], kind="stable")]
-    ways = _ways(grids, cost, cosine)
-    add_lengths(node, ways, lengths)
-    # Ways also begin at nodes without a lower neighbour: before an exit without a strip, and here and there beside its
-    # ends. The cheapest node without lengths is one of them.
-    uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
-    while (without := node[np.isinf(lengths[node, 0])]).size:
-        is_lowest = np.zeros(without.size, np.uint8)
-        find_lowest(without, ways, is_lowest)
-        begins = without[is_lowest == 1]
-        begins = begins if begins.size else without[:1]
-        towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
-        lengths[begins] = 0.0
-        lengths[begins, towards] = cost[begins] / rates[towards]
-        add_lengths(node, ways, lengths)
-    # The lengths are of first order; their sum must give the cost, which is of second.
-    for first in range(0, len(node), CHUNK):
-        some = node[first : first + CHUNK]
-        along = lengths[some] @ rates
-        usable = (along > 0.0) & (cost[some] > 0.0) & np.isfinite(along)
-        lengths[some[usable]] *= (cost[some[usable]] / along[usable])[:, None]
-    _take_halos(grids, lengths)
-    return lengths
-
-
-def _strips(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
-    """Return the flat indices of the nodes behind each exit of a level, by index of the exit."""
-    nodes = np.flatnonzero(grid.sheet > len(grids.building.portals))
-    links = grid.sheet.ravel()[nodes] - 1
-    return {exit_.index: nodes[links == grids.building.link_of(exit_)] for exit_ in grids.building.exits_of(grid.level)}
-
-
-def _ways(grids: BuildingGrids, cost: FloatArray, cosine: FloatArray) -> Ways:
-    """Return what the ways of steepest descent of a cost lead over."""
-    return Ways(
-        level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        source=grids.levels[0].source.ravel()
-        if len(grids.levels) == 1
-        else np.concatenate([grid.source.ravel() for grid in grids.levels]),
-        twin=_twins(grids),
-        cost=cost,
-        stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
-        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
-        cosine=cosine,
-        spacing=grids.lattice.spacing,
-    )
-
-
-def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
-    """Return for every node on a portal the node at its place on the other level, else -1."""
-    twin = np.full(grids.size, -1, dtype=np.int64)
-    for grid in grids.levels:
-        for ours, theirs in grid.seams.values():
-            twin[ours] = theirs
-    return twin

@@ -87,7 +87,7 @@ def test_time_and_lengths_over_a_stair_are_sums_of_straight_pieces(drawing):
 def test_fields_are_the_same_to_the_bit_however_many_nodes_are_looked_at_together(drawing, monkeypatch):
     building = two_storeys(drawing)
     whole = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
-    monkeypatch.setattr("evac.directions.build.CHUNK", 512)
+    monkeypatch.setattr("evac.directions.lengths.CHUNK", 512)
     monkeypatch.setattr("evac.directions.masks.CHUNK", 512)
     parts = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
     np.testing.assert_array_equal(parts.lengths, whole.lengths)
