@@ -39,7 +39,7 @@ BEND = 8.0
 AVOID = 100.0
 
 #: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
-NODE_BYTES, ROUTE_BYTES = 125.0, 80.0
+NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 
 #: Memory of all fields [bytes]: a minute or two of computing.
 MOST_BYTES = 2.5e9

@@ -48,7 +48,7 @@ def run(evidence: Evidence) -> None:
     what = f"{last['people']:,} people, DEM:"
     evidence.verdict(at_most(f"{what} CPU time before the first tick", last["set-up [s]"], MOST_SECONDS, "s", SECTION))
     evidence.verdict(at_most(f"{what} peak memory", 1e-3 * last["peak memory [MB]"], MOST_MEMORY, "GB", SECTION))
-    told = ", ".join(dict.fromkeys(f"{row['model']} {row['behaviour'] or ''}".strip() for row in rows))
+    told = ", ".join(model + (f" with {behaviour}" if behaviour else "") for model, behaviour in SCENES)
     evidence.verdict(all_of(f"Simulations that ran: {told}", len(rows), len(sizes) * len(SCENES), SECTION))
     evidence.heading(SECTION)
     evidence.table(

@@ -117,7 +117,7 @@ def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
                 if (row["state"], row["model"]) == (state, name) and row["ns per person-step"] is not None
             }
             last = list(costs.items())[-3:]
-            told = ", ".join(f"{cost:.0f}, {ratio:.1f} times ({people:,})" for people, (cost, ratio) in last)
+            told = "; ".join(f"{cost:.0f}, {ratio:.1f} times ({people:,})" for people, (cost, ratio) in last)
             what = f"{name}, {state} [ns per person-step], times the minimal kernel (people)"
             evidence.verdict(reported(what, told or "refused", "-", HALLS))
     memory_used = max(row["bytes per person"] for row in rows if row["people"] == largest)
