@@ -9,11 +9,11 @@ LONGEST = 1000
 
 
 class EvacError(Exception):
-    """Root of every exception that evac raises on purpose."""
+    """Root of the exceptions of evac."""
 
 
 class BuildingError(EvacError):
-    """A mesh file or the building read from it cannot be used; names the file and the place."""
+    """A building file or the building read from it cannot be used; names the file and the place."""
 
 
 class ScenarioError(EvacError):
@@ -25,7 +25,7 @@ class PluginError(EvacError):
 
 
 class SimulationError(EvacError):
-    """A run cannot go on; names time, people, place and what to change."""
+    """A run cannot continue; names time, people, place and what to change."""
 
 
 class ResultError(EvacError):
@@ -33,7 +33,7 @@ class ResultError(EvacError):
 
 
 class EvacWarning(UserWarning):
-    """Root of the warnings that evac issues while it works; what it warns of in a case is in the results."""
+    """Root of the Python warnings of evac; warnings about a case or a run are part of the results instead."""
 
 
 class FolderWarning(EvacWarning):
@@ -45,7 +45,7 @@ class CacheWarning(EvacWarning):
 
 
 def text_of(error: BaseException) -> str:
-    """Return the text of an error in one line that is not too long."""
+    """Return the text of an error in one line of at most `LONGEST` characters and an ellipsis."""
     try:
         text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
     except Exception:
@@ -54,16 +54,17 @@ def text_of(error: BaseException) -> str:
 
 
 def in_one_line(error: BaseException) -> str:
-    """Return class and text of an error in one line that is not too long."""
+    """Return class and text of an error in one line, shortened as by `text_of`."""
     text = text_of(error)
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 @contextmanager
 def plugin_code(what: str) -> Iterator[None]:
-    """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line.
+    """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
-    So does a SystemExit: no plugin ends the process. A KeyboardInterrupt is passed on, since it is the user's.
+    This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is
+    passed on.
     """
     try:
         yield
@@ -72,15 +73,15 @@ def plugin_code(what: str) -> Iterator[None]:
     except BaseException as error:
         trace = traceback.extract_tb(error.__traceback__)
         place = next((frame for frame in reversed(trace) if not frame.filename.startswith("<")), trace[-1])
-        advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "repair the plugin"
+        advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "correct the plugin"
         raise PluginError(
-            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or leave it out"
+            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or remove it"
         ) from error
 
 
 @contextmanager
 def noting(warnings: Iterable[str]) -> Iterator[None]:
-    """Add warnings to an error that may come of what they warn of, as notes."""
+    """Add warnings that may explain an error raised within to it, as notes."""
     try:
         yield
     except EvacError as error:

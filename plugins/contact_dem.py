@@ -1,4 +1,4 @@
-"""DEM, the smooth contact model: a spring between overlapping bodies (eqs 3, 16, 17) that hardens when deep."""
+"""DEM, the smooth contact model: springs between overlapping bodies (eqs 3, 16, 17) that harden at large overlaps."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,26 +17,26 @@ from evac.physics.contacts import push
 from evac.physics.state import State, World
 from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
-#: The tangent stiffness of a hardening contact rises to this many times k at an overlap of the radius.
+#: Ratio of the tangent stiffness of a hardening contact at an overlap of one radius to k.
 HARDEST = 1000.0
 
-#: No contact hardens under a smaller force, whatever its overlap: people survive it, and soft springs stay soft [N].
+#: Minimum force at which contacts harden [N], so that soft springs do not harden under bearable forces.
 LEAST_FORCE = 6000.0
 
 
 class Spring(Struct):
-    """What the law reads, and room for the check of its stability."""
+    """Parameters of the law, and scratch arrays for its stability check."""
 
     stiffness: float  # [kg/s2]
-    hardening: float  # share of the radius
-    least: float  # no contact hardens at a smaller overlap, whatever its radius [m]
-    stiffnesses: Triples  # (n, 3) xx, yy and xy of the sum of k n n^T / m of a body's contacts over k [1/kg]
-    coupling: Floats  # (n,) of the same to other bodies; -1 once checked [1/kg]
+    hardening: float  # overlap at which contacts harden, as a share of the radius
+    least: float  # minimum overlap at which contacts harden [m]
+    stiffnesses: Triples  # (n, 3) xx, yy and xy of the sum of n n^T / m over the contacts of a body [1/kg]
+    coupling: Floats  # (n,) sum of the couplings to other bodies; -1 after the check [1/kg]
 
 
 @inner
-def take_free(bodies):
-    """Let the free velocity be the velocity after the sub-step, as it is without contacts."""
+def use_free_velocity(bodies):
+    """Set the velocity after the sub-step to the free velocity, as without contacts."""
     for i in range(bodies.inside):
         bodies.solved[i, 0] = bodies.free[i, 0]
         bodies.solved[i, 1] = bodies.free[i, 1]
@@ -48,7 +48,7 @@ def spring(state: State, own: Spring, h: float) -> int:
     bodies, contacts = state.bodies, state.contacts
     if _is_too_stiff(state, own, h):
         return TOO_STIFF
-    take_free(bodies)
+    use_free_velocity(bodies)
     onset = max(own.hardening * bodies.smallest, own.least)
     for c in range(contacts.number):
         overlap = -min(0.0, contacts.gap[c])
@@ -63,7 +63,7 @@ def spring(state: State, own: Spring, h: float) -> int:
 
 @inner
 def damping_limit(h, tau, explicit):
-    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
+    """Return the stability limit of h^2 omega^2 for a contact spring with the damping of the drive."""
     if explicit:
         return 4.0 - 2.0 * h / tau
     return 2.0 * (1.0 + math.exp(-h / tau))
@@ -71,14 +71,14 @@ def damping_limit(h, tau, explicit):
 
 @inner
 def press(overlap, radius, own):
-    """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
+    """Return the force and the tangent stiffness of a contact, both divided by k: [m], [-].
 
     With the overlap D, the onset D_h, which is hardening r or LEAST_FORCE / k if that is greater, and the length
     L = (r - D_h) / ln(HARDEST), the force is
 
     - k D up to D_h;
-    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
-    - k D beyond r, where two people started in one another: hardened contacts would throw them.
+    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r, with a slope that increases from k to HARDEST k;
+    - k D beyond r, which occurs for initial overlaps: a hardened contact would accelerate them too much.
     """
     onset = max(own.hardening * radius, own.least)
     if overlap <= onset or overlap > radius:
@@ -98,11 +98,11 @@ def _radius(bodies, contacts, c):
 
 @inner
 def _is_too_stiff(state, own, h):
-    """Say whether the contacts as they are make a sub-step of `h` unstable, and note the body.
+    """Return whether the present contacts make a sub-step of length `h` unstable; note the body as failed.
 
-    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
-    speed takes it within the step.
+    omega^2 is bounded for each body (block Gershgorin) by the largest eigenvalue of sum k n n^T / m_i plus the
+    couplings k / sqrt(m_i m_j) of its contacts, where k is the tangent stiffness of a contact at the overlap that it
+    reaches within the step.
     """
     bodies, contacts = state.bodies, state.contacts
     onset = max(own.hardening * bodies.smallest, own.least)
@@ -140,7 +140,7 @@ def _forget_stiffness(own, i):
 
 @inner
 def _exceeds_limit(state, own, h, i):
-    """Say whether the stiffness at body i makes a sub-step unstable, and note the body; asked once for each."""
+    """Return whether the stiffness at body i makes a sub-step unstable; note the body as failed. Checks a body once."""
     if own.coupling[i] < 0.0:
         return False
     xx, yy, xy = own.stiffnesses[i, 0], own.stiffnesses[i, 1], own.stiffnesses[i, 2]
@@ -163,8 +163,8 @@ def _stiffen(own, inverse_mass, i, nx, ny):
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN contacts
-    harden, see `press`: a linear spring cannot carry the load of thousands of people, since its equilibrium overlap
+    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN, contacts
+    harden, see `press`, since a linear spring cannot carry the load of thousands of people: its equilibrium overlap
     exceeds the radius.
     """
 
@@ -178,10 +178,10 @@ class Dem(ContactModel):
     )
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse steps beyond the limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
+        """Refuse steps beyond the stability limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
 
-        h^2 omega^2 < 4 - 2h/tau with explicit driving, < 2 (1 + exp(-h/tau)) with the exponential update. Stiffer
-        configurations are found in the run, whose steps are then cut into parts.
+        The limit of h^2 omega^2 is 4 - 2h/tau with explicit driving, and 2 (1 + exp(-h/tau)) with the exponential
+        update. Stiffer configurations are detected during the run, whose steps are then subdivided.
         """
         super().check_scene(scene)
         mass, tau = float(scene.mass.min()), float(scene.tau.min())
@@ -192,7 +192,7 @@ class Dem(ContactModel):
         if scene.step >= limit:
             raise ScenarioError(
                 f"simulation.step: {scene.step} s is too long for contact model 'dem' with stiffness"
-                f" {self.stiffness:g} kg/s2, a least mass of {mass:.1f} kg and a least tau of {tau:g} s;"
+                f" {self.stiffness:g} kg/s2, a smallest mass of {mass:.1f} kg and a smallest tau of {tau:g} s;"
                 f" it must be below {limit:.4f} s (or choose a smaller contact.dem.stiffness)"
             )
 
@@ -204,7 +204,7 @@ class Dem(ContactModel):
         return [("hardening contacts", self.hardening < 1.0, why)]
 
     def own(self, people: int, world: World) -> Spring:
-        """Return the stiffness and the hardening, with room for so many people."""
+        """Return the parameters of the law, with scratch arrays for a number of people."""
         return Spring(
             stiffness=self.stiffness,
             hardening=self.hardening,
@@ -214,14 +214,14 @@ class Dem(ContactModel):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return nothing: the arrays of `own` are written anew in every sub-step."""
+        """Return nothing, since the arrays of `own` are overwritten in every sub-step."""
         return {}
 
     def advice(self) -> Mapping[int, str]:
-        """Return what to change where a step cannot be made."""
+        """Return what to change if a step fails."""
         return {
-            WALL_CROSSED: "make contacts stiffer with contact.dem.stiffness, or use contact.model = 'nsm1'",
-            TOO_STIFF: "lower contact.dem.stiffness or use a smaller simulation.step",
+            WALL_CROSSED: "increase contact.dem.stiffness, or use contact.model = 'nsm1'",
+            TOO_STIFF: "reduce contact.dem.stiffness, or use a smaller simulation.step",
         }
 
 

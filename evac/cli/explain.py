@@ -1,7 +1,7 @@
-"""evac explain: what a case needs, part by part, and why.
+"""evac explain: show which parts of the program a case needs, and why.
 
-What is left out changes no bit of the trajectories; `evac run --full` forces everything in. Forces and behaviours say
-themselves what they need: plugin files of the case are run, as by `evac run`.
+Leaving out the others does not change the trajectories in any bit; `evac run --full` includes all parts. Forces and
+behaviours decide themselves whether they are needed: plugin files of the case are executed, as by `evac run`.
 """
 
 import argparse
@@ -17,7 +17,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print every part that can be left out, in or out, and why."""
+    """Print every optional part, whether it is used, and why."""
     case = case_to_run(arguments)
     from evac.simulation import Simulation
 

@@ -1,4 +1,4 @@
-"""evac plugins: everything registered, with its parameters, units and defaults."""
+"""evac plugins: list all registered plugins with their parameters, units and defaults."""
 
 import argparse
 
@@ -12,7 +12,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print where each plugin came from and what it provides."""
+    """Print the origin of each plugin and what it provides."""
     from evac.registry import Registry
 
     for entry in Registry(arguments.plugins).describe():

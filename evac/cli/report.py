@@ -9,12 +9,12 @@ from evac.cli.screen import show_facts, show_table
 from evac.output.files import ANIMATION_NAME, REPLAY_NAME
 from evac.output.results import Results
 
-#: So many people who can no longer move are listed; summary.json has all.
+#: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
 
 def show_results(results: Results, folder: Path) -> None:
-    """Show what a run came to: egress, stairs, exits, contact, time of each phase, where the results are."""
+    """Show the results of a run: egress, stairs, exits, contact, wall time by phase, and the result folder."""
     summary = results.summary()
     _show_outcome(summary)
     _show_places(summary)
@@ -78,7 +78,7 @@ def _show_contact(contact: dict[str, Any]) -> None:
 
 
 def _show_left(summary: dict[str, Any], results: Results) -> None:
-    """Say where people are left, on standard error, and list those who can no longer move."""
+    """Print the levels with people left inside to standard error, and list people without progress."""
     left = summary["people"] - summary["evacuated"]
     if left:
         number = Counter(results.crowd.level[results.crowd.level >= 0].tolist())
@@ -90,14 +90,14 @@ def _show_left(summary: dict[str, Any], results: Results) -> None:
     pushed = summary["left_by_other_exits"]
     if pushed:
         print(
-            f"evac: left by another exit than the own route leads to, as when pushed across its line: {pushed} people",
+            f"evac: {pushed} people left by an exit that is not on their route, for example pushed through it",
             file=sys.stderr,
         )
     stuck = summary["stuck"]
     if stuck:
         print(
-            "evac: bodies in contact can block a narrow way for good, because nobody turns or gives way; compare seeds,"
-            " or a wider way",
+            "evac: bodies in contact can block a narrow passage permanently, because people do not turn or give way;"
+            " compare several seeds, or a wider passage",
             file=sys.stderr,
         )
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]

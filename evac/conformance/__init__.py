@@ -1,4 +1,4 @@
-"""What every plugin has to hold to: checks that plugin authors call in their own tests.
+"""Conformance checks for plugins, which plugin authors call in their own tests.
 
 ::
 
@@ -6,11 +6,11 @@
 
     def test_my_model():
         check_plugin(MyModel)                       # contact model, solver, force, recorder, exporter
-        check_plugin(MyBehaviour, case)             # a behaviour in a case in which it has something to do
-        check_plugin(MyImporter, case)              # an importer with a case whose building it reads
+        check_plugin(MyBehaviour, case)             # a behaviour, with a case in which it has an effect
+        check_plugin(MyImporter, case)              # an importer, with a case whose building it reads
 
-Each check raises `PluginError` that says what was broken, by how much, and what to change. The same checks
-run over everything that evac itself registers.
+A failed check raises `PluginError`, which says what is wrong, by how much, and what to change. The same checks
+are applied to all built-in plugins.
 """
 
 import sys
@@ -18,7 +18,7 @@ from typing import Any
 
 from evac.behaviour import Behaviour, check_writes
 from evac.building.importer import Importer
-from evac.conformance.cases import check_declared_arrays, check_goes_on, check_looks_only, check_same_bits
+from evac.conformance.cases import check_declared_arrays, check_read_only, check_resume, check_same_bits
 from evac.conformance.contact_models import CONTACT_MODEL_CHECKS
 from evac.conformance.exporters import EXPORTER_CHECKS, recorded
 from evac.conformance.forces import check_pair_force
@@ -39,29 +39,29 @@ from evac.scenario.loading import load_case
 
 __all__ = ["check_plugin"]
 
-#: Case that a plugin is tried in where its author gives none.
+#: Shipped case for checks of a plugin for which no case is given.
 SHIPPED_CASE = "square_room"
 
 
 def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int = 20, **values: Any) -> None:
-    """Run every check that concerns a plugin class.
+    """Run all checks that apply to a plugin class.
 
     Parameters
     ----------
     cls : type
         A `ContactModel`, `Solver`, `Force`, `Behaviour`, `Recorder`, `Importer` or `Exporter`.
     case : Case, optional
-        Case that uses the plugin as it stands; by default the shipped square room, with the plugin in use. Without a
-        case, an importer is tried on damaged files only.
+        Case that already uses the plugin; by default the shipped square room, changed to use the plugin. Without a
+        case, an importer is checked with damaged files only.
     ticks : int
-        Ticks of the case that are run.
+        Number of ticks of the case that are run.
     **values
-        Parameters to set, instead of the defaults, where no case is given.
+        Parameters of the plugin, if no case is given.
 
     Raises
     ------
     PluginError
-        The first promise found broken.
+        A check failed; the first failure is reported.
     """
     with plugin_code(cls.__name__):
         check_metadata(cls)
@@ -87,31 +87,31 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
         if issubclass(cls, Behaviour):
             check_declared_arrays(case, cls.name, ticks)
         elif issubclass(cls, Recorder):
-            check_looks_only(cls(**values), case, ticks)
-            check_goes_on(cls(**values), case, ticks)
+            check_read_only(cls(**values), case, ticks)
+            check_resume(cls(**values), case, ticks)
         check_same_bits(case, ticks)
 
 
 def check_metadata(cls: type[Configurable]) -> None:
-    """Interface version, name, docstring, and every parameter with a type, a unit, a sentence and a legal default."""
+    """Check the interface version, the name, the docstring, and the declarations of all parameters."""
     module = sys.modules.get(cls.__module__)
     if module is not None and any(hasattr(module, hook) for hook in KINDS.values()):
         check_interface(module, cls.__module__)
     check_class(cls, cls.__module__)
     name = cls.name
     if not (cls.__doc__ or "").strip():
-        raise PluginError(f"{name}: {cls.__name__} has no docstring; its first line is what `evac plugins` shows")
+        raise PluginError(f"{name}: {cls.__name__} has no docstring; add one, `evac plugins` shows its first line")
     for key, parameter in cls.declared().items():
         if any(callable(vars(base).get(key)) for base in cls.__mro__):
-            raise PluginError(f"{name}.{key}: a parameter with the name of a method would hide it; take another")
+            raise PluginError(f"{name}.{key}: a parameter must not have the name of a method; rename the parameter")
         if not parameter.doc.strip():
-            raise PluginError(f"{name}.{key}: no doc; say in one sentence what it is")
+            raise PluginError(f"{name}.{key}: the parameter has no description; add doc to its declaration")
         if _is_bounded(parameter) and not isinstance(parameter.default, (int, float)) and not parameter.distribution:
-            raise PluginError(f"{name}.{key}: bounds on {parameter.default!r}, which is no number")
+            raise PluginError(f"{name}.{key}: remove the bounds; the default {parameter.default!r} is not a number")
         parameter.check(f"{name}.{key}", parameter.default)
     made = cls()
     if any(isinstance(value, Parameter) for value in made.values().values()):
-        raise PluginError(f"{name}: its parameters are lost in __init__; call super().__init__(**values) first")
+        raise PluginError(f"{name}: __init__ does not set the parameters; call super().__init__(**values) first")
     if isinstance(made, Behaviour):
         _check_declarations(made)
 
@@ -123,14 +123,14 @@ def _is_bounded(parameter: Parameter) -> bool:
 def _check_declarations(behaviour: Behaviour) -> None:
     for array in (*behaviour.reads, *behaviour.writes):
         if array not in Crowd.kinds:
-            raise PluginError(f"{behaviour.name}: declares {array!r}, which is no array of evac.physics.state.Crowd")
+            raise PluginError(f"{behaviour.name}: declares {array!r}, which Crowd does not have (evac.physics.state)")
     check_writes(behaviour)
     if type(behaviour).act is Behaviour.act and type(behaviour).prepare is Behaviour.prepare:
-        raise PluginError(f"{behaviour.name}: has neither act() nor prepare() of its own, so it does nothing")
+        raise PluginError(f"{behaviour.name}: has no effect; define act() or prepare()")
 
 
 def _case_with(cls: type[Configurable], values: dict[str, Any]) -> Case:
-    """Return the shipped case with the plugin in use, registered if it is not."""
+    """Return the shipped case changed to use the plugin, which is registered if necessary."""
     registry = Registry()
     registry.add_class(cls)
     if issubclass(cls, ContactModel):

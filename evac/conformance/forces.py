@@ -1,4 +1,4 @@
-"""What forces at a distance have to hold to."""
+"""Checks of forces at a distance."""
 
 import math
 
@@ -10,7 +10,7 @@ from evac.physics.force import Force
 
 
 def check_pair_force(force: Force) -> None:
-    """Finite everywhere, zero from the cut-off on, turning with the scene, and leaving its parameters alone."""
+    """Check that a pair force is finite, zero beyond its cut-off, invariant under rotation, and has no side effects."""
     packed = force.packed()
     if packed.dtype != np.float64 or packed.ndim != 1 or not np.isfinite(packed).all():
         raise PluginError(f"{force.name}: packed() must return finite numbers in one float64 row, not {packed!r}")
@@ -38,8 +38,8 @@ def check_pair_force(force: Force) -> None:
         size = math.hypot(x, y)
         greatest = max(greatest, size)
         if math.hypot(turned_x + y, turned_y - x) > 1e-9 * max(size, 1.0):
-            raise PluginError(f"{force.name}: does not turn with the scene; use the normal and the direction given")
+            raise PluginError(f"{force.name}: does not rotate with the scene; use the given normal and direction")
     if not np.array_equal(packed, before):
-        raise PluginError(f"{force.name}: writes to its parameters; return the force only")
+        raise PluginError(f"{force.name}: changes its parameters; only return the force")
     if greatest > 0.0 and not force.is_needed():
-        raise PluginError(f"{force.name}: is_needed() is False, yet it pushes with {greatest:.3g} N")
+        raise PluginError(f"{force.name}: is_needed() must not be False, since the force reaches {greatest:.3g} N")

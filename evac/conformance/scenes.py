@@ -1,4 +1,4 @@
-"""Scenes made by hand: one flat level, people who all want to go the same way, walls or none."""
+"""Artificial scenes: one flat level with or without walls, on which all people want to walk in one direction."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -41,7 +41,7 @@ def pressed(
     shift: float = 0.0,
     watch: Callable[[Crowd], None] = lambda crowd: None,
 ) -> tuple[Crowd, Engine]:
-    """Press nine people of different sizes against a wall of a closed room, in a scene turned and shifted."""
+    """Press nine people of different sizes against a wall of a closed room; the scene may be rotated and shifted."""
     spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
     position, walls = spread + np.array([0.2, 0.0]), np.array(room())
     if turn:
@@ -58,7 +58,7 @@ def pressed(
 
 
 def greatest_overlap(crowd: Crowd) -> float:
-    """Return the greatest overlap of two people or of one with the room's walls [m], not below zero."""
+    """Return the largest overlap of people with each other and with the walls of the room [m], at least 0."""
     first, second = np.triu_indices(len(crowd.radius), 1)
     apart = np.hypot(*(crowd.position[first] - crowd.position[second]).T)
     between = crowd.radius[first] + crowd.radius[second] - apart
@@ -74,7 +74,7 @@ def walked(
     direction: tuple[float, float] = (1.0, 0.0),
     watch: Callable[[Crowd], None] = lambda crowd: None,
 ) -> tuple[Crowd, Engine]:
-    """Make so many steps, everybody wanting to go the same way; watch after each tick.
+    """Make a number of steps in which all people want to walk in one direction; call `watch` after each tick.
 
     Raises
     ------
@@ -89,13 +89,13 @@ def walked(
         try:
             engine.advance(model, crowd, first, 10, STEP, True, True)
         except SimulationError as error:
-            raise PluginError(f"{model.name}: cannot step through a plain scene: {error}") from error
+            raise PluginError(f"{model.name}: fails in a simple scene: {error}") from error
         watch(crowd)
     return crowd, engine
 
 
 def _flat(walls: FloatArray) -> Building:
-    """Return one flat level with walls on it."""
+    """Return a building with one flat level and walls on it."""
     level = Level(
         index=0,
         name="floor",
@@ -122,7 +122,7 @@ def _flat(walls: FloatArray) -> Building:
 
 
 def _fields(direction: FloatArray) -> Fields:
-    """Return the same direction everywhere; the travel time falls along it."""
+    """Return fields with a uniform direction, along which the travel time decreases."""
     nodes = EXTENT * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     return Fields(
         routes=(Route(),),

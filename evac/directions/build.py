@@ -1,4 +1,4 @@
-"""From a building and routes to fields: the third station of the main path."""
+"""Computation of travel times and directions of a building for given routes."""
 
 import math
 from collections.abc import Sequence
@@ -31,17 +31,17 @@ from evac.directions.strips import outward_directions
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
-#: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
+#: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
 
-#: Factor of the slowness within a cell of the line across a gap that nobody fits through: a detour of some 200 cells
-#: is shorter.
+#: Slowness factor within a cell of the line across a gap that nobody fits through; a detour of about 200 cells is
+#: preferred.
 AVOID = 100.0
 
-#: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
+#: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
 NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 
-#: Memory of all fields [bytes]: a minute or two of computing.
+#: Maximum memory of all fields [bytes], which corresponds to one or two minutes of computing.
 MOST_BYTES = 2.5e9
 
 
@@ -56,22 +56,22 @@ def build_fields(
     order: int = ORDER,
     narrowest: float = 0.0,
 ) -> Fields:
-    """March the travel times and directions of a building for some routes.
+    """Compute the travel times and directions of a building by fast marching.
 
-    The travel time T of a route solves |grad T| = s with T = 0 on its exits; s is the time for a metre
-    in plan, 1 / (speed cos slope), with the speed of the use (flat, up, down) of each level.
-    Directions descend on a second such field, whose slowness rises within `clearance` of a wall to
-    ``1 + BEND`` times as much, as ``1 + BEND (1 - d / clearance)^2``: bodies keep off posts and corners, and
-    a narrow door stays open because its middle still is the best way.
+    The travel time T of a route solves the eikonal equation |grad T| = s with T = 0 on its exits. The slowness s is
+    the time per metre in plan, 1 / (speed cos slope), with the speed for the use (flat, up, down) of each level.
+    Directions are the steepest descent of a second such field, whose slowness is multiplied by
+    ``1 + BEND (1 - d / clearance)^2`` at distances d < `clearance` from walls. This keeps bodies away from posts and
+    corners, and a narrow door remains passable, because its middle is still the best way.
 
     Parameters
     ----------
     building : Building
     routes : sequence of Route
     spacing : float
-        Distance of nodes [m].
+        Grid spacing [m].
     clearance : float
-        About the greatest body radius [m]; 0 gives the directions of the plain travel time.
+        Approximately the largest body radius [m]; 0 gives the directions of the plain travel time.
     speeds : (flat, up, down)
         Reference speeds along the slope [m/s].
     comfort : float
@@ -79,19 +79,19 @@ def build_fields(
     order : {1, 2}
         Order of the marching stencil.
     narrowest : float
-        Diameter of the narrowest body [m]. A gap that it does not fit through is taken only if there is no other way.
+        Diameter of the smallest body [m]. Narrower gaps are used only if there is no other way.
 
     Returns
     -------
     Fields
-        ``travel_time`` is what the strategy minimises, in seconds: "shortest" walks 1 m/s everywhere,
-        "comfortable" counts stairs `comfort` times.
+        ``travel_time`` is the cost that the strategy minimises, in seconds: "shortest" assumes 1 m/s everywhere,
+        "comfortable" weights the time on stairs by `comfort`.
 
     Raises
     ------
     ScenarioError
         A route names an exit or a strategy that does not exist, the grid has too many nodes, or an exit is
-        narrower than two of its cells. Numbers out of range are refused with the case.
+        narrower than two of its cells. Ranges of numbers are checked with the case.
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
@@ -142,7 +142,7 @@ def build_fields(
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
-    """Refuse routes that name what does not exist."""
+    """Refuse routes with unknown exits or strategies, and routes whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits]
     for route in routes:
         if route.strategy not in STRATEGIES:
@@ -155,8 +155,8 @@ def _check_routes(building: Building, routes: Sequence[Route]) -> None:
                 )
         if route.exits and not any(building.is_open(e) for e in building.exits if e.name in route.exits):
             raise ScenarioError(
-                f"a route leads to {' or '.join(map(repr, route.exits))} alone, which building.closed closes; "
-                "name another exit in it, or open one"
+                f"a route leads only to {' or '.join(map(repr, route.exits))}, which building.closed closes; "
+                "add another exit to the route, or open one"
             )
 
 
@@ -166,12 +166,12 @@ def _check_spacing(building: Building, spacing: float) -> None:
         if exit_.width < 2.0 * spacing:
             raise ScenarioError(
                 f"directions.spacing: exit {exit_.name!r} is {exit_.width:.3g} m wide, less than two cells of "
-                f"{spacing} m; make the exit wider or the spacing smaller"
+                f"{spacing} m; widen the exit or reduce the spacing"
             )
 
 
 def _check_memory(building: Building, n_routes: int, spacing: float, clearance: float) -> None:
-    """Refuse grids that need too much memory, naming the key that makes them large, before any is allocated."""
+    """Refuse grids that need too much memory, before any is allocated; the message names the responsible key."""
     most = MOST_BYTES / (NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1))
     nodes = count_nodes(building, spacing, clearance)
     if nodes <= most:
@@ -180,12 +180,12 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     many = f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}"
     if alone <= 0.5 * most:
         raise ScenarioError(
-            f"directions.clearance: {clearance:g} m makes grids of {many}; make it smaller (where it is not given, it "
-            "is about the greatest body radius)"
+            f"directions.clearance: {clearance:g} m requires grids of {many}; reduce it (by default, it is "
+            "approximately the largest body radius)"
         )
     least = spacing * math.sqrt(nodes / most)
     raise ScenarioError(
-        f"directions.spacing: {spacing:g} m makes grids of {many}; make it at least {least:.2g} m; {measures(building)}"
+        f"directions.spacing: {spacing:g} m requires grids of {many}; use at least {least:.2g} m; {measures(building)}"
     )
 
 
@@ -195,7 +195,7 @@ def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
 
 
 def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
-    """Return the factor (nodes,) of the slowness in gaps narrower than a width [m], else 1."""
+    """Return the slowness factors (nodes,) in gaps narrower than a width [m]; 1 elsewhere."""
     avoided = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
@@ -214,7 +214,7 @@ def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
 
 
 def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
-    """Return the factor (nodes,) of the slowness near walls, times that of what is avoided; see `build_fields`."""
+    """Return the slowness factors (nodes,) near walls, times those of `avoided`; see `build_fields`."""
     factor = avoided.copy()
     for grid in grids.levels:
         factor[grid.ring] *= 1.0 + BEND * (1.0 - grid.distance / clearance) ** 2
@@ -229,7 +229,7 @@ def _solve(
     bent: FloatArray | None,
     order: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return directions (nodes, 2) and travel times (nodes,) to some exits on all grids, as they are marched."""
+    """Return directions (nodes, 2) and travel times (nodes,) to given exits on all grids, as marched."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     slowness = rates / cosine[:, None]
     plain = march(grids, Metric(slowness, avoided), exits, order)
@@ -238,7 +238,7 @@ def _solve(
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
-    """Return the cost (3,) of a metre along the slope in each use for a strategy [s/m]."""
+    """Return the costs (3,) per metre along the slope in each use, for a strategy [s/m]."""
     if strategy == "shortest":
         return np.ones(3)
     rates = 1.0 / np.array(speeds, dtype=np.float64)
@@ -248,10 +248,9 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
 
 
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
-    """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
+    """Return unit vectors (nodes, 2): steepest descent, exit normals behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
-        own = direction[grid.packed].reshape(*grid.window.shape, 2)
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)

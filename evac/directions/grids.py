@@ -1,4 +1,4 @@
-"""The grid of every level: its own nodes, halos of the levels behind its portals, strips behind its exits."""
+"""Grids of levels: own nodes, halos of the neighbouring levels behind portals, and strips behind exits."""
 
 import math
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ from evac.directions.lattice import (
 from evac.directions.masks import grown, parts_of
 from evac.directions.strips import behind, chain, free_rows
 
-#: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
+#: Values of a sheet: not walkable, the level itself, or 1 + link for nodes behind a link.
 NOTHING, OWN = -1, 0
-#: Least number of nodes around a level, into its walls and behind its exits.
+#: Minimum number of nodes around a level, into its walls and behind its exits.
 MARGIN = 4
 
 
@@ -37,9 +37,9 @@ class LevelGrid:
     level : int
     window : Window
     sheet : (nx, ny) int32
-        ``NOTHING``, ``OWN``, or 1 + link: a node of the neighbour behind a portal, or behind an exit.
+        ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip behind an exit.
     source : (nx, ny) int64
-        Packed index of the node that a node stands for: itself, or the neighbour's own; -1 for nothing.
+        Packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none.
     offset : int
         Packed index of node (0, 0).
     ring : (r,) int64
@@ -47,13 +47,13 @@ class LevelGrid:
     distance : (r,) float64
         Their distance to the nearest wall, at most the clearance [m].
     seams : dict of int to (2, s) int64
-        Packed indices of the own nodes that lie exactly on a portal, by portal: here, and on the
-        grid of the neighbour, whose own nodes they are as well.
+        Packed indices of the own nodes exactly on a portal, by portal: on this grid and on the grid of the
+        neighbour, where they are own nodes as well.
     strip_rows : dict of int to int
-        Rows of the strip behind each open exit, by index of the exit; 0 where there is no room for a strip.
+        Number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip.
     stands_for : (3, m) int64
-        Packed indices of nodes of the level that the march leaves out, each with the own node in sight that stands for
-        it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
+        Packed indices of nodes of the level that are excluded from marching, each with the visible own node that
+        represents it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
     """
 
     level: int
@@ -69,25 +69,25 @@ class LevelGrid:
 
     @property
     def packed(self) -> slice:
-        """The level's nodes in packed arrays."""
+        """Slice of the level's nodes in packed arrays."""
         return slice(self.offset, self.offset + self.sheet.size)
 
 
 @dataclass(frozen=True)
 class BuildingGrids:
-    """The grids of all levels on one lattice.
+    """The grids of all levels on a common lattice.
 
     Attributes
     ----------
     building, lattice, levels
     walls : tuple of (w, 4) float64
-        Walls of each level, closed portals and exits and gaps too narrow to count among them [m].
+        Walls of each level, including closed portals and exits and gaps that are treated as closed [m].
     clearance : float
-        Distance from walls up to which ways bend [m].
+        Distance from walls up to which the slowness is increased [m].
     size : int
-        Nodes of all grids.
+        Total number of nodes of all grids.
     margin : int
-        Nodes around each level; the strips behind exits are at most one less deep.
+        Number of nodes around each level; strips behind exits have at most one row less.
     """
 
     building: Building
@@ -108,15 +108,15 @@ class BuildingGrids:
         return np.concatenate([np.zeros((0, 4)), *exits])
 
     def is_ground(self, grid: LevelGrid) -> BoolArray:
-        """Return the nodes (nx, ny) of a grid that stand on a level: its own and the halos, not the strips."""
+        """Return the mask (nx, ny) of the nodes of a grid on a level: own nodes and halos, but not strips."""
         ground: BoolArray = (grid.sheet != NOTHING) & (grid.sheet <= len(self.building.portals))
         return ground
 
 
 def use_towards(level: Level, segments: FloatArray) -> int:
-    """Return how a level is used on the way to a link on it: FLAT, UP or DOWN.
+    """Return the use of a level on the way to a link on it: FLAT, UP or DOWN.
 
-    On a slope a link in the lower half is reached downwards, one in the upper half upwards.
+    On a slope, a link in the lower half is reached by walking down, one in the upper half by walking up.
     """
     if not np.any(level.uphill):
         return FLAT
@@ -126,20 +126,20 @@ def use_towards(level: Level, segments: FloatArray) -> int:
 
 
 def build_grids(building: Building, spacing: float, clearance: float) -> BuildingGrids:
-    """Lay a grid under each level.
+    """Create the grids of all levels.
 
     Parameters
     ----------
     building : Building
     spacing : float
-        Distance of nodes [m].
+        Grid spacing [m].
     clearance : float
-        Farthest distance from walls that matters [m].
+        Maximum distance from walls that is computed [m].
     """
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     walls = [_walls_of(building, level.index) for level in building.levels]
-    # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
+    # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
     own_nodes, stand_ins = zip(
@@ -167,7 +167,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
 
 
 def count_nodes(building: Building, spacing: float, clearance: float) -> float:
-    """Return about how many nodes `build_grids` would lay, without laying any; parameters as there."""
+    """Estimate the number of nodes that `build_grids` would create; see there for the parameters."""
     around = 2.0 * _margin(spacing, clearance) + 1.0
     count = 0.0
     for level in building.levels:
@@ -189,12 +189,12 @@ def _bounds(building: Building, level: Level, spacing: float) -> tuple[float, ..
 
 
 def _depth(portal: Portal, spacing: float) -> float:
-    """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
+    """Return the depth of a halo [m]: the portal width, so that waves to all of the portal pass through the halo."""
     return max(portal.width, MARGIN * spacing)
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:
-    """Return the walls of a level, closed portals and exits and gaps too narrow to count among them."""
+    """Return the walls of a level, including closed portals and exits and gaps that are treated as closed."""
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
     parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
     parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
@@ -206,7 +206,7 @@ def _open_portals(building: Building, level: int) -> list[Portal]:
 
 
 def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
-    """Return flat indices of the nodes of a window as those of a larger one."""
+    """Convert flat indices of nodes of a window to those of a larger window."""
     i, j = np.unravel_index(nodes, window.shape)
     shift = np.array(window.first) - np.array(larger.first)
     moved: IndexArray = np.ravel_multi_index((i + shift[0], j + shift[1]), larger.shape).astype(np.int64)
@@ -215,7 +215,7 @@ def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
 
 @dataclass(frozen=True)
 class _Layers:
-    """What stands on each level, and how the sheets of one grid come together from it."""
+    """The nodes of each level, from which the sheet of a grid is assembled."""
 
     building: Building
     windows: list[Window]
@@ -229,7 +229,7 @@ class _Layers:
         return [exit_ for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
 
     def grid(self, level: Level) -> tuple[Window, IntArray]:
-        """Return the window of a level's grid and the sheet of each node."""
+        """Return the window and the sheet of a level's grid."""
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
         window = lattice.window(_bounds(self.building, level, lattice.spacing), self.margin)
@@ -257,7 +257,7 @@ class _Layers:
         return _depth(portal, self.windows[0].lattice.spacing)
 
     def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
-        """Lay the neighbour's nodes that are reached directly behind a portal into the grid."""
+        """Add the neighbour's nodes that can be reached directly behind a portal to the sheet."""
         depth = self._depth(portal)
         box = window.box_around(portal.segments, depth)
         part = window.part(box)
@@ -278,11 +278,11 @@ class _Layers:
         sheet[box][(sheet[box] == NOTHING) & nodes] = 1 + portal.index
 
     def _cut_links(self, window: Window, sheet: IntArray, level: int, portals: Sequence[Portal]) -> None:
-        """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
+        """Remove nodes of halos and strips that would be connected other than through their portal or exit.
 
-        Neighbouring nodes may be linked if they stand on one level, or if their link crosses the open
-        portal or exit between them and no wall of either side. (Two flights side by side would leak
-        into each other in the grid of their landing, a flight into the floor beside it.)
+        Neighbouring nodes may be connected if they are on one level, or if the link between them crosses the open
+        portal or exit and no wall on either side. Otherwise, the wave would leak between two flights side by side in
+        the grid of their landing, or between a flight and the floor beside it.
         """
         behind = {1 + p.index: (p.segments, p.other(level)) for p in portals}
         for exit_ in self.building.exits_of(level):
@@ -327,7 +327,7 @@ def _sources(
     grids: list[tuple[Window, IntArray]],
     offsets: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Return the packed index of the node that each node of a level's grid stands for."""
+    """Return the packed index of the node that each node of a level's grid represents."""
     window, sheet = grids[level]
     source = np.arange(offsets[level], offsets[level] + sheet.size, dtype=np.int64).reshape(sheet.shape)
     source[sheet == NOTHING] = -1
@@ -376,7 +376,7 @@ def _distances(
     walls: list[FloatArray],
     clearance: float,
 ) -> tuple[IndexArray, FloatArray]:
-    """Return the nodes that may be near a wall of the level or one just behind its portals, and their distances."""
+    """Return the nodes near walls of the level or those just behind its portals, and their distances [m]."""
     near_walls = [walls[level]]
     for portal in _open_portals(building, level) if clearance > 0.0 else ():
         beyond = walls[portal.other(level)]

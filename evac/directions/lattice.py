@@ -1,4 +1,4 @@
-"""One lattice of nodes under the whole building, and what segments do to its links."""
+"""The common lattice of grid nodes of a building, and its links that are crossed by segments."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
 
-#: Rounding slack of positions on the lattice, in cells.
+#: Rounding tolerance of positions on the lattice, in cells.
 SLACK = 1e-6
 
 
@@ -20,20 +20,20 @@ SLACK = 1e-6
 class Lattice:
     """Nodes at anchor + spacing * (i, j) in plan; every level's grid is a window of it.
 
-    The anchor is the building's corner, so that walls and corners on round coordinates run through
-    nodes: such nodes are walkable, and ways turn round such corners exactly.
+    The anchor is the corner of the building, so that walls and corners with round coordinates are on
+    nodes. Such nodes are walkable, so that paths pass such corners exactly.
 
     Attributes
     ----------
-    anchor : (x, y) of node (0, 0) [m]
-    spacing : distance of nodes [m]
+    anchor : position (x, y) of node (0, 0) [m]
+    spacing : distance of neighbouring nodes [m]
     """
 
     anchor: tuple[float, float]
     spacing: float
 
     def window(self, bounds: Iterable[float], margin: int) -> "Window":
-        """Return the nodes of the box (x_min, y_min, x_max, y_max) and `margin` nodes around it."""
+        """Return the window of the box (x_min, y_min, x_max, y_max) with `margin` nodes around it."""
         x_min, y_min, x_max, y_max = bounds
         first = [
             math.floor((low - a) / self.spacing) - margin for low, a in zip((x_min, y_min), self.anchor, strict=True)
@@ -46,7 +46,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of a lattice: its first node and its numbers of nodes."""
+    """A rectangular part of a lattice, given by its first node and its numbers of nodes."""
 
     lattice: Lattice
     first: tuple[int, int]
@@ -76,7 +76,7 @@ class Window:
         return Window(self.lattice, first, (box[0].stop - box[0].start, box[1].stop - box[1].start))
 
     def box(self, low: FloatArray, high: FloatArray) -> tuple[slice, slice]:
-        """Return the slices of the nodes in a box from its least to its greatest corner (2,) [m]."""
+        """Return the slices of the nodes in a box, given by its lower and upper corners (2,) [m]."""
         first = np.maximum(np.ceil((low - self.origin) / self.lattice.spacing), 0.0).astype(int)
         last = np.floor((high - self.origin) / self.lattice.spacing).astype(int)
         ends = np.minimum(np.maximum(first, last + 1), self.shape)
@@ -90,7 +90,7 @@ class Window:
         return self.box(ends.min(axis=0) - slack, ends.max(axis=0) + slack)
 
     def around(self, lines: NDArray[Any], reach: float) -> "BoolArray":
-        """Mark the nodes in boxes around lines (l,), which hold all that are no farther from one than `reach` [m]."""
+        """Mark the nodes in boxes around lines (l,), which contain all nodes within `reach` [m] of a line."""
         near = np.zeros(self.shape, dtype=np.bool_)
         slack = reach + SLACK * self.lattice.spacing
         for bounds in shapely.bounds(lines):
@@ -98,7 +98,7 @@ class Window:
         return near
 
     def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-        """Return the slices of the common nodes, in this window and in the other."""
+        """Return the slices of the common nodes, in this window and in the other one."""
         here, there = [], []
         for axis in (0, 1):
             low = max(self.first[axis], other.first[axis])
@@ -164,7 +164,7 @@ def _crossings(
     fraction = np.clip(along - link, 0.0, 1.0)
     at_node = fraction < 2.0 * SLACK
     if touching:
-        # Through a node: the links on both sides of it.
+        # A segment through a node crosses the links on both sides of it.
         order = np.argsort(np.concatenate((owner, owner[at_node])), kind="stable")
         link, rows, fraction = (
             np.concatenate((link, link[at_node] - 1))[order],
@@ -178,19 +178,19 @@ def _crossings(
 
 
 def numbers_between(first: FloatArray, last: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return the whole numbers from each of `first` (r,) to each of `last` (r,), and before them which r each is of."""
+    """Return the concatenated ranges from `first` (r,) to `last` (r,), preceded by the range index of each number."""
     count = np.maximum(last - first + 1.0, 0.0).astype(np.int64)
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) + (first.astype(np.int64) - np.cumsum(count) + count)[owner]
 
 
 def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
-    """Return the nodes that the march of a level visits, and which of them stands for each other node of the level.
+    """Return the nodes that are used for marching on a level, and the nodes that represent the others.
 
-    Marching couples neighbouring nodes, so it passes a wall thinner than a cell unless every link through that wall
-    loses one end: the one nearer to the wall, hence never a node more than half a cell from it, and no door closes.
-    A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face; where two walls touch in a
-    point, no link passes between them.
+    Marching couples neighbouring nodes, so it would pass a wall thinner than a cell unless every link through the wall
+    loses one end. The end nearer to the wall is excluded, which is at most half a cell from it, so that no door is
+    closed. A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face. No link passes between
+    two walls that touch in a point.
 
     Parameters
     ----------
@@ -203,8 +203,8 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
     -------
     nodes : (nx, ny) bool
     stands_for : (3, m) int64
-        Flat indices of a node of the level that is not visited, of the visited node in sight beside it, and of the
-        next one in line, or again the first one where that is not visited.
+        Flat indices of an excluded node of the level, of the visible node beside it that represents it, and of the
+        next node in line, or again of the representing node if that one is excluded.
     """
     slack = SLACK * window.lattice.spacing
     grown = shapely.buffer(polygon, slack, join_style="mitre")
@@ -227,7 +227,7 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
             at_near = links.fraction <= 0.5
             left_out[links.some(at_near).near] = True
             left_out[links.some(~at_near).far] = True
-    # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
+    # Also the nodes on a slit and at its ends on the outline, where its surroundings were removed from it.
     reach = 10.0 * slack
     for slit in slits:
         box = window.box_around(slit, reach)
@@ -245,17 +245,17 @@ def _outline(polygon: BaseGeometry) -> FloatArray:
 
 
 def _pinches(polygon: BaseGeometry, slack: float) -> FloatArray:
-    """Return the points (p, 2) in which the outline touches itself: ground on two sides, and no way through."""
+    """Return the points (p, 2) in which the outline touches itself, where nobody can pass."""
     sides = _outline(polygon)
     corners = np.unique(sides[:, :2], axis=0)
     lines = shapely.STRtree(shapely.linestrings(sides.reshape(-1, 2, 2)))
     corner, _ = lines.query(shapely.points(corners), predicate="dwithin", distance=slack)
-    # A corner of one outline has two sides.
+    # A simple corner of an outline has two sides.
     return corners[np.bincount(corner, minlength=len(corners)) > 2]
 
 
 def _crosses_at(points: FloatArray, size: float) -> FloatArray:
-    """Return two small segments (2 p, 4) at each of some points, across the grid's lines both ways."""
+    """Return two small diagonal segments (2 p, 4) at each point, which cross the grid lines in both directions."""
     across, along = np.array([size, 0.0]), np.array([0.0, size])
     arms = [np.concatenate([points - arm, points + arm], axis=1) for arm in (across, along)]
     return np.concatenate(arms)
@@ -264,7 +264,7 @@ def _crosses_at(points: FloatArray, size: float) -> FloatArray:
 def _stand_ins(
     window: Window, left_out: BoolArray, nodes: BoolArray, ground: BaseGeometry, slits: FloatArray
 ) -> IndexArray:
-    """Return flat indices (3, m): nodes left out, the nearest visited node in sight of each, and the one behind it."""
+    """Return flat indices (3, m) of excluded nodes, the nearest visible node of each, and the next node in line."""
     shapely.prepare(ground)
     barrier = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
     shapely.prepare(barrier)
@@ -278,7 +278,7 @@ def _stand_ins(
         clear = shapely.covers(ground, sight) & ~shapely.crosses(barrier, sight)
         one, two = one[clear], two[clear]
         three = two + step
-        # Diagonally a wall may stand between two visited nodes.
+        # Along a diagonal, there may be a wall between two nodes.
         in_line = nodes[tuple(three.T)] & (0 in step)
         three = np.where(in_line[:, None], three, two)
         found.append([np.ravel_multi_index(tuple(index.T), nodes.shape) for index in (one, two, three)])
@@ -289,7 +289,7 @@ def _stand_ins(
 
 
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
-    """Return the parts (s, 4) of walls with the level on both sides: those off its outline."""
+    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides."""
     sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
     shapely.prepare(outline)
     rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)
@@ -298,11 +298,11 @@ def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray
 
 
 def wall_distance(window: Window, nodes: IndexArray, walls: FloatArray, reach: float) -> FloatArray:
-    """Return the distance (n,) [m] of nodes, given by their indices (n, 2), from a wall, `reach` where it is more."""
+    """Return the distance (n,) of nodes with indices (n, 2) from the nearest wall, at most `reach` [m]."""
     distance = np.full(len(nodes), reach)
     points = shapely.points(window.places(nodes))
     lines = shapely.linestrings(walls.reshape(-1, 2, 2))
-    # Walls are far fewer than nodes, and quicker to ask for what is near them.
+    # There are far fewer walls than nodes, so nodes are searched around walls.
     wall, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=reach)
     np.minimum.at(distance, near, shapely.distance(points[near], lines[wall]))
     return distance

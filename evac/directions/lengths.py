@@ -1,4 +1,4 @@
-"""Lengths of ways, flat, up and down: computed when somebody asks for them, which few runs do."""
+"""Lengths of paths, flat, up and down: computed on request, since few runs need them."""
 
 import math
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ CHUNK = 2**17
 
 @dataclass(frozen=True)
 class Marched:
-    """What lengths are computed from, beside the travel times.
+    """Data that lengths are computed from, in addition to the travel times.
 
     Attributes
     ----------
     building : Building
-        With what was closed.
+        With the portals and exits that were closed.
     spacing, clearance : float
         Of the grids [m].
     rates : tuple of (3,) float64
         Cost of a metre along the slope in each use, for each route [s/m].
     nodes : (k,) int64
-        Where travel times are not those that were marched: in halos, and at nodes of levels that the march leaves out.
+        Packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from marching.
     costs : tuple of (k,) float64
-        The marched ones, for each route [s].
+        Marched travel times of these nodes, for each route [s].
     """
 
     building: Building
@@ -43,7 +43,7 @@ class Marched:
 
 
 def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
-    """Return the packed indices of nodes in halos, and of those that the march leaves out."""
+    """Return the packed indices of the nodes in halos and of those excluded from marching."""
     found = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         is_halo = (grid.sheet > OWN) & (grid.sheet <= len(grids.building.portals))
@@ -59,7 +59,7 @@ def exits_of_route(building: Building, route: Route) -> list[Exit]:
 def find_lengths(
     marched: Marched, routes: tuple[Route, ...], field_of: NDArray[np.int32], travel_time: FloatArray
 ) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the way from each node of packed fields [m].
+    """Return the flat, up and down lengths (nodes, 3) of the path from each node of packed fields [m].
 
     Parameters
     ----------
@@ -85,16 +85,16 @@ def find_lengths(
 
 
 def take_halos(grids: BuildingGrids, values: FloatArray) -> None:
-    """Set packed values in the halos to those of the neighbours themselves, which are own nodes and stay."""
+    """Fill the halos of packed values from the neighbouring levels."""
     for grid in grids.levels:
         halo = (grid.sheet > OWN) & (grid.source >= 0)
         values[grid.packed][halo.ravel()] = values[grid.source[halo]]
 
 
 def continue_values(grids: BuildingGrids, values: FloatArray) -> None:
-    """Continue packed values linearly to the nodes of levels that the march leaves out."""
+    """Extrapolate packed values linearly to nodes that are excluded from marching."""
     left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
-    with np.errstate(invalid="ignore"):  # where no way leads
+    with np.errstate(invalid="ignore"):  # infinite costs
         rise = values[stand_in] - values[next_one]
     values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
 
@@ -107,7 +107,7 @@ def strips_of(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
 
 
 def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
+    """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]."""
     building = grids.building
     lengths = np.full((grids.size, 3), math.inf)
     strips = {level: strips_of(grids, grids.levels[level]) for level in {exit_.level for exit_ in exits}}
@@ -121,8 +121,8 @@ def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: F
     node = node[np.argsort(cost[node], kind="stable")]
     ways = _ways(grids, cost)
     add_lengths(node, ways, lengths)
-    # Ways also begin at nodes without a lower neighbour: before an exit without a strip, and here and there beside its
-    # ends. The cheapest node without lengths is one of them.
+    # Paths also end at nodes without a lower neighbour, in front of an exit without a strip and occasionally beside its
+    # ends. The node with the lowest cost among those without lengths is one of them.
     uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
     while (without := node[np.isinf(lengths[node, 0])]).size:
         is_lowest = np.zeros(without.size, np.uint8)
@@ -133,7 +133,7 @@ def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: F
         lengths[begins] = 0.0
         lengths[begins, towards] = cost[begins] / rates[towards]
         add_lengths(node, ways, lengths)
-    # The lengths are of first order; their sum must give the cost, which is of second.
+    # Lengths are of first order, the cost of second; scale the lengths so that they sum up to the cost.
     for first in range(0, len(node), CHUNK):
         some = node[first : first + CHUNK]
         along = lengths[some] @ rates
@@ -145,12 +145,10 @@ def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: F
 
 
 def _ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
-    """Return what the ways of steepest descent of a cost lead over."""
+    """Return the data for path lengths along the steepest descent of a cost."""
     return Ways(
         level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        source=grids.levels[0].source.ravel()
-        if len(grids.levels) == 1
-        else np.concatenate([grid.source.ravel() for grid in grids.levels]),
+        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
         twin=_twins(grids),
         cost=cost,
         stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
@@ -161,7 +159,7 @@ def _ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
 
 
 def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
-    """Return for every node on a portal the node at its place on the other level, else -1."""
+    """Return, for each node on a portal, the node at the same position on the other level; -1 for other nodes."""
     twin = np.full(grids.size, -1, dtype=np.int64)
     for grid in grids.levels:
         for ours, theirs in grid.seams.values():

@@ -1,4 +1,4 @@
-"""Kernels, compiled once and kept on disk, and the memory that they share with Python."""
+"""Compiled kernels, which are cached on disk, and the memory that they share with Python."""
 
 from collections.abc import Callable
 from typing import Any
@@ -46,7 +46,7 @@ __all__ = [
     "row",
 ]
 
-#: Return a b + c, rounded once: the same bits on every processor, in half the latency of two instructions.
+#: Return a b + c, rounded once (fused multiply-add): identical on all processors, with half the latency.
 fused = Intrinsic("fused", lambda a, b, c: a * b + c)
 
 #: Return row k of a grid as an array.
@@ -57,7 +57,7 @@ call_pair_force = AddressCall([float, float, float, float, float, Floats], (floa
 
 
 def pair_force(function: Callable[..., Any]) -> Entry:
-    """Make a kernel of a force between two people, of the one signature that the step loop can call.
+    """Compile a force between two people with the signature that the step loop calls.
 
     Parameters
     ----------
@@ -69,6 +69,6 @@ def pair_force(function: Callable[..., Any]) -> Entry:
     Returns
     -------
     Entry
-        Its ``address`` is what kernels call. Called from Python it runs the function.
+        Kernels call its ``address``. A call from Python runs the function.
     """
     return Entry(function, call_pair_force)

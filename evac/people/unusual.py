@@ -1,4 +1,4 @@
-"""What is unusual about the people of a case: legal, but more often a slip than meant."""
+"""Warnings about unusual properties of people, which are valid but often mistakes."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ import shapely
 from evac.people.population import Group
 from evac.physics.state import Crowd
 
-#: Quantities with their units, and the range in which they are usual for people.
+#: Quantities with their units and usual ranges for people.
 USUAL = (
     ("speed", "m/s", 0.1, 3.0),
     ("radius", "m", 0.1, 0.5),
@@ -16,17 +16,17 @@ USUAL = (
     ("tau", "s", 0.01, 2.0),
 )
 
-#: Overlaps at the start below this are rounding [m].
+#: Initial overlaps below this are taken as rounding errors [m].
 ROUNDING = 1e-6
 
 
 def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
-    """Return a line for each quantity of a group out of its usual range, and one for bodies that start overlapping.
+    """Return a warning for each quantity of a group outside its usual range, and one for initial overlaps.
 
     Parameters
     ----------
     crowd : Crowd
-        As a population is built.
+        The population before its first step.
     groups : sequence of Group
 
     Returns
@@ -45,14 +45,14 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     pairs, deepest = overlapping(crowd)
     if pairs:
         notes.append(
-            f"pairs of people who start overlapping: {pairs}, by up to {deepest:.2f} m: they are pushed apart as the "
-            "contact model can, or walk out overlapping"
+            f"{pairs} pairs of people overlap at the start, by up to {deepest:.2f} m: depending on the contact model, "
+            "they are pushed apart or continue to overlap; correct people.NAME.positions if this is not intended"
         )
     return tuple(notes)
 
 
 def overlapping(crowd: Crowd) -> tuple[int, float]:
-    """Return how many pairs of bodies on one level overlap, and the greatest overlap.
+    """Return the number of overlapping pairs of bodies and the largest overlap.
 
     Parameters
     ----------

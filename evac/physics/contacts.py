@@ -1,7 +1,7 @@
-"""The contacts of a step: gaps and normals of bodies in reach, walls pruned, warm start carried over.
+"""Contact search: gaps and normals of bodies and walls in reach, and warm start percussions.
 
-A disc against a segment; one constraint per segment. A segment is dropped where a nearer one implies
-it, because keeping it throws people sideways at wall joints.
+A wall contact is a disc against a segment, with one constraint per segment. A segment is dropped if a nearer one
+implies its constraint, since keeping it would push people sideways at joints of walls.
 """
 
 import math
@@ -18,9 +18,9 @@ IMPLIED = 1e-9
 
 @inner
 def set_reach(bodies, h, share, floor):
-    """Set how far beyond touching each body looks, at least `floor` [m].
+    """Set the search distance of each body for contacts, at least `floor` [m].
 
-    `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
+    It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
     """
     for i in range(bodies.inside):
         if bodies.level[i] >= 0:
@@ -31,9 +31,9 @@ def set_reach(bodies, h, share, floor):
 
 @inner
 def _near_walls(state, i):
-    """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
+    """Collect the walls within the reach of body i, nearest first; return their number, -1 if there are too many.
 
-    Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
+    Columns are distance, nx, ny, wall, px and py, with the normal from the nearest point p of the wall to the body.
     """
     world, bodies, lists, near = state.world, state.bodies, state.lists, state.contacts.near
     found = 0
@@ -74,7 +74,7 @@ def _near_walls(state, i):
 
 @inner
 def _wall_normal(world, bodies, i, w, dx, dy, distance):
-    """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
+    """Return the unit vector from the wall to body i; for a body on the wall, towards the side that it came from."""
     if distance > 0.0:
         return dx / distance, dy / distance
     nx = world.wall[w, 1] - world.wall[w, 3]
@@ -87,7 +87,7 @@ def _wall_normal(world, bodies, i, w, dx, dy, distance):
 
 @inner
 def _is_implied(world, near, k, kept):
-    """Say whether wall k of `near` lies wholly behind the tangent of a nearer kept one."""
+    """Return whether wall k of `near` lies entirely behind the tangent line of a nearer wall that is kept."""
     w = int(near[k, 3])
     for q in range(k):
         if not kept & (1 << q):
@@ -101,7 +101,7 @@ def _is_implied(world, near, k, kept):
 
 @inner
 def _sort_walls_by_key(near, kept, found):
-    """Return the kept wall of `near` that comes first by wall number; the caller clears its bit."""
+    """Return the kept wall of `near` with the smallest wall index; the caller clears its bit."""
     best = -1
     for q in range(found):
         if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
@@ -111,9 +111,9 @@ def _sort_walls_by_key(near, kept, found):
 
 @inner
 def find_contacts(state):
-    """Fill the contacts with every pair and wall whose gap is below the reach; return a status.
+    """Find all pairs and walls whose gap is below the reach; return a status.
 
-    A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
+    The reach of a pair is the sum of both reaches. Contacts are sorted by body, walls (by index) before bodies.
     """
     world, bodies, lists, contacts = state.world, state.bodies, state.lists, state.contacts
     capacity = contacts.body.shape[0]
@@ -166,7 +166,7 @@ def find_contacts(state):
 
 @inner
 def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
-    """Set contact c, starting from its percussion of the step before; return how far those have been read.
+    """Set contact c and its warm start percussion; return the new read position in the warm start memory.
 
     Contacts and remembered percussions are both sorted by body and key.
     """
@@ -195,7 +195,7 @@ def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
 
 @inner
 def normal_velocity(velocity, contacts, c):
-    """Return the normal velocity of contact c, positive when it opens [m/s]."""
+    """Return the normal velocity of contact c [m/s], positive if the contact opens."""
     i = contacts.body[c]
     j = contacts.other[c]
     nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
@@ -233,7 +233,7 @@ def push(velocity, inverse_mass, contacts, c, percussion):
 
 @inner
 def keep_percussions(contacts, memory):
-    """Remember the percussions of this sub-step for the next search, in the half that is not the step's start."""
+    """Store the percussions of this sub-step for a warm start, in the half that does not hold the start of the step."""
     memory.half = 1 - memory.half_before
     memory.number = contacts.number
     first = memory.half * memory.size
@@ -245,9 +245,9 @@ def keep_percussions(contacts, memory):
 
 @inner
 def keep_only_meeting(world, bodies, contacts, h, margin):
-    """Drop the contacts that the free velocity does not close to `margin` [m] within the step (NSM2).
+    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity (NSM2).
 
-    That is, those with D + h G.V > `margin`; it is 0 in the paper.
+    These are the contacts with D + h G.V > `margin`, which is 0 in the paper.
     """
     used = 0
     for c in range(contacts.number):
@@ -268,7 +268,7 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
 
 @inner
 def report_contact_force(bodies, contacts, weight):
-    """Sum the contact forces, `weight` times the percussions, on each body [N]."""
+    """Sum the contact forces [N] on each body: `weight` [1/s] times the percussions."""
     for i in range(bodies.inside):
         bodies.contact_force[i] = 0.0
     for c in range(contacts.number):

@@ -1,4 +1,4 @@
-"""What drives a pedestrian (eq. 33): desired velocity from the fields, relaxation, forces at a distance."""
+"""Driving of pedestrians (eq. 33): desired velocity from the fields, relaxation, and forces at a distance."""
 
 import math
 
@@ -12,7 +12,7 @@ from evac.physics.status import OK
 
 @inner
 def desired_speed(world, bodies, i, ex, ey):
-    """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
+    """Return the desired plan speed of body i [m/s]: its speed for the slope class times the cosine of the slope."""
     level = bodies.level[i]
     climb = ex * world.uphill[level, 0] + ey * world.uphill[level, 1]
     use = FLAT
@@ -25,7 +25,7 @@ def desired_speed(world, bodies, i, ex, ey):
 
 @inner
 def desired_direction(world, bodies, i):
-    """Return the unit desired direction of body i, (0, 0) where no way leads out."""
+    """Return the unit desired direction of body i, (0, 0) where the destination cannot be reached."""
     x, y = bodies.position[i, 0], bodies.position[i, 1]
     ex, ey = sample_direction(world.fields, x, y, bodies.level[i], bodies.route[i])
     if bodies.extra_direction[i, 0] != 0.0 or bodies.extra_direction[i, 1] != 0.0:
@@ -40,7 +40,7 @@ def desired_direction(world, bodies, i):
 
 @inner
 def set_desired(world, bodies):
-    """Set the unit desired direction of every body from its place, and clear the forces."""
+    """Set the unit desired direction of every body from its position, and set the forces to zero."""
     for i in range(bodies.inside):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
@@ -52,7 +52,7 @@ def set_desired(world, bodies):
 
 @kernel
 def add_forces(state: State) -> int:
-    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return a status, OK."""
+    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return the status OK."""
     bodies, lists, forces = state.bodies, state.lists, state.forces
     for i in range(bodies.inside):
         if bodies.level[i] < 0:
@@ -98,7 +98,7 @@ call_add_forces = AddressCall([State], (int,))
 
 @inner
 def unit_normal(nx, ny, square):
-    """Return the unit vector and the length; coincident centres are parted along x, body i to the right."""
+    """Return the unit vector and the length; for coincident centres (1, 0), so that body i is pushed to the right."""
     distance = math.sqrt(square)
     if distance > 0.0:
         return nx / distance, ny / distance, distance
@@ -107,17 +107,17 @@ def unit_normal(nx, ny, square):
 
 @kernel
 def drive(state: State) -> float:
-    """Set ``bodies.free``, the velocity after the sub-step if nobody touched; return the greatest speed.
+    """Set ``bodies.free``, the velocity after the sub-step without contacts; return the largest speed [m/s].
 
-    Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
-    held over the step. Before its response time a person wants to stand.
+    Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with
+    constant forces during the step. Before its response time, the desired velocity of a person is zero.
     """
     world, bodies = state.world, state.bodies
     time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
-    if not explicit and bodies.taken_up_in != h:
+    if not explicit and bodies.relaxation_step != h:
         for i in range(bodies.inside):
-            bodies.taken_up[i] = -math.expm1(-h / bodies.tau[i])
-        bodies.taken_up_in = h
+            bodies.relaxation[i] = -math.expm1(-h / bodies.tau[i])
+        bodies.relaxation_step = h
     fastest = 0.0
     for i in range(bodies.inside):
         if bodies.level[i] < 0:
@@ -135,7 +135,7 @@ def drive(state: State) -> float:
             share = h / tau
             weight = h * bodies.inverse_mass[i]
         else:
-            share = bodies.taken_up[i]
+            share = bodies.relaxation[i]
             weight = tau * share * bodies.inverse_mass[i]
         fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
         fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]
@@ -147,7 +147,7 @@ def drive(state: State) -> float:
 
 @kernel
 def drive_overdamped(state: State) -> float:
-    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
+    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the largest speed [m/s]."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
     for i in range(bodies.inside):
@@ -166,5 +166,5 @@ def drive_overdamped(state: State) -> float:
     return math.sqrt(fastest)
 
 
-#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the greatest speed [m/s].
+#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the largest speed [m/s].
 call_drive = AddressCall([State], (float,))

@@ -1,13 +1,13 @@
-"""The step loop, one for all contact models: what they differ in is called at the addresses in `State.parts`.
+"""The step loop, which is shared by all contact models; optional parts are called at the addresses in `State.parts`.
 
-    advance                for each step, in parts where it has to be cut
-        open_step          remember what a failed step goes back to
-        approach           lists, desired directions, forces, velocity if nobody touched, contacts in reach
-        (the law)          fills bodies.solved and contacts.percussion, or asks for something first
-        conclude           contact forces, energy, move, cross portals and exits
-        cut                undo the step; how many parts to try next
+    advance                for each step, subdivided into parts if necessary
+        open_step          save the state, to undo the step if it fails
+        approach           neighbour lists, desired directions, forces, free velocities, contact search
+        (the law)          sets bodies.solved and contacts.percussion, or requests another search or a separation
+        conclude           contact forces, energy, motion, crossings of portals and exits
+        cut                undo the step; return the number of parts to try next
 
-Contact models written in numpy make the same calls from Python, see `ContactModel.advance`.
+Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
 """
 
 import math
@@ -36,26 +36,26 @@ from evac.physics.status import (
     WALL_CROSSED,
 )
 
-#: A step is cut into at most this many parts before the run is stopped.
+#: Largest number of parts that a step is divided into before the run is stopped.
 GREATEST_PARTS = 256
 
-#: A law that is not done when it has been called so often in a sub-step never is.
+#: Largest number of calls of a law in a sub-step; a law that needs more does not terminate.
 MOST_CALLS = 100
 
-#: Nobody is thrown faster than this but by contacts that create energy: the run is stopped [m/s].
+#: Largest speed [m/s]; only contacts that create energy lead to larger speeds, so the run is stopped.
 FASTEST = 100.0
 
-#: Call a contact law: state, its own parameters, length of the sub-step [s]; a status.
+#: Call a contact law with the state, its own parameters and the length of the sub-step [s]; it returns a status.
 call_law = AddressCall([State, Struct, float], (int,))
 
 
-#: What bodies copy from the crowd at the start of a tick, and what is copied back at its end.
+#: Arrays that are copied from the crowd to the bodies at the start of a tick, and back at its end.
 TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
 WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
 
 
 def gather(state: State, crowd: Crowd, inside: int) -> None:
-    """Copy the people in ``bodies.row`` to the bodies, and forget what holds for the tick before."""
+    """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
     bodies = state.bodies
     rows = bodies.row[:inside]
     for name in TAKEN:
@@ -63,7 +63,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside
-    bodies.taken_up_in = 0.0
+    bodies.relaxation_step = 0.0
     state.warm_start.number = 0
     state.contacts.separation_failed = 0
     state.lists.stale = 1
@@ -71,7 +71,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
 
 
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
-    """Copy back what the steps wrote."""
+    """Copy the results of the steps back to the crowd."""
     rows = bodies.row[: bodies.inside]
     for name in WRITTEN:
         getattr(crowd, name)[rows] = getattr(bodies, name)[: bodies.inside]
@@ -79,7 +79,7 @@ def scatter(crowd: Crowd, bodies: Bodies) -> None:
 
 @kernel
 def advance(state: State) -> int:
-    """Make the steps of the clock, cutting those that cannot be made whole; return a status."""
+    """Make all steps of the clock, subdividing steps that fail; return a status."""
     clock = state.clock
     while clock.now < clock.last:
         open_step(state)
@@ -113,7 +113,7 @@ def _make_step(state, parts):
 
 @inner
 def _obey(state):
-    """Call the law, and do what it asks for before it is called again; return a status."""
+    """Call the law until it is done, after the searches and separations that it requests; return a status."""
     parts, clock = state.parts, state.clock
     clock.attempt = 0
     clock.searched = 0
@@ -135,7 +135,7 @@ def _obey(state):
 
 @inner
 def _separate(state):
-    """Separate overlaps, and search for contacts before and after; return a status."""
+    """Separate overlaps, with contact searches before and after; return a status."""
     if state.parts.separation == 0:
         return NEEDS_SEPARATION
     for is_solve in range(2):
@@ -149,7 +149,7 @@ def _separate(state):
 
 @kernel
 def set_clock(state: State, part: int, parts: int) -> None:
-    """Set time and length of a sub-step, and whether it is the last one before contact forces are wanted."""
+    """Set the time and length of a sub-step, and whether contact forces are reported after it."""
     clock = state.clock
     clock.h = clock.step / parts
     clock.time = clock.now * clock.step + part * clock.h
@@ -182,7 +182,7 @@ def approach(state: State) -> int:
 
 @inner
 def search(state, pairs, contacts):
-    """Find the contacts within the reaches as they are set, with lists that look as far as needed; return a status."""
+    """Find the contacts within the current reaches, rebuilding the lists if necessary; return a status."""
     status = _renew_lists(state, pairs, contacts)
     if status != OK:
         return status
@@ -191,10 +191,10 @@ def search(state, pairs, contacts):
 
 @inner
 def _renew_lists(state, pairs, contacts):
-    """Build the lists again if they are stale or do not reach as far as needed; return a status.
+    """Rebuild the neighbour lists if they are stale or their reach is too short; return a status.
 
-    `pairs` [m] is for forces between bodies, `contacts` [m] for contacts with bodies and walls; the latter follows
-    speeds, so it gets a margin.
+    `pairs` [m] is the reach of forces between bodies, `contacts` [m] that of contacts with bodies and walls. The latter
+    varies with speeds, so a margin is added.
     """
     lists = state.lists
     if lists.pair_reach < max(pairs, contacts):
@@ -213,14 +213,14 @@ def _renew_lists(state, pairs, contacts):
 
 @inner
 def _speed(bodies, i):
-    """Return the speed of body i in the step, before or after the drive, whichever is greater [m/s]."""
+    """Return the larger of the speeds of body i before the step and after the drive [m/s]."""
     free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
     return max(free, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2) ** 0.5
 
 
 @inner
 def _is_too_fast(bodies, h, limit):
-    """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
+    """Return whether the free path of a body in the step exceeds `limit` [m]; note the body as failed."""
     if h * bodies.fastest <= limit:
         return False
     for i in range(bodies.inside):
@@ -232,7 +232,7 @@ def _is_too_fast(bodies, h, limit):
 
 @inner
 def _tally_contacts(state):
-    """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began."""
+    """Count contacts and overlaps at the start of the sub-step, and record the deepest overlap with its place."""
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     contacts.deepest = 0.0
     for c in range(contacts.number):
@@ -254,7 +254,7 @@ def _tally_contacts(state):
 
 @kernel
 def conclude(state: State) -> int:
-    """Report contact forces if asked for, sum the work, remember the percussions, move; return a status."""
+    """Report contact forces if requested, sum the work, store percussions for a warm start, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
@@ -268,7 +268,7 @@ def conclude(state: State) -> int:
 
 @kernel
 def open_step(state: State) -> None:
-    """Remember bodies, sums, events and percussions at the start of a step."""
+    """Save bodies, sums, events and percussions at the start of a step."""
     bodies, memory = state.bodies, state.warm_start
     for i in range(bodies.inside):
         for k in range(2):
@@ -286,10 +286,10 @@ def open_step(state: State) -> None:
 
 @kernel
 def cut(state: State, status: int, parts: int) -> int:
-    """Go back to the start of the step; return the number of parts to try next, 0 if more do not help.
+    """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
-    Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was. Lists
-    that have been built stay, and so does their count.
+    The sub-steps start without warm start percussions, except if the step is only repeated because a part had to be
+    loaded. Neighbour lists that have been built are kept, and so is their count.
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     state.clock.parts = parts

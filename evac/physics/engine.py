@@ -1,4 +1,4 @@
-"""The engine: owns the state of the step loop and makes one tick of steps."""
+"""The engine, which owns the state of the step loop and makes the steps of a tick."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -30,26 +30,26 @@ from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
 
-#: What went wrong in a step, for messages; contact models add what to change.
+#: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
     status.WALL_CROSSED: (
-        "would pass through a wall even with the step cut into {parts} parts: the contact is too soft for the load, or"
-        " the run started with overlaps"
+        "would pass through a wall even if the step is divided into {parts} parts: the contact is too soft for the"
+        " load, or the run started with overlaps"
     ),
     status.TOO_FAST: (
-        "moves too fast for the step even cut into {parts} parts, or faster than {fastest:g} m/s; check speeds, forces,"
-        " masses and overlaps"
+        "moves too fast even if the step is divided into {parts} parts, or faster than {fastest:g} m/s; check speeds,"
+        " forces, masses and overlaps"
     ),
-    status.TOO_STIFF: "has contacts too stiff for the step even cut into {parts} parts",
+    status.TOO_STIFF: "has contacts that are too stiff even if the step is divided into {parts} parts",
     status.NOT_FINITE: (
-        "has a NaN or infinite velocity; use a smaller simulation.step or softer contact parameters, and look at the"
+        "has a NaN or infinite velocity; use a smaller simulation.step or softer contact parameters, and check the"
         " forces and contact models of plugins"
     ),
 }
 
 
 class Engine:
-    """Everything the step loop needs besides the crowd.
+    """The step loop of a run, with its state and compiled kernels.
 
     Parameters
     ----------
@@ -57,13 +57,13 @@ class Engine:
     people : int
         Number of people in the run.
     forces : sequence of Force
-        Those in use.
+        Forces in use.
     full : bool
-        Do even what the scene does not need (``evac run --full``).
+        Whether to include parts that the scene does not need (``evac run --full``).
     levels : sequence of str
-        Names of the levels, for messages; without them messages show level indices.
+        Names of the levels, for messages; otherwise messages show level indices.
     solvers : mapping of str to type
-        The registered solvers, by name, see `Registry.solvers`.
+        Registered solvers by name, see `Registry.solvers`.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Engine:
         Raises
         ------
         SimulationError
-            If a step cannot be made; names time, person and place.
+            A step failed; names the time, the person and the place.
         """
         self.load(model)
         state, clock = self.state, self.state.clock
@@ -112,7 +112,7 @@ class Engine:
         return state.events
 
     def _gather(self, crowd: Crowd) -> int:
-        """Copy the people inside to the bodies, sorted by travel time, row breaking ties; return how many they are."""
+        """Copy the people inside to the bodies, sorted by travel time and row; return their number."""
         rows = np.flatnonzero(crowd.level >= 0)
         travel_time = np.empty(len(rows))
         place = crowd.position[rows], crowd.level[rows], crowd.route[rows]
@@ -122,7 +122,7 @@ class Engine:
         return len(rows)
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
-        """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
+        """Load the kernels that a scene is known to need, compiling those that are not on disk."""
         if self._model is model:
             return
         self._model = None  # until all of it is loaded
@@ -158,7 +158,7 @@ class Engine:
 
     @property
     def has_seams(self) -> bool:
-        """Whether bodies can touch across portals, or walls stand behind an exit."""
+        """Whether bodies can touch across portals, or there are walls behind an exit."""
         world = self.state.world
         return self.full or len(world.cosine) > 1 or bool(world.backed.any())
 
@@ -167,32 +167,32 @@ class Engine:
         return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
-        """Return the parts of the step loop that a scene may not need: name, whether in, why."""
+        """Return the optional parts of the step loop: name, whether it is included, and the reason."""
         levels, behind = len(self.state.world.cosine), int(self.state.world.backed.sum())
-        why = f"levels: {levels}; of these with walls right behind an exit: {behind}"
+        why = f"levels: {levels}, of which {behind} have walls right behind an exit"
         found = [("contacts across portals and exits", self.has_seams, why)]
         if isinstance(model, SolvedContactModel):
-            stronger, later = self._solver(model).stronger, "loaded when a solve does not converge"
+            stronger, later = self._solver(model).stronger, "loaded if a solve does not converge"
             found += [
                 (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
-                (f"solver {stronger}, which tries again", self.full, later),
+                (f"solver {stronger}, for solves that fail", self.full, later),
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
-            found.append(("separation of overlaps", self.full, "loaded when overlaps exceed the tolerance"))
+            found.append(("separation of overlaps", self.full, "loaded if overlaps exceed the tolerance"))
         return found
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
         return solver_of(model, self._solvers, stronger)
 
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
-        """Load what a step has been found to need."""
+        """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
             self.state.parts.stronger = self._solver(model, stronger=True).solve.address
         else:
             self.state.parts.separation = separate.address
 
     def _handle(self, model: ContactModel, found: int, time: float) -> None:
-        """Do what a status asks for, or raise SimulationError."""
+        """Handle a status: load a part, enlarge an array, or raise SimulationError."""
         state, parts = self.state, self.state.parts
         missing = {status.NEEDS_STRONGER_SOLVER: not parts.stronger, status.NEEDS_SEPARATION: not parts.separation}
         if isinstance(model, SolvedContactModel) and missing.get(found):
@@ -204,7 +204,7 @@ class Engine:
             state.lists.wall_item = grown(state.lists.wall_item)
             state.lists.stale = 1
         elif found == status.CONTACTS_FULL:
-            # The memory for warm starts is empty: the step that ran out of room has been undone.
+            # The new warm start is empty; the step that ran out of room has been undone.
             make_room_for_contacts(state, 2 * len(state.contacts.body))
         elif found == status.NEAR_WALLS_FULL:
             raise SimulationError(
@@ -220,16 +220,17 @@ class Engine:
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
             raise PluginError(
-                f"contact model {model.name!r}: its law returned {found}, which is no status of evac.physics.status, or"
-                " none that ends this law; models that solve contact problems are made of SolvedContactModel"
+                f"contact model {model.name!r}: its law returned {found}, which is not a status of"
+                " evac.physics.status that a law may return; models that solve contact problems must derive from"
+                " SolvedContactModel"
             )
 
     def own_arrays(self) -> list[str]:
-        """Return the names of the arrays in the struct of the contact model that is loaded."""
+        """Return the names of the arrays in the parameter struct of the loaded contact model."""
         return [name for name, value in self._own.values().items() if isinstance(value, np.ndarray)]
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """Return copies of what the next tick depends on beyond the crowd."""
+        """Return copies of the state, besides the crowd, that the next tick depends on."""
         state = self.state
         room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
         return {
@@ -239,7 +240,7 @@ class Engine:
         }
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore what `snapshot` returned. A step that ran out of room starts cold, so the room counts too."""
+        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts."""
         pairs, walls, contacts, events = map(int, saved["room"])
         state, n = self.state, len(self.state.bodies.row)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
@@ -251,7 +252,7 @@ class Engine:
         state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
 
     def report(self) -> dict[str, float | int]:
-        """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
+        """Return the tallies of the run by name: counts as int, other sums as float."""
         return {
             name: float(value) if name in at.MEASURES else int(value)
             for name, value in zip(at.NAMES, self.state.tally, strict=True)
@@ -259,7 +260,7 @@ class Engine:
         }
 
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
-        """Return what a contact model has come to, by the names that docs/results.md lists."""
+        """Return the tallies of a contact model, with the names in docs/results.md."""
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
@@ -268,14 +269,14 @@ class Engine:
         return report | {"model": model.name, "parameters": model.values()}
 
     def deepest_overlap(self) -> dict[str, Any] | None:
-        """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
+        """Return time [s], person, level and position x, y [m] of the largest overlap; None if there was no overlap."""
         if not self.state.tally[at.GREATEST_OVERLAP]:
             return None
         time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
         return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def _place(self) -> str:
-        """Name the body that the failure is about."""
+        """Describe the body that a failure concerns, with its place."""
         bodies = self.state.bodies
         x, y = bodies.position[bodies.failed]
         level = self._level_name(int(bodies.level[bodies.failed]))
@@ -286,7 +287,7 @@ class Engine:
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:
-    """Return cut-offs and parameters of pair forces; shorter parameter rows are filled with zeros."""
+    """Pack the cut-offs and parameters of pair forces; shorter parameter rows are padded with zeros."""
     packed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}"):

@@ -1,4 +1,4 @@
-"""Forces at a distance between two people: the base class of force plugins."""
+"""Base class of forces at a distance between two people."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
@@ -10,9 +10,9 @@ from evac.parameters import Configurable
 
 
 class Force(Configurable, ABC):
-    """A pair force, evaluated in every sub-step for all pairs closer than its cut-off.
+    """Base class of pair forces, which are evaluated in every sub-step for all pairs closer than their cut-off.
 
-    A subclass names a function compiled with `evac.jit.pair_force` and turns its parameters into
+    A subclass names a function compiled with `evac.jit.pair_force`, and packs its parameters into
     the float64 array that the function reads.
     """
 
@@ -20,13 +20,13 @@ class Force(Configurable, ABC):
     pair: ClassVar[Any]
 
     def packed(self) -> NDArray[np.float64]:
-        """Return the parameters as the pair function reads them, (p,) float64; by default all declared numbers."""
+        """Return the parameters (p,) float64 that the pair function reads; by default all declared numbers."""
         return np.array(list(self.values().values()), dtype=np.float64)
 
     @abstractmethod
     def cutoff(self) -> float:
-        """Return the gap [m] beyond which the force is left out."""
+        """Return the gap [m] beyond which the force is neglected."""
 
     def is_needed(self) -> bool:
-        """Return False if the force is zero everywhere, so that it can be left out."""
+        """Return False if the force is zero everywhere and can be omitted."""
         return True

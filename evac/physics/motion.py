@@ -1,4 +1,4 @@
-"""Moving: new positions, portals and exits crossed, walls never crossed, sums for the report."""
+"""Motion of bodies: new positions, crossings of portals and exits, checks of walls, energy balance."""
 
 import math
 
@@ -16,7 +16,7 @@ EXIT = 1
 
 @inner
 def _crosses_wall(state, i, ax, ay, bx, by):
-    """Say whether the path a-b of body i passes through a wall that acts on it."""
+    """Return whether the path a-b of body i passes through a wall that acts on it."""
     world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
@@ -33,7 +33,7 @@ def _crosses_wall(state, i, ax, ay, bx, by):
 
 @inner
 def _cross_links(state, i, ax, ay, bx, by, time, h):
-    """Follow body i over the portals and exits on its path a-b; return OK or EVENTS_FULL."""
+    """Move body i through the portals and exits on its path a-b; return OK or EVENTS_FULL."""
     world, bodies, lists, events = state.world, state.bodies, state.lists, state.events
     passed = 0.0
     for _ in range(4):
@@ -68,9 +68,9 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
 
 @inner
 def move(state, time, h, old_share, walked):
-    """Move everybody by h ``bodies.solved``; return a status.
+    """Move all bodies by h times the velocity ``bodies.solved``; return a status.
 
-    The share `old_share` is the old velocity's; the share `walked` of the path, up to an exit, counts as walked.
+    The velocity includes the share `old_share` of the old one. The share `walked` of the path is added to the distance.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
     for i in range(bodies.inside):
@@ -87,7 +87,7 @@ def move(state, time, h, old_share, walked):
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
         if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
-            bodies.failed = i  # beyond the walls that the lists hold
+            bodies.failed = i  # beyond the walls in the lists
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
             bodies.failed = i
@@ -108,10 +108,10 @@ def move(state, time, h, old_share, walked):
 
 @inner
 def add_work(bodies, contacts, tally):
-    """Add driving work, and what contacts took from and gave to the kinetic energy [J], to the tally.
+    """Add the driving work and the kinetic energy lost and gained in contacts [J] to the tally.
 
-    Per person the work is m (V - u).(u + u+)/2 with the free velocity V, per contact P (w+ + w-)/2 along the normal
-    and likewise along the tangent; they add up to the change of kinetic energy to rounding. To be called before `move`.
+    The work is m (V - u).(u + u+)/2 per person with the free velocity V, and P (w+ + w-)/2 per contact along the normal
+    and likewise along the tangent. The sum is the change of kinetic energy, up to rounding. Call this before `move`.
     """
     for i in range(bodies.inside):
         if bodies.level[i] < 0:

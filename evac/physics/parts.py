@@ -1,4 +1,4 @@
-"""The parts of the step loop: which kernels a scene is known to need before anything else is known of it."""
+"""Kernels of the step loop that a run is known to need before its first step."""
 
 from collections.abc import Mapping, Sequence
 
@@ -39,23 +39,23 @@ def entries_of_loop(
 
 
 def drive_of(model: ContactModel) -> Entry:
-    """Return the kernel that lets people accelerate as a model asks for."""
+    """Return the drive kernel for a contact model."""
     chosen: Entry = drive_overdamped if model.overdamped else drive
     return chosen
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
-    """Return the solver that a model names, or the one that tries again.
+    """Return the solver of a contact model, or its stronger solver for solves that fail.
 
     Raises
     ------
     PluginError
-        If it is not registered, or has no kernel of the right signature.
+        The solver is not registered, or its kernel has the wrong signature.
     """
     name = model.solver
     for _ in range(1 + stronger):
         if name not in solvers:
-            raise PluginError(f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(solvers))}")
+            raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
         found = solvers[name]
         with plugin_code(f"solver {name!r}"):
             call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve")

@@ -11,7 +11,7 @@ from evac.scenario.keys import Factor, Section
 from evac.scenario.problems import section_of
 from evac.scenario.schema import GroupSettings, PeopleSettings
 
-#: Words for the types of single values.
+#: Names of the types of single values.
 WORDS: dict[Any, str] = {
     float: "number",
     int: "whole number",
@@ -28,7 +28,7 @@ def reference() -> str:
 
 
 def _sections(section: type[Section], path: str) -> list[str]:
-    """Return the tables of the sections in a section."""
+    """Return the tables of all sections within a section."""
     parts = []
     for name, field in section.model_fields.items():
         inner, kind = section_of(field.annotation), get_origin(field.annotation)
@@ -60,7 +60,7 @@ def _row(name: str, field: FieldInfo) -> str:
 
 
 def _type(annotation: Any) -> str:
-    """Return a type in the words of a user."""
+    """Return the name of a type for users."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _type(arguments[0])
@@ -88,7 +88,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _toml(value: Any) -> str:
-    """Return a plain value as TOML writes it."""
+    """Return a plain value in TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -92,7 +92,6 @@ def test_places_and_phases_stand_under_their_heads(shown):
 
 def test_who_left_by_another_exit_is_told(shown):
     assert shown()[1] == ""
-    assert "left by another exit than the own route leads to" in shown(left_by_other_exits=2)[1]
     assert "2 people" in shown(left_by_other_exits=2)[1]
 
 

@@ -98,7 +98,7 @@ class Denied(Eastward):
     ("cls", "words"),
     [
         (Constant, "beyond its cutoff"),
-        (Eastward, "does not turn"),
+        (Eastward, "rotate"),
         (Singular, "must be finite there"),
         (Whole, "float64"),
         (Endless, "finite and not negative"),
@@ -192,15 +192,15 @@ class Left(Slower):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Misspelt, "neither act"),
+        (Misspelt, r"act\(\) or prepare\(\)"),
         (WritesUndeclared, "writes an array"),
         (ReadsUndeclared, "reads velocity"),
         (ReadsForces, "reads contact_force"),
         (SneaksIn, "writes 'velocity'"),
         (WritesPositions, "behaviours write start_time"),
-        (Invents, "no array of"),
-        (Remembers, "a run resumed differs"),
-        (Left, "leaving out"),
+        (Invents, "Crowd does not have"),
+        (Remembers, r"resumed .*state\(\)"),
+        (Left, r"is_needed\(\)"),
     ],
 )
 def test_a_broken_behaviour_is_found(cls, words):
@@ -280,8 +280,8 @@ class Appends(Recorder):
     [
         (Keeps, r"'slower' keeps scratch .* state\(\)"),
         (Counts, r"recorder 'counts' keeps calls .* state\(\)"),
-        (CountsAnew, r"calls\.txt is not the same"),
-        (Appends, r"appends\.txt is not the same"),
+        (CountsAnew, r"calls\.txt differs"),
+        (Appends, r"appends\.txt differs"),
     ],
 )
 def test_what_keeps_something_without_state_is_found(cls, words):

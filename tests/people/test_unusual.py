@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -42,4 +44,4 @@ def test_overlaps_at_the_start_are_counted_by_level():
     crowd = make_crowd([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.0]], radius=0.2, speed=1.3)
     crowd.level[3] = 1  # above the first
     assert overlapping(crowd) == (2, pytest.approx(0.1))
-    assert "pairs of people who start overlapping: 2, by up to 0.10 m" in unusual(crowd, group(crowd))[0]
+    assert re.search("^2 pairs of people .* 0.10 m", unusual(crowd, group(crowd))[0])

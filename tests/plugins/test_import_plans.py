@@ -104,7 +104,7 @@ def test_degrees_become_metres(tmp_path):
         ('{"type": "FeatureCollection", "features": []}', "feature"),
         (collection(feature("stoory", rectangle(0, 0, 1, 1))), "feature 1: .*'stoory'.*'storey'"),
         (collection(feature("", [[0, 0], [0, 1]], "LineString")), "ground"),
-        (collection(feature("", rectangle(0, 0, 1, 1), z=1), feature("", rectangle(0, 0, 1, 1), z=2)), "heights z"),
+        (collection(feature("", rectangle(0, 0, 1, 1), z=1), feature("", rectangle(0, 0, 1, 1), z=2)), "one height z"),
         (collection(feature("", rectangle(0, 0, 1, 1), z="high")), "feature 1: z"),
         (collection(feature("", [[0, 0]])), "feature 1"),
     ],

@@ -25,7 +25,7 @@ def test_a_value_is_toml_or_a_bare_word(word, value):
 def test_what_is_no_assignment_is_refused(text):
     pairs, (problem,) = parsed([text])
     assert pairs == []
-    assert problem.text == "an override reads dotted.key=value"
+    assert "dotted.key=value" in problem.text
 
 
 def test_broken_toml_is_refused_and_not_taken_for_a_word():

@@ -1,4 +1,4 @@
-"""Halls for the scaling: a hall with walls and doors, marched directions, a crowd at a given density."""
+"""Halls for the scaling: a hall with walls and doors, its directions, and a crowd with a given density."""
 
 import math
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Hall:
 def make_hall(people: int, density: float, seed: int, deepest: float = math.inf) -> Hall:
     """Return a hall with `people` at `density` per m2, on a jittered hexagonal lattice, without overlaps.
 
-    It is square, or where that would be deeper than `deepest` [m], as deep as that and longer.
+    It is square, or if that would be deeper than `deepest` [m], as deep as that and longer.
     """
     pitch = math.sqrt(2.0 / (math.sqrt(3.0) * density))
     position, depth, length = _lattice(people, pitch, deepest)

@@ -1,4 +1,4 @@
-"""What keeping one's distance costs, and saves: the same hall without and with the behaviour headway."""
+"""Cost of the behaviour headway: the same hall without and with it."""
 
 from typing import Any
 
@@ -51,7 +51,7 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[
 
 
 def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
-    """Return the costs of a walk without and with headway and of the minimal kernel, in turns [ns per person-step]."""
+    """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = plugins().get("behaviour", "headway")()
     scene = BehaviourScene(

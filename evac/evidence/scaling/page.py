@@ -42,10 +42,10 @@ DENSITIES = {"free": 2.0, "jammed": 5.0}  # people per m2
 
 STEP = 0.01  # s
 
-#: A crowd that jams is at most so far from the doors [m]: the jam of a deeper hall takes longer to grow.
+#: Greatest depth of the hall of a jammed crowd [m], because the jam in a deeper hall takes longer to develop.
 DEEPEST = 50.0
 
-#: DEM's jam is measured with stiffer contacts too, at a step that they are stable at, up to so many people.
+#: DEM's jam is also measured with stiffer contacts, at a step at which they are stable, up to this number of people.
 STIFFER, FINER, STIFFEST_PEOPLE = 10.0, 4, 10_000
 STIFF_NAME = f"DEM, {STIFFER:g} times stiffer"
 
@@ -102,7 +102,7 @@ def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> list[dict[str, A
 
 
 def _claims(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> list[dict[str, Any]]:
-    """Return what has a target, in the order of `TARGETS`."""
+    """Return the quantities with targets, in the order of `TARGETS`."""
     return [_hall_claim(sizes, seed, repeats), *_school_claims(repeats)]
 
 
@@ -127,7 +127,7 @@ def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
 
 
 def _variants(state: str, people: int) -> Iterator[Variant]:
-    """Yield what walks in a hall: the models, and a stiffer DEM where it may have to bear the load of a jam."""
+    """Yield the models for a hall, and a stiffer DEM for jams that may load contacts heavily."""
     for name in MODELS:
         yield make_variant(name, STEP)
         if name == "DEM" and state == "jammed" and people <= STIFFEST_PEOPLE:
@@ -136,11 +136,11 @@ def _variants(state: str, people: int) -> Iterator[Variant]:
 
 
 def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
-    """Return the seconds of each phase of a step; ``contact and rest`` is what the others leave of it.
+    """Return the time of each phase of a step [s]; ``contact and rest`` is the remainder.
 
-    Each phase is repeated on the crowd as the last step left it: lists (as often as they were built), search
-    for contacts, drive, move (with the work sums and what is saved for going back), and sorting the people in
-    and out, once a tick, by a tick without steps.
+    Each phase is repeated on the crowd after the last step: lists (as often as they were built), search for
+    contacts, drive, move (with sums of work and copies for undoing the step), and sorting of people, once per tick,
+    by a tick without steps.
     """
     state = walk.engine.state
     found = {
@@ -178,7 +178,7 @@ def _each(call: Callable[[int], Any]) -> float:
 
 
 def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dict[str, Any]:
-    """Return the row of a walk; of one that the model refuses to go on with, without what was not measured."""
+    """Return the row of a walk; if the model refuses to continue, without the quantities not measured."""
     walk = Walk(hall, variant.step)
     cost, pace, walked = None, None, None
     try:
@@ -217,7 +217,7 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
 
 
 def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> dict[str, Any]:
-    """Return the claim on the hall of 10,000, or of the most people that this run has up to that: some walks anew."""
+    """Return the claim on the hall with 10,000 people, or the greatest number up to that in this run."""
     people = max(size for size in sizes if size <= 10_000)
     hall = make_hall(people, DENSITIES["free"], seed)
     warm, timed = sizes[people]
@@ -255,7 +255,7 @@ def _school_claims(repeats: int) -> list[dict[str, Any]]:
 
 
 def _middle(values: list[float]) -> float:
-    """Return the median without the first, which warms up."""
+    """Return the median without the first value, a warm-up."""
     return float(np.median(values[1:]))
 
 
@@ -308,7 +308,7 @@ def _draw_halls(rows: list[dict[str, Any]]) -> Any:
 
 
 def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
-    """Add where the time of a step goes, of the walks that were timed."""
+    """Add the shares of the phases in the time of a step, for the timed walks."""
     evidence.heading(SHARES)
     evidence.text(
         """The phases of a compiled step cannot be timed while it runs, so each is repeated alone on the crowd that

@@ -1,4 +1,4 @@
-"""Crowds walked in a hall: for a time or into a jam, and what a person-step then costs."""
+"""Crowds walking in a hall, for a time or into a jam, and the cost of a person-step."""
 
 import time
 from collections.abc import Callable
@@ -21,29 +21,29 @@ TICK = 0.1  # s
 #: A crowd is jammed when the median of speed over desired speed has fallen below this.
 JAMMED = 0.25
 
-#: It starts from rest, so it is no jam before [s].
+#: Least time of a jam, since crowds start from rest [s].
 STARTED = 1.0
 
-#: A crowd that has not jammed by then has walked long enough [s]; so has one of which this share is out.
+#: The walk of a crowd without a jam ends after this time [s], or when this share of the people is out.
 LONGEST = 8.0
 WALKED_OUT = 0.5
 
-#: Ticks walked with the model as it is shipped between the jam and the timing.
+#: Ticks with the default model between the jam and the timing.
 SETTLING = 2
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A contact model as it is walked.
+    """A contact model with the settings of a walk.
 
     Attributes
     ----------
     name : str
-        Under which the tables show it.
+        Name in the tables.
     model : ContactModel
-        As it is timed.
+        The model that is timed.
     rough : ContactModel
-        As it walks to the jam: NSM1, whose solve is the dearest, with a coarse tolerance.
+        The model for the walk into the jam: NSM1, whose solve is the most expensive, with a coarse tolerance.
     step : float [s]
     """
 
@@ -62,7 +62,7 @@ def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> 
 
 
 class Walk:
-    """A copy of a hall's crowd on its way, tick by tick."""
+    """A walk of a copy of a hall's crowd, tick by tick."""
 
     def __init__(self, hall: Hall, step: float) -> None:
         self.crowd: Crowd = copy_of(hall.crowd)
@@ -103,7 +103,7 @@ class Walk:
             self.made += self.per_tick
 
     def freely(self, variant: Variant, ticks: int) -> str:
-        """Walk for a time; return what ended the walk.
+        """Walk for a time; return why the walk ended.
 
         Raises
         ------
@@ -114,7 +114,7 @@ class Walk:
         return "time"
 
     def into_a_jam(self, variant: Variant) -> str:
-        """Walk until the crowd is jammed, and on until it has settled; return what ended the walk.
+        """Walk until the crowd is jammed and has settled; return why the walk ended.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Walk:
 
 @dataclass(frozen=True)
 class Cost:
-    """What the timed ticks of a walk have cost."""
+    """Cost of the timed ticks of a walk."""
 
     seconds: float  # median of a step
     per_person: float  # median of a person-step [s]
@@ -197,7 +197,7 @@ def cpu_time(call: Callable[[], Any]) -> float:
 
 
 def memory(walk: Walk, model: ContactModel) -> int:
-    """Return the bytes of all arrays that grow with the people, those of the model's law among them."""
+    """Return the bytes of all arrays whose size grows with the number of people, including those of the model."""
     state, people = walk.engine.state, len(walk.crowd.level)
     growing = (state.bodies, state.lists, state.contacts, state.warm_start, state.problem, state.events)
     return sum(map(bytes_of, (walk.crowd, *growing, model.own(people, state.world))))

@@ -12,13 +12,14 @@ def building_section(run: Run | None) -> Section:
     """Return the section on the building that a run recorded; without one, what the author has to add."""
     if run is None or run.trajectory is None:
         missing = (
-            "No trajectory was recorded, and the building is part of that file: the plans and tables of levels, exits"
-            " and portals are missing here, and the author has to add them."
+            "No trajectory was recorded, and the building is part of that file. The plans and tables of levels, exits"
+            " and portals are therefore missing here and must be added by the author."
         )
         if run is None:
             missing = (
-                "A study keeps no plan of its building. With the option --run RESULT, the result of one of its runs,"
-                " this report has the plans, the times of levels and stairs, congestion and maps of that run."
+                "A study does not store the plan of its building. With the option --run RESULT, where RESULT is the"
+                " result of one of its runs, this report contains the plans, the times of levels and stairs, congestion"
+                " and maps of that run."
             )
         return Section("building", "Building", (paragraph(missing),), is_missing=True)
     building = run.trajectory.building

@@ -124,12 +124,12 @@ def files_section(found: Iterable[tuple[str, int, str]]) -> Section:
     """Return the appendix with the files that a report was made of."""
     rows = [(name, f"{length}", element("code", digest)) for name, length, digest in found]
     columns = ("file", "bytes", "SHA-256")
-    return Section("files", "Appendix: files", (table("The files that this report was made of", columns, rows),))
+    return Section("files", "Appendix: files", (table("The files from which this report was made", columns, rows),))
 
 
 def _purpose() -> Section:
     words = paragraph(
-        "To be written by the author: purpose, protection goals, scenario, plans that the building follows."
+        "To be written by the author: purpose, protection goals, scenario, plans on which the building is based."
     )
     return Section("purpose", "Project and purpose", (words, to_fill_in("purpose", class_="box")))
 

@@ -50,16 +50,16 @@ def verification_section(case: CaseTable) -> Section:
     found = evidence()
     return Section(
         "verification",
-        "Verification and validation: what passed and what failed",
+        "Verification and validation: passed and failed tests",
         (
             paragraph(
-                "These are the verdicts of the evidence that is kept with evac (docs/evidence), measured once by the"
-                " commands named below, not for this building. Nothing was tuned to pass a test."
+                "These are the verdicts of the evidence that is distributed with evac (docs/evidence). They were"
+                " measured once by the commands named below, not for this building. Nothing was tuned to pass a test."
             ),
             *_tests(case, found["tests"], found["kinds"]["validation"]),
             heading("All kinds of evidence"),
             _kinds(found["kinds"]),
-            heading("All that was not met, or is undecided"),
+            heading("All verdicts that are not met, or undecided"),
             _failures(found["kinds"]),
         ),
     )
@@ -69,14 +69,14 @@ def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str])
     """Return the standard tests, as the model of a case has fared, or all models where it was not put to them."""
     subjects = [column for column in rows[0] if column not in TEST_COLUMNS]
     subject = subject_like(case, subjects)
-    parts = [heading("Standard tests of the field (RiMEA, IMO, NIST, ISO)")]
+    parts = [heading("Standard tests (RiMEA, IMO, NIST, ISO)")]
     if subject is None:
         parts.append(
             note(
                 "bad",
                 paragraph(
-                    f"The contact model of this case, {case.model}, was not put to the standard tests with these"
-                    " parameters. The author has to show how it fares. The table has the models that were."
+                    f"The contact model of this case, {case.model}, has not been tested with these parameters in the"
+                    " standard tests. The author must provide such tests. The table shows the models that were tested."
                 ),
             )
         )
