@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.build import build_fields
-from evac.directions.descent import add_lengths, descend
+from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
@@ -93,7 +93,7 @@ def needed_behaviours(
 
 def set_up_kernels() -> list[Entry]:
     """Return the kernels that the directions and people of a scene need."""
-    return [descend, add_lengths, sample_travel_times, add_discs, walk_all]
+    return [descend, sample_travel_times, add_discs, walk_all]
 
 
 def run_kernels(
@@ -109,6 +109,8 @@ def run_kernels(
     found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
     for behaviour in behaviours:
         found += entries_of(sys.modules[type(behaviour).__module__])
+    if len(needed_routes(case, behaviours, full)) > len(routes_of(case)):  # they are compared by their lengths
+        found += [add_lengths, find_lowest]
     return found
 
 

@@ -5,18 +5,25 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
 from evac.building.checks import measures
-from evac.building.model import FLAT, Building, Exit
+from evac.building.model import Building, Exit
 from evac.building.narrow import gaps_below
 from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.descent import Ways, add_lengths, descend, find_lowest
+from evac.directions.descent import descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, use_towards
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes
+from evac.directions.lengths import (
+    Marched,
+    continue_values,
+    exits_of_route,
+    nodes_not_marched,
+    strips_of,
+    take_halos,
+)
 from evac.directions.marching import Metric, march
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
@@ -32,7 +39,7 @@ BEND = 8.0
 AVOID = 100.0
 
 #: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
-NODE_BYTES, ROUTE_BYTES = 190.0, 50.0
+NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 
 #: Maximum memory of all fields [bytes], which corresponds to one or two minutes of computing.
 MOST_BYTES = 2.5e9
@@ -91,24 +98,31 @@ def build_fields(
     _check_memory(building, len(routes), spacing, clearance)
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
-    bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
+    bent = _bent(grids, clearance, avoided) if clearance > 0.0 else None
     greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
     steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
-    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    parts: list[list[FloatArray]] = [[], []]
     filled = 0
+    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
+    not_marched, costs = nodes_not_marched(grids), []
     for index, route in enumerate(routes):
-        allowed = [e for e in building.exits if route.leads_to(e.name)]
-        exits = [e for e in allowed if building.is_open(e)]
-        rates = _rates(route.strategy, speeds, comfort)
-        direction, travel_time, lengths = _solve(grids, exits, rates, avoided, bent, order)
-        for level in sorted(levels_reaching(building, exits)):
-            nodes = grids.levels[level].packed
-            field_of[level, index] = len(parts)
+        exits = exits_of_route(building, route)
+        direction, travel_time = _solve(grids, exits, rates[index], avoided, bent, order)
+        costs.append(travel_time[not_marched])
+        take_halos(grids, travel_time)
+        continue_values(grids, travel_time)
+        reaching = sorted(levels_reaching(building, exits))
+        for level in reaching:
+            field_of[level, index] = len(offsets)
             offsets.append(filled)
-            parts.append((direction[nodes], travel_time[nodes], lengths[nodes]))
-            filled += nodes.stop - nodes.start
+            filled += grids.levels[level].sheet.size
+        # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
+        chosen = reaching if len(reaching) < len(building.levels) else None
+        for part, values in zip(parts, (direction, travel_time), strict=True):
+            part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
+    direction, travel_time = (_joined(parts.pop(0), rest) for rest in ((2,), ()))
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
@@ -117,11 +131,11 @@ def build_fields(
             spacing=float(spacing),
             field_of=field_of,
             offset=np.array(offsets, dtype=np.int64),
-            direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
-            travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+            direction=direction,
+            travel_time=travel_time,
             walls=find_cell_walls(grids, steepest),
         ),
-        lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
+        marched=Marched(building, spacing, clearance, rates, not_marched, tuple(costs)),
         comfort=float(comfort),
         clearance=float(clearance),
     )
@@ -175,23 +189,36 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     )
 
 
+def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
+    """Return arrays (n, *rest) one after another; of one, itself."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
+
+
 def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
     """Return the slowness factors (nodes,) in gaps narrower than a width [m]; 1 elsewhere."""
-    factor = np.ones(grids.size)
+    avoided = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
         if len(gaps):
             lines = shapely.multilinestrings(gaps.reshape(-1, 2, 2))
             shapely.prepare(lines)
-            nodes = shapely.dwithin(lines, shapely.points(*grid.window.coordinates()), grids.lattice.spacing)
-            factor[grid.packed][nodes.ravel()] = AVOID
+            near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
+            near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
+            avoided.append(grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape))
+    nodes = np.concatenate(avoided)
+    if not len(nodes):
+        return np.broadcast_to(1.0, grids.size)  # takes no memory
+    factor = np.ones(grids.size)
+    factor[nodes] = AVOID
     return factor
 
 
-def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
-    """Return the slowness factors (nodes,) near walls; see `build_fields`."""
-    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
-    return np.asarray(1.0 + BEND * (1.0 - near / clearance) ** 2)
+def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
+    """Return the slowness factors (nodes,) near walls, times those of `avoided`; see `build_fields`."""
+    factor = avoided.copy()
+    for grid in grids.levels:
+        factor[grid.ring] *= 1.0 + BEND * (1.0 - grid.distance / clearance) ** 2
+    return factor
 
 
 def _solve(
@@ -201,15 +228,13 @@ def _solve(
     avoided: FloatArray,
     bent: FloatArray | None,
     order: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return directions (nodes, 2), travel times (nodes,) and lengths (nodes, 3) to given exits on all grids."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return directions (nodes, 2) and travel times (nodes,) to given exits on all grids, as marched."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     slowness = rates / cosine[:, None]
     plain = march(grids, Metric(slowness, avoided), exits, order)
     guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
-    direction = _directions(grids, guide, exits, bent is None)
-    lengths = _lengths(grids, plain, exits, rates, cosine)
-    return direction, _continued(grids, _with_halos(grids, plain)), _continued(grids, lengths)
+    return _directions(grids, guide, exits, bent is None), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
@@ -222,38 +247,20 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _with_halos(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values with halos filled from the neighbouring levels."""
-    seen = values.copy()
-    for grid in grids.levels:
-        halo = (grid.sheet > OWN) & (grid.source >= 0)
-        seen[grid.packed][halo.ravel()] = values[grid.source[halo]]
-    return seen
-
-
-def _continued(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values, extrapolated linearly to nodes that are excluded from marching."""
-    left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
-    with np.errstate(invalid="ignore"):  # infinite costs
-        rise = values[stand_in] - values[next_one]
-    values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
-    return values
-
-
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
     """Return unit vectors (nodes, 2): steepest descent, exit normals behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
-        own = direction[grid.packed].reshape(*grid.window.shape, 2)
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
+        strips = strips_of(grids, grid)
         for exit_ in exits:
             if exit_.level == grid.level:
-                strip = grid.sheet == 1 + grids.building.link_of(exit_)
-                points = np.stack([x[strip] for x in grid.window.coordinates()], axis=1)
-                own[strip] = outward_directions(exit_.segments, points)
-    direction = _with_halos(grids, direction)
+                strip = strips[exit_.index]
+                nodes = np.stack(np.unravel_index(strip, grid.window.shape), axis=1)
+                packed[strip] = outward_directions(exit_.segments, grid.window.places(nodes))
+    take_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -267,62 +274,3 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         if known.any():
             own[missing] = own[nearest_marked(known, missing)]
     return direction
-
-
-def _lengths(
-    grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray, cosine: FloatArray
-) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]."""
-    building = grids.building
-    lengths = np.full((grids.size, 3), math.inf)
-    for exit_ in exits:
-        grid = grids.levels[exit_.level]
-        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + building.link_of(exit_))
-        use = use_towards(building.levels[exit_.level], exit_.segments)
-        lengths[behind] = 0.0
-        lengths[behind, use] = cost[behind] / rates[use]
-    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
-    node = np.flatnonzero(own & np.isfinite(cost))
-    node = node[np.argsort(cost[node], kind="stable")]
-    ways = _ways(grids, cost, cosine)
-    add_lengths(node, ways, lengths)
-    # Paths also end at nodes without a lower neighbour, in front of an exit without a strip and occasionally beside its
-    # ends. The node with the lowest cost among those without lengths is one of them.
-    uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
-    while (without := node[np.isinf(lengths[node, 0])]).size:
-        is_lowest = np.zeros(without.size, np.uint8)
-        find_lowest(without, ways, is_lowest)
-        begins = without[is_lowest == 1]
-        begins = begins if begins.size else without[:1]
-        towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
-        lengths[begins] = 0.0
-        lengths[begins, towards] = cost[begins] / rates[towards]
-        add_lengths(node, ways, lengths)
-    # Lengths are of first order, the cost of second; scale the lengths so that they sum up to the cost.
-    along = lengths[node] @ rates
-    usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
-    lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
-    return _with_halos(grids, lengths)
-
-
-def _ways(grids: BuildingGrids, cost: FloatArray, cosine: FloatArray) -> Ways:
-    """Return the data for path lengths along the steepest descent of a cost."""
-    return Ways(
-        level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
-        twin=_twins(grids),
-        cost=cost,
-        stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
-        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
-        cosine=cosine,
-        spacing=grids.lattice.spacing,
-    )
-
-
-def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
-    """Return, for each node on a portal, the node at the same position on the other level; -1 for other nodes."""
-    twin = np.full(grids.size, -1, dtype=np.int64)
-    for grid in grids.levels:
-        for ours, theirs in grid.seams.values():
-            twin[ours] = theirs
-    return twin

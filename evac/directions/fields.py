@@ -1,7 +1,8 @@
 """Travel times and directions of a building for each level and route."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +10,9 @@ from numpy.typing import ArrayLike
 from evac.arrays import FloatArray
 from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
+
+if TYPE_CHECKING:
+    from evac.directions.lengths import Marched
 
 
 class CellWalls(Struct):
@@ -89,19 +93,28 @@ class Fields:
         The routes that ``Crowd.route`` refers to.
     packed : PackedFields
         Travel times and directions of the routes.
-    lengths : (nodes, 3) float64
-        Flat, up and down lengths of the path to the destination, along the slope [m].
     comfort : float
         Weight of the time on stairs in the strategy "comfortable".
     clearance : float
         Distance that directions keep from walls where there is room [m].
+    marched : Marched, optional
+        Data that lengths are computed from; lengths are empty without it.
     """
 
     routes: tuple[Route, ...]
     packed: PackedFields
-    lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     comfort: float = 1.0
     clearance: float = 0.0
+    marched: "Marched | None" = None
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Flat, up and down lengths (nodes, 3) of the path to the destination, along the slope [m]."""
+        from evac.directions.lengths import find_lengths
+
+        if self.marched is None:
+            return np.zeros((0, 3))
+        return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)
 
     def __repr__(self) -> str:
         return f"<Fields: {len(self.routes)} routes, nodes {self.packed.spacing:g} m apart>"

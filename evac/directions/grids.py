@@ -15,7 +15,6 @@ from evac.building.narrow import gaps_below
 from evac.directions.lattice import (
     SLACK,
     Lattice,
-    Links,
     Window,
     walkable_nodes,
     wall_distance,
@@ -43,8 +42,10 @@ class LevelGrid:
         Packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none.
     offset : int
         Packed index of node (0, 0).
-    distance : (nx, ny) float64
-        Distance of own nodes and strips from the nearest wall, at most the clearance [m].
+    ring : (r,) int64
+        Packed indices of the own nodes and strips that may be nearer to a wall than the clearance.
+    distance : (r,) float64
+        Their distance to the nearest wall, at most the clearance [m].
     seams : dict of int to (2, s) int64
         Packed indices of the own nodes exactly on a portal, by portal: on this grid and on the grid of the
         neighbour, where they are own nodes as well.
@@ -60,6 +61,7 @@ class LevelGrid:
     sheet: IntArray
     source: NDArray[np.int64]
     offset: int
+    ring: IndexArray
     distance: FloatArray
     seams: dict[int, NDArray[np.int64]]
     strip_rows: dict[int, int]
@@ -153,13 +155,14 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
     found = []
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
-        distance = _distances(building, level.index, window, sheet, walls, clearance)
+        ring, distance = _distances(building, level.index, window, sheet, walls, clearance)
         portals = _open_portals(building, level.index)
         seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
         offset = int(offsets[level.index])
+        ring += offset
         rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
-        found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
+        found.append(LevelGrid(level.index, window, sheet, source, offset, ring, distance, seams, rows, stands_for))
     return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
 
 
@@ -239,8 +242,8 @@ class _Layers:
         for exit_ in self.open_exits(level.index):
             rows = free_rows(exit_.segments, shapely.union_all(taken), lattice.spacing, self.margin - 1)
             self.strip_rows[exit_.index] = rows
-            strip = (sheet == NOTHING) & behind(window, exit_.segments, rows)
-            sheet[strip] = 1 + self.building.link_of(exit_)
+            for box, strip in behind(window, exit_.segments, rows):
+                sheet[box][strip & (sheet[box] == NOTHING)] = 1 + self.building.link_of(exit_)
             taken.append(shapely.buffer(chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
@@ -255,17 +258,24 @@ class _Layers:
 
     def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
         """Add the neighbour's nodes that can be reached directly behind a portal to the sheet."""
-        nodes = np.zeros(window.shape, dtype=np.bool_)
-        here, there = window.overlap(self.windows[neighbour])
+        depth = self._depth(portal)
+        box = window.box_around(portal.segments, depth)
+        part = window.part(box)
+        nodes = np.zeros(part.shape, dtype=np.bool_)
+        here, there = part.overlap(self.windows[neighbour])
         nodes[here] = self.nodes[neighbour][there]
         line = chain(portal.segments)
         shapely.prepare(line)
-        x, y = window.coordinates()
-        nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), self._depth(portal))
-        beside = _ends_of(window.crossed_links(portal.segments, touching=True))
-        part = parts_of(nodes)
-        nodes[nodes] = np.isin(part, part[beside[nodes]])
-        sheet[(sheet == NOTHING) & nodes] = 1 + portal.index
+        x, y = window.coordinates(box)
+        nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), depth)
+        beside = np.zeros(part.shape, dtype=np.bool_)
+        for axis in (0, 1):
+            links = window.crossed_links(portal.segments, axis, touching=True)
+            for i, j in (links.near, links.far):
+                beside[i - box[0].start, j - box[1].start] = True
+        number = parts_of(nodes)
+        nodes[nodes] = np.isin(number, number[beside[nodes]])
+        sheet[box][(sheet[box] == NOTHING) & nodes] = 1 + portal.index
 
     def _cut_links(self, window: Window, sheet: IntArray, level: int, portals: Sequence[Portal]) -> None:
         """Remove nodes of halos and strips that would be connected other than through their portal or exit.
@@ -279,36 +289,36 @@ class _Layers:
             behind[1 + self.building.link_of(exit_)] = (exit_.segments, -1 - exit_.index)
         ground = np.full(2 + self.building.n_links, NOTHING, dtype=np.int64)
         ground[OWN] = level
-        doors = [np.zeros(window.shape, dtype=np.bool_), np.zeros(window.shape, dtype=np.bool_)]
-        for index, (segments, other) in behind.items():
+        for index, (_, other) in behind.items():
             ground[index] = other
-            walls = self.walls[level] if other < 0 else np.concatenate((self.walls[level], self.walls[other]))
-            crossed = window.crossed_links(segments, touching=True)
-            walled = window.crossed_links(walls, touching=False)
-            for axis, (at, blocked) in enumerate(
-                ((crossed.along_x, walled.along_x), (crossed.along_y, walled.along_y))
-            ):
-                one, two = sheet, np.roll(sheet, -1, axis=axis)
-                joined = ((one == OWN) & (two == index)) | ((one == index) & (two == OWN))
-                doors[axis] |= joined & ~np.isnan(at) & np.isnan(blocked)
+        doors = [self._doors(window, sheet, level, behind, axis) for axis in (0, 1)]
         for axis in (0, 1):
             one = sheet[:-1, :] if axis == 0 else sheet[:, :-1]
             two = sheet[1:, :] if axis == 0 else sheet[:, 1:]
-            door = doors[axis][:-1, :] if axis == 0 else doors[axis][:, :-1]
-            linked = (one != NOTHING) & (two != NOTHING)
-            wrong = linked & (ground[one] != ground[two]) & ~door
-            first_gives = wrong & (one > two)
-            second_gives = wrong & (two > one)
-            one[first_gives] = NOTHING
-            two[second_gives] = NOTHING
+            near = np.nonzero((one != two) & (one != NOTHING) & (two != NOTHING))
+            first, second = one[near], two[near]
+            wrong = (ground[first] != ground[second]) & ~doors[axis][near]
+            for gives, ends in ((wrong & (first > second), one), (wrong & (second > first), two)):
+                ends[near[0][gives], near[1][gives]] = NOTHING
 
-
-def _ends_of(links: Links) -> BoolArray:
-    """Return the nodes at the ends of crossed links."""
-    ends = ~np.isnan(links.along_x) | ~np.isnan(links.along_y)
-    ends[1:, :] |= ~np.isnan(links.along_x)[:-1, :]
-    ends[:, 1:] |= ~np.isnan(links.along_y)[:, :-1]
-    return ends
+    def _doors(
+        self, window: Window, sheet: IntArray, level: int, behind: dict[int, tuple[FloatArray, int]], axis: int
+    ) -> BoolArray:
+        """Mark the links along an axis, by their near ends, from the level through an open portal or exit."""
+        through = np.zeros(window.shape, dtype=np.bool_)
+        walled = {other: np.zeros(window.shape, dtype=np.bool_) for _, other in behind.values() if other >= 0}
+        walled[level] = np.zeros(window.shape, dtype=np.bool_)
+        for other, blocked in walled.items():
+            blocked[window.crossed_links(self.walls[other], axis, touching=False).near] = True
+        for index, (segments, other) in behind.items():
+            links = window.crossed_links(segments, axis, touching=True)
+            one, two = sheet[links.near], sheet[links.far]
+            is_open = ((one == OWN) & (two == index)) | ((one == index) & (two == OWN))
+            is_open &= ~walled[level][links.near]
+            if other >= 0:
+                is_open &= ~walled[other][links.near]
+            through[links.some(is_open).near] = True
+        return through
 
 
 def _sources(
@@ -319,15 +329,16 @@ def _sources(
 ) -> NDArray[np.int64]:
     """Return the packed index of the node that each node of a level's grid represents."""
     window, sheet = grids[level]
-    source = np.where(sheet == NOTHING, -1, offsets[level] + np.arange(sheet.size).reshape(sheet.shape))
+    source = np.arange(offsets[level], offsets[level] + sheet.size, dtype=np.int64).reshape(sheet.shape)
+    source[sheet == NOTHING] = -1
+    halo = np.flatnonzero((sheet > OWN) & (sheet <= len(building.portals)))
+    portals = sheet.ravel()[halo] - 1
     for portal in building.portals_of(level):
         neighbour = portal.other(level)
-        other_window, other_sheet = grids[neighbour]
-        here, there = window.overlap(other_window)
-        packed = offsets[neighbour] + np.arange(other_sheet.size).reshape(other_sheet.shape)[there]
-        halo = sheet[here] == 1 + portal.index
-        source[here][halo] = packed[halo]
-    return np.ascontiguousarray(source, dtype=np.int64)
+        other_window, _ = grids[neighbour]
+        own = halo[portals == portal.index]
+        source.ravel()[own] = offsets[neighbour] + _moved(own, window, other_window)
+    return source
 
 
 def _seam(
@@ -337,14 +348,15 @@ def _seam(
     window, sheet = grids[level]
     neighbour = portal.other(level)
     other_window, other_sheet = grids[neighbour]
-    here, there = window.overlap(other_window)
-    shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
-    ours = shared + np.array([here[0].start, here[1].start])
-    theirs = shared + np.array([there[0].start, there[1].start])
+    spacing = window.lattice.spacing
+    box = window.box_around(portal.segments, 2.0 * SLACK * spacing)
+    here, there = window.part(box).overlap(other_window)
+    shared = np.argwhere((sheet[box][here] == OWN) & (other_sheet[there] == OWN))
+    ours = shared + [box[axis].start + here[axis].start for axis in (0, 1)]
+    theirs = shared + [there[axis].start for axis in (0, 1)]
     line = chain(portal.segments)
     shapely.prepare(line)
-    spacing = window.lattice.spacing
-    on_portal = shapely.dwithin(line, shapely.points(window.origin + spacing * ours), 2.0 * SLACK * spacing)
+    on_portal = shapely.dwithin(line, shapely.points(window.places(ours)), 2.0 * SLACK * spacing)
     return np.stack(
         [
             offset + np.ravel_multi_index(tuple(nodes[on_portal].T), shape)
@@ -363,17 +375,20 @@ def _distances(
     sheet: IntArray,
     walls: list[FloatArray],
     clearance: float,
-) -> FloatArray:
-    """Return the distance of nodes from the walls of the level and from those just behind its portals [m]."""
+) -> tuple[IndexArray, FloatArray]:
+    """Return the nodes near walls of the level or those just behind its portals, and their distances [m]."""
     near_walls = [walls[level]]
     for portal in _open_portals(building, level) if clearance > 0.0 else ():
         beyond = walls[portal.other(level)]
         close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), chain(portal.segments), clearance)
         near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
-    edge = grown(sheet != OWN, steps) & (sheet == OWN)
-    strips = sheet > len(building.portals)
-    return wall_distance(window, edge | strips, np.concatenate(near_walls), clearance)
+    edge = grown(sheet != OWN, steps)
+    edge &= sheet == OWN
+    edge |= sheet > len(building.portals)
+    ring = np.flatnonzero(edge)
+    nodes = np.stack(np.unravel_index(ring, window.shape), axis=1)
+    return ring, wall_distance(window, nodes, np.concatenate(near_walls), clearance)
 
 
 def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:

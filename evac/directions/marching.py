@@ -155,15 +155,15 @@ class _March:
         # At larger distances, phi is the spacing.
         distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
-        phi = np.minimum(distance - ring, self.spacing)
-        found = self._solve(grid, phi, use, None, walkable)
+        exact = walkable & (distance - ring <= 0.0)
+        known = distance[exact] * self.metric.slowness[grid.level, use]
+        phi = np.subtract(distance, ring, out=distance)
+        found = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
         if found is None:
             # No nodes outside the ring, as on a level with few cells.
             found = np.full(phi.shape, math.inf)
-        slowness = self.metric.slowness[grid.level, use]
-        found += ring * slowness
-        exact = walkable & (phi <= 0.0)
-        found[exact] = distance[exact] * slowness
+        found += ring * self.metric.slowness[grid.level, use]
+        found[exact] = known
         self._lower(grid, found)
 
     def _distance_from(
@@ -177,16 +177,17 @@ class _March:
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
         near = grid.window.around(shapely.get_parts(lines), reach)
-        nodes = behind | (near & (grid.sheet == OWN))
+        near &= grid.sheet == OWN
+        nodes = behind | near
         shapely.prepare(lines)
         distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
-        close = np.flatnonzero(nodes & (grid.sheet == OWN))
+        close = np.argwhere(near)
         building = self.grids.building
         walls = building.walls[building.wall_level == grid.level].reshape(-1, 2, 2)
         if len(close) and len(walls):
             barrier = shapely.multilinestrings(shapely.linestrings(walls))
             shapely.prepare(barrier)
-            sight = shapely.shortest_line(shapely.points(x.ravel()[close], y.ravel()[close]), lines)
+            sight = shapely.shortest_line(shapely.points(grid.window.places(close)), lines)
             # Exclude the ends: a node may be on a wall, and walls begin at the ends of an exit.
             ends = shapely.get_coordinates(sight).reshape(-1, 2, 2)
             inner = np.array([[0.99, 0.01], [0.01, 0.99]]) @ ends
@@ -194,7 +195,7 @@ class _March:
             ground = shapely.buffer(building.levels[grid.level].polygon, SLACK * self.spacing, join_style="mitre")
             shapely.prepare(ground)
             hidden |= ~shapely.covers(ground, sight)
-            distance.ravel()[close[hidden]] = math.inf
+            distance[tuple(close[hidden].T)] = math.inf
         return distance
 
     def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> None:
@@ -235,9 +236,15 @@ class _March:
             # A wave that grazes the portal propagates along it at the larger of the two speeds.
             on_portal = grid.seams[through.index][0] - grid.offset
             slowness.ravel()[on_portal] = min(by_sheet[OWN], by_sheet[1 + through.index])
-        slowness[walkable] *= self.metric.factor[grid.source[walkable]]
-        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order)
-        found: FloatArray = np.ma.filled(cost, math.inf)
+        halo = self.grids.is_ground(grid) & (grid.sheet != OWN)
+        beyond = slowness[halo] * self.metric.factor[grid.source[halo]]
+        slowness *= self.metric.factor[grid.packed].reshape(slowness.shape)
+        slowness[halo] = beyond
+        speed = np.divide(1.0, slowness, out=slowness)
+        # The march takes some ten times the memory of an array of its nodes: nothing is copied here.
+        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), speed, dx=self.spacing, order=self.order)
+        found: FloatArray = np.ma.getdata(cost)
+        found[np.ma.getmaskarray(cost)] = math.inf
         return found
 
     def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:

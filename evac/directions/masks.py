@@ -8,6 +8,11 @@ import numpy as np
 from evac.arrays import BoolArray, IndexArray
 from evac.building.components import connected_components
 
+#: Nodes that are looked at together, since each takes some 80 bytes.
+CHUNK = 2**21
+
+NONE: IndexArray = np.zeros(0, dtype=np.int64)
+
 
 def parts_of(nodes: BoolArray) -> IndexArray:
     """Return the component (n,) of each marked node, with 4-connectivity."""
@@ -23,7 +28,8 @@ def grown(nodes: BoolArray, steps: int) -> BoolArray:
     """Mark the nodes at most `steps` nodes from a marked one along each axis (dilation by a square)."""
     width = 2 * steps + 1
     for axis in (0, 1):
-        before = np.cumsum(np.pad(nodes, [(steps + 1, steps) if axis == other else (0, 0) for other in (0, 1)]), axis)
+        padded = np.pad(nodes, [(steps + 1, steps) if axis == other else (0, 0) for other in (0, 1)])
+        before = np.cumsum(padded, axis, dtype=np.int32)
         first, last = (slice(None, -width), slice(width, None))
         nodes = before[last] > before[first] if axis == 0 else before[:, last] > before[:, first]
     return nodes
@@ -44,14 +50,23 @@ def nearest_marked(nodes: BoolArray, wanted: BoolArray) -> tuple[IndexArray, Ind
     (w,) int64, (w,) int64
         First and second indices of the nearest nodes, in the order of the wanted nodes.
     """
-    far = sum(nodes.shape)  # larger than any distance
-    along = np.arange(nodes.shape[0])[:, None]
+    far = np.int32(sum(nodes.shape))  # larger than any distance
+    along = np.arange(nodes.shape[0], dtype=np.int32)[:, None]
     before = np.maximum.accumulate(np.where(nodes, along, -far), axis=0)
     behind = np.minimum.accumulate(np.where(nodes, along, 2 * far)[::-1], axis=0)[::-1]
     in_line = np.where(along - before <= behind - along, before, behind)
-    i, j = np.nonzero(wanted)
-    line = _nearest_lines((in_line - along) ** 2, np.flatnonzero(nodes.any(axis=0)))[i, j]
-    return in_line[i, line], line
+    del before, behind
+    lines = np.flatnonzero(nodes.any(axis=0))
+    some = max(1, CHUNK // nodes.shape[1])
+    firsts, seconds = [NONE], [NONE]
+    for first in range(0, nodes.shape[0], some):
+        i, j = np.nonzero(wanted[first : first + some])
+        if len(i):
+            away = in_line[first : first + some].astype(np.int64) - along[first : first + some]
+            line = _nearest_lines(away**2, lines)[i, j]
+            firsts.append(in_line[first + i, line].astype(np.int64))
+            seconds.append(line)
+    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def _nearest_lines(squared: IndexArray, lines: IndexArray) -> IndexArray:

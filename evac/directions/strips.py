@@ -1,6 +1,7 @@
 """Strips of nodes behind exits, where marching starts so that paths pass the posts of exits at a distance."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -48,18 +49,17 @@ def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: 
     return rows if rows >= LEAST_ROWS else 0
 
 
-def behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
-    """Return the mask of the nodes in a strip with a number of rows behind exit segments."""
-    x, y = window.coordinates()
+def behind(window: Window, segments: FloatArray, rows: int) -> Iterator[tuple[tuple[slice, slice], BoolArray]]:
+    """Yield, for each segment of an exit, a box and the mask of its nodes in a strip of a number of rows behind it."""
     depth = rows * window.lattice.spacing
-    found = np.zeros(window.shape, dtype=np.bool_)
     for segment in segments:
+        box = window.box_around(segment, depth)
+        x, y = window.coordinates(box)
         x1, y1, x2, y2 = segment
         length = math.hypot(x2 - x1, y2 - y1)
         ahead = side_of(segment, x, y) / length
         along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
-        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
-    return found
+        yield box, (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
 
 
 def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:

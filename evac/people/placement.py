@@ -254,11 +254,14 @@ def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells)
                 if math.sqrt(square) < radius + cells.disc[other, 2] + MARGIN:
                     return False
                 other = cells.following[other]
-    nearest = math.inf
+    reach = radius + MARGIN
     for w in range(len(segments)):
         x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
-        nearest = min(nearest, segment_distance(x1, y1, x2, y2, x, y)[0])
-    return nearest >= radius + MARGIN
+        if min(x1, x2) - x >= reach or x - max(x1, x2) >= reach or min(y1, y2) - y >= reach or y - max(y1, y2) >= reach:
+            continue
+        if segment_distance(x1, y1, x2, y2, x, y)[0] < reach:
+            return False
+    return True
 
 
 @kernel

@@ -163,20 +163,21 @@ def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.b
             pairs += itertools.product(beside, [exit_node[way.index]])
     nodes = int(first[-1]) + len(building.exits)
     component = connected_components(nodes, np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    leads_out = [
-        np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
-        for route in fields.routes
-    ]
+    leads_out = np.array(
+        [
+            np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
+            for route in fields.routes
+        ]
+    )
     found = np.zeros(len(crowd.level), dtype=np.bool_)
     for level, own in enumerate(parts):
         here = np.flatnonzero(crowd.level == level)
         if not len(own):
             continue
-        nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
-        found[here] = [
-            leads_out[route][first[level] + k]
-            for k, route in zip(nearest.tolist(), crowd.route[here].tolist(), strict=True)
-        ]
+        nearest = np.zeros(len(here), np.int64)
+        if len(own) > 1:
+            nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
+        found[here] = leads_out[crowd.route[here], first[level] + nearest]
     return found
 
 

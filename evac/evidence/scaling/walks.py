@@ -1,13 +1,16 @@
 """Crowds walking in a hall, for a time or into a jam, and the cost of a person-step."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from evac.directions.fields import PackedFields
 from evac.evidence.models import COARSE, make_engine, make_model
 from evac.evidence.scaling.halls import Hall
+from evac.evidence.scaling.minimal import Minimal, make_minimal, walk_minimal
 from evac.jit import Struct
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import Crowd, copy_of
@@ -138,45 +141,68 @@ class Cost:
 
     seconds: float  # median of a step
     per_person: float  # median of a person-step [s]
+    minimal: float  # median of a person-step of the minimal kernel [s]
+    ratio: float  # median of person-steps over those of the minimal kernel beside them
     spread: float  # greatest over least
     builds: float  # of the lists, per step
     iterations: float  # per step
 
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
-    """Take the CPU time of some ticks of a walk, Python's part included.
+    """Take the CPU time of some ticks of a walk, Python's part included, in turns with the minimal kernel.
 
     Raises
     ------
     SimulationError
         The model cannot make a step.
     """
-    spans, per_person = [], []
+    minimal = start_minimal(walk.crowd, walk.engine.state.world.fields, walk.per_tick, walk.step)
     before = walk.engine.report()
+    inside, spans, least = [], [], []
     for _ in range(ticks):
-        inside = walk.inside
-        start = time.process_time()
-        walk.advance(model)
-        spans.append((time.process_time() - start) / walk.per_tick)
-        per_person.append(spans[-1] / max(inside, 1))
+        inside.append(max(walk.inside, 1))
+        spans.append(cpu_time(lambda: walk.advance(model)) / walk.per_tick)
+        least.append(minimal_cost(minimal, walk.per_tick, walk.step))
     after = walk.engine.report()
     steps = ticks * walk.per_tick
+    per_person = np.array(spans) / inside
     return Cost(
         float(np.median(spans)),
         float(np.median(per_person)),
+        float(np.median(least)),
+        float(np.median(per_person / least)),
         max(spans) / min(spans),
         (after["list_builds"] - before["list_builds"]) / steps,
         (after["iterations"] - before["iterations"]) / steps,
     )
 
 
+def start_minimal(crowd: Crowd, fields: PackedFields, steps: int, step: float) -> Minimal:
+    """Return a crowd as it stands for the minimal kernel, which has made so many steps of a length [s] with it."""
+    minimal = make_minimal(crowd, fields, step)
+    walk_minimal(minimal, steps, step)
+    return minimal
+
+
+def minimal_cost(minimal: Minimal, steps: int, step: float) -> float:
+    """Make so many steps of a length [s] with the minimal kernel; return the CPU time of a person-step [s]."""
+    return cpu_time(lambda: walk_minimal(minimal, steps, step)) / steps / len(minimal.radius)
+
+
+def cpu_time(call: Callable[[], Any]) -> float:
+    """Return the CPU time of a call [s]."""
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
 def memory(walk: Walk, model: ContactModel) -> int:
     """Return the bytes of all arrays whose size grows with the number of people, including those of the model."""
     state, people = walk.engine.state, len(walk.crowd.level)
     growing = (state.bodies, state.lists, state.contacts, state.warm_start, state.problem, state.events)
-    return sum(map(_bytes, (walk.crowd, *growing, model.own(people, state.world))))
+    return sum(map(bytes_of, (walk.crowd, *growing, model.own(people, state.world))))
 
 
-def _bytes(struct: Struct) -> int:
-    """Return the bytes of all arrays in a struct."""
+def bytes_of(struct: Struct) -> int:
+    """Return the bytes of all arrays in a struct, those of structs in it apart."""
     return sum(value.nbytes for value in struct.values().values() if isinstance(value, np.ndarray))
