@@ -10,7 +10,7 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway, large, walks
+from evac.evidence.scaling import headway, large, peers, walks
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
@@ -237,6 +237,7 @@ def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(large, "QUICK_SIZES", (30,))
     monkeypatch.setattr(large, "SCENES", large.SCENES[:1])
     monkeypatch.setattr(scaling, "_school_claims", lambda repeats: [])
+    monkeypatch.setattr(peers, "run", lambda evidence, step: None)  # which needs another program
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
