@@ -256,6 +256,20 @@ def on_floors(browser, name):
     return np.array(values), cell**2
 
 
+def test_flights_are_seen_from_their_upper_side_in_the_first_view(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    seen = browser.run(
+        """(() => { const { camera, record, state } = replay;
+             return record.building.levels.filter(({ kind }) => kind === "flight").map(({ plane: [, a, b] }) => {
+               const normal = [-a * state.spread, -b * state.spread, 1];
+               return camera.toward.reduce((sum, value, i) => sum + value * normal[i], 0) / Math.hypot(...normal);
+             }); })()"""
+    )
+    assert len(seen) > 1
+    assert min(seen) >= 0.3 - 1e-6
+
+
 def person_seconds_below(speed_limit, trajectory):
     """Time that people are slower [s], by differences of recorded positions: the page has no other speeds."""
     time, total = trajectory.time, 0.0

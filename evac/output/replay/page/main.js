@@ -1,6 +1,7 @@
 // Puts everything together, and shows the time that is to be shown.
 
-const TILT = 0.72;  // Of the first view [rad].
+const TILT = 0.72, TURN = 0.35;  // Of the first view [rad].
+const WELL_SEEN = 0.3;  // Share of the area of a flight that is seen.
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const BAR = 56;  // Height of the tools over the picture.
 const LEAST_PIXELS = 0.6;
@@ -242,7 +243,19 @@ async function start() {
 
   function turnBack() {
     camera.tilt = storeys.length > 1 ? TILT : 0.95;
-    camera.azimuth = camera.turned = layout.extent[0] >= layout.extent[1] ? 0.35 : 0.35 - Math.PI / 2;
+    camera.azimuth = camera.turned = firstTurn();
+  }
+
+  // The longer side is across; of its four views, the first one in which every flight is seen well, or the best one.
+  function firstTurn() {
+    const side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2, [flat, up] = [Math.cos(camera.tilt), Math.sin(camera.tilt)];
+    const flights = about.building.levels.filter(({ kind }) => kind === "flight");
+    const seen = (turn) => Math.min(WELL_SEEN, ...flights.map(({ plane: [, a, b] }) => {
+      const normal = [-a * state.spread, -b * state.spread, 1];
+      return dot([flat * Math.sin(turn), -flat * Math.cos(turn), up], normal) / Math.hypot(...normal);
+    }));
+    const turns = [TURN, -TURN, Math.PI + TURN, Math.PI - TURN].map((turn) => side + turn);
+    return turns.reduce((best, turn) => seen(turn) > seen(best) + 1e-9 ? turn : best);
   }
 
   function fillChoices() {
