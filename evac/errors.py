@@ -48,6 +48,11 @@ class ConformanceWarning(EvacWarning):
     """Lines of a plugin were not executed by `evac.conformance.check_plugin`, and are therefore not checked."""
 
 
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
 def text_of(error: BaseException) -> str:
     """Return the text of an error in one line of at most `LONGEST` characters and an ellipsis."""
     try:

@@ -12,6 +12,15 @@ from evac.scenario.problems import section_of
 from evac.scenario.schema import GroupSettings, PeopleSettings
 
 #: Names of the types of single values.
+#: Meaning of the numbers of a distribution where it is often mistaken.
+NOTES = {
+    "lognormal": (
+        " of the natural logarithm of the value, not of the value itself: the median is exp(mu), and the mean is "
+        "exp(mu + sigma² / 2). Or mean and standard deviation of the value: "
+        "`{ lognormal = { mean = 60.0, deviation = 20.0 } }`"
+    )
+}
+
 WORDS: dict[Any, str] = {
     float: "number",
     int: "whole number",
@@ -101,7 +110,7 @@ def _toml(value: Any) -> str:
 
 
 def _distributions() -> str:
-    rows = [f"| `{name}` | {', '.join(numbers)} |" for name, numbers in KINDS.items()]
+    rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in KINDS.items()]
     return (
         "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. "
         "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "
