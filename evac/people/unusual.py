@@ -46,8 +46,9 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     pairs, deepest = overlapping(crowd)
     if pairs:
         notes.append(
-            f"{counted(pairs, 'pair')} of people overlap at the start, by up to {deepest:.2f} m: depending on the contact "
-            "model, they are pushed apart or continue to overlap; correct people.NAME.positions if this is not intended"
+            f"{counted(pairs, 'pair')} of people overlap at the start, by up to {deepest:.2f} m: depending on the "
+            "contact model, they are pushed apart or continue to overlap; correct "
+            "people.NAME.positions if this is not intended"
         )
     return tuple(notes)
 

@@ -52,7 +52,7 @@ def test_explain_says_what_is_left_out_and_why(evac, capsys):
         line.split("  ")[0].strip(): line.split() for line in out.splitlines() if " in " in line or " out " in line
     }
     assert "out" in parts["portals"]
-    assert "0 portals between 1 levels" in out
+    assert "0 portals, 1 level" in out
     assert "in" in parts["fields: fastest"]
     assert evac("explain", "square_room", "--set", "people.people.strategy=shortest") == 0
     assert "fields: fastest" in capsys.readouterr().out
