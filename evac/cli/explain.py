@@ -6,7 +6,7 @@ behaviours decide themselves whether they are needed: plugin files of the case a
 
 import argparse
 
-from evac.cli.cases import case_to_run, declare_case
+from evac.cli.cases import case_to_run, declare_case, note_unused_plugins
 from evac.cli.screen import show_facts, show_table
 from evac.display import Display
 
@@ -19,6 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Print every optional part, whether it is used, and why."""
     case = case_to_run(arguments)
+    note_unused_plugins(case)
     from evac.cli.report import response_times
     from evac.simulation import Simulation
 

@@ -72,6 +72,36 @@ def test_the_last_line_names_the_result_folder(evac, capsys):
     assert "square_room-result" in last
 
 
+PLUGIN = """
+from evac import Behaviour, hookimpl
+
+evac_interface = 2
+
+
+class Idle(Behaviour):
+    \"\"\"Does nothing.\"\"\"
+
+    name = "idle"
+
+
+@hookimpl
+def evac_behaviours():
+    return [Idle]
+"""
+
+
+def test_a_plugin_that_the_case_does_not_use_is_noted(evac, tmp_path, capsys):
+    (tmp_path / "idle.py").write_text(PLUGIN)
+    words = ("explain", "square_room", "--plugin", "idle.py")
+    assert evac(*words) == 0
+    assert "idle.py is not used by the case: add [behaviours.idle]" in capsys.readouterr().err
+    assert evac(*words, "--set", "behaviours.idle={}") == 0
+    assert "not used" not in capsys.readouterr().err
+    (tmp_path / "idle.py").write_text(PLUGIN + "\n\n@hookimpl\ndef evac_metrics(results):\n    return {}\n")
+    assert evac(*words) == 0
+    assert "not used" not in capsys.readouterr().err
+
+
 def test_takes_a_folder_and_a_file(evac, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "room.obj").write_text("v 0 0 0\nv 6 0 0\nv 6 4 0\nv 0 4 0\nf 1 2 3 4\n")
