@@ -74,7 +74,7 @@ def _type(annotation: Any) -> str:
     if origin is Annotated:
         return _type(arguments[0])
     if origin is Literal:
-        return " or ".join(f"`{_toml(word)}`" for word in arguments)
+        return " or ".join(f"`{as_toml(word)}`" for word in arguments)
     if origin in (Union, types.UnionType):
         words = [_type(argument) for argument in arguments if argument is not type(None)]
         return " or ".join(dict.fromkeys(words))
@@ -93,19 +93,19 @@ def _default(field: FieldInfo) -> str:
     value = field.default
     if isinstance(value, Distribution):
         value = value.to_value()
-    return "none" if value is None else f"`{_toml(value)}`"
+    return "none" if value is None else f"`{as_toml(value)}`"
 
 
-def _toml(value: Any) -> str:
+def as_toml(value: Any) -> str:
     """Return a plain value in TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_toml(item) for item in value)}]"
+        return f"[{', '.join(as_toml(item) for item in value)}]"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
+        return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
     return repr(value)
 
 
