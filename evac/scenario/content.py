@@ -1,12 +1,11 @@
 """The content of a case.toml as plain data, and checks of its size before single keys are checked."""
 
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, quoted_line
 from evac.scenario.problems import Key, Problem
 
 #: Greatest size of a case.toml [bytes]: some 200,000 positions.
@@ -19,9 +18,6 @@ MOST_NESTED = 20
 MOST_KEYS = 10_000
 LONGEST_KEY = 200
 LONGEST_WORD = 4_000
-
-#: Greatest number of characters of a line of the file in a message.
-LONGEST_QUOTED = 120
 
 #: Integers of TOML have 64 bits.
 _LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
@@ -66,7 +62,7 @@ def read_table(path: Path) -> dict[str, Any]:
     try:
         return parse(text)
     except ValueError as error:
-        raise ScenarioError(f"{path}: not valid TOML: {error}{_place(text, str(error))}") from error
+        raise ScenarioError(f"{path}: not valid TOML: {error}{quoted_line(text, str(error))}") from error
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -85,24 +81,6 @@ def parse(text: str) -> dict[str, Any]:
         raise ValueError("an integer beyond 64 bits") from None
     except RecursionError:
         raise ValueError(f"tables and lists nested more than {MOST_NESTED} deep") from None
-
-
-def _place(text: str, error: str) -> str:
-    """Return the line that an error of the parser names, quoted, with a hint if the mistake is a frequent one."""
-    found = re.search(r"at line (\d+)", error)
-    lines = text.split("\n")
-    if not found or int(found[1]) > len(lines):
-        return "; correct the file"
-    line = lines[int(found[1]) - 1].strip()
-    quoted = f": {line[:LONGEST_QUOTED]}{'...' if len(line) > LONGEST_QUOTED else ''}"
-    bare = re.fullmatch(r"([\w.-]+)\s*=\s*([A-Za-z][^\"'#\[\]{}]*?)\s*", line)
-    if bare and bare[2].lower() in ("true", "false"):
-        return f"{quoted}; write {bare[1]} = {bare[2].lower()}"
-    if bare:
-        return f'{quoted}; text needs quotes: {bare[1]} = "{bare[2]}"'
-    if re.search(r'"[^"]*\\', line):
-        return f"{quoted}; a backslash has a special meaning within double quotes: use forward slashes or single quotes"
-    return f"{quoted}; correct the file there"
 
 
 def faults(content: Mapping[str, Any]) -> list[Problem]:

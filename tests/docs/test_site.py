@@ -65,7 +65,7 @@ def merged(case, recipe):
     result = dict(case)
     for key, value in recipe.items():
         if key == "building":
-            result[key] = case[key] | {"exits": case[key]["exits"] + value["exits"]}
+            result[key] = case[key] | value | {"exits": case[key]["exits"] + value["exits"]}
         else:
             result[key] = case.get(key, {}) | value if isinstance(value, dict) else value
     return result
