@@ -75,7 +75,7 @@ class Display:
             self._compiling_since = self._shown = now
             if not self._is_bar:
                 self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
-        numbers = f"{done} of {counted(kernels, 'kernel')}, {now - self._compiling_since:.0f} s"
+        numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
         if done == kernels:
             self._compiling_since = None
             self.phase("computing directions")

@@ -246,13 +246,13 @@ def _show_quality(study: "Study") -> None:
         for line in row["quality_warnings"]:
             found.setdefault(_kind(line), []).append(f"{where}: {line}")
     for lines in list(found.values())[:MOST_WARNINGS]:
-        more = f" (and {len(lines) - 1} more runs with such a warning, in runs.csv)" if len(lines) > 1 else ""
-        show_warnings([lines[0] + more])
+        others = counted(len(lines) - 1, "more run")
+        show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
 
 
 def _kind(line: str) -> str:
-    """Return a warning without its numbers."""
-    return "".join(sign for sign in line if not sign.isdigit())
+    """Return the words with which a warning begins, without numbers."""
+    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
 
 
 def seconds(value: float) -> str:

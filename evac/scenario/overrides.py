@@ -27,7 +27,8 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
         try:
             pairs.append((key, value_of(word)))
         except ValueError as error:
-            problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
+            hint = "; text in a list needs quotes, as in '[\"door\"]'" if word[0] == "[" else ""
+            problems.append(Problem((key,), f"{word} is not valid TOML: {error}{hint}"))
     return pairs, problems
 
 

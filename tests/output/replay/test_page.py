@@ -287,7 +287,7 @@ def test_maps_of_the_run_are_those_of_evac_map(browser, room):
     assert usage.max() == pytest.approx(np.nanmax(maps.usage), abs=1)
     pressure, _ = on_floors(browser, "contact pressure")
     assert pressure.max() == pytest.approx(np.nanmax(maps.contact_pressure), rel=2 ** (1 / PER_OCTAVE) - 1)
-    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "greatest density": maps.max_density}
+    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "maximum density": maps.max_density}
     for name, array in smooth.items():
         values, _ = on_floors(browser, name)
         assert np.quantile(values[values > 0], 0.9) == pytest.approx(np.nanquantile(array[array > 0], 0.9), rel=0.15)
