@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Self
 from rich import progress as bars
 from rich.console import Console
 
+from evac.errors import counted
+
 if TYPE_CHECKING:
     from evac.phases import Progress
 
@@ -72,7 +74,7 @@ class Display:
         if self._compiling_since is None:
             self._compiling_since = self._shown = now
             if not self._is_bar:
-                self._print(f"compiling {kernels} kernels, which are kept for later runs")
+                self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
         numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
         if done == kernels:
             self._compiling_since = None

@@ -1,11 +1,13 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
+import re
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-#: Characters of an error's text that are shown.
+#: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
+LONGEST_QUOTED = 120
 
 
 class EvacError(Exception):
@@ -46,6 +48,29 @@ class CacheWarning(EvacWarning):
 
 class ConformanceWarning(EvacWarning):
     """Lines of a plugin were not executed by `evac.conformance.check_plugin`, and are therefore not checked."""
+
+
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
+def quoted_line(text: str, error: str) -> str:
+    """Return the line of a TOML text that a parser's error names, with a hint if the mistake is a frequent one."""
+    found = re.search(r"at line (\d+)", error)
+    lines = text.split("\n")
+    if not found or int(found[1]) > len(lines):
+        return "; correct the file"
+    line = lines[int(found[1]) - 1].strip()
+    quoted = f": {line[:LONGEST_QUOTED]}{'...' if len(line) > LONGEST_QUOTED else ''}"
+    bare = re.fullmatch(r"([\w.-]+)\s*=\s*([A-Za-z][^\"'#\[\]{}]*?)\s*", line)
+    if bare and bare[2].lower() in ("true", "false"):
+        return f"{quoted}; write {bare[1]} = {bare[2].lower()}"
+    if bare:
+        return f'{quoted}; text needs quotes: {bare[1]} = "{bare[2]}"'
+    if re.search(r'"[^"]*\\', line):
+        return f"{quoted}; a backslash has a special meaning within double quotes: use forward slashes or single quotes"
+    return f"{quoted}; correct the file there"
 
 
 def text_of(error: BaseException) -> str:

@@ -11,7 +11,7 @@ from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
-from evac.errors import plugin_code
+from evac.errors import counted, plugin_code
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
@@ -141,7 +141,7 @@ def explain(
     """
     portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
-        Part("portals", portals > 0, f"{portals} portals between {len(building.levels)} levels"),
+        Part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
         Part("stair speeds", flights > 0, f"{flights} sloped levels"),
     ]
     for strategy in STRATEGIES:

@@ -77,6 +77,9 @@ KINDS = {
     "case": "evac_building_cases",
 }
 
+#: Hooks that return plugins; the other hooks are called in every run.
+HOOKS = frozenset(KINDS.values())
+
 #: Prefix of the names of modules made from plugin files.
 FILE_PREFIX = "evac_plugin_"
 
@@ -279,10 +282,17 @@ class Registry:
             Contact model, forces, behaviours, recorders and importer in use.
         """
         owners = {self._owners[kind_of(type(one)), one.name] for one in used}
-        always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - set(KINDS.values())
+        always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - HOOKS
         for hook in always:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
         return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
+
+    def provided_by(self, path: Path) -> list[tuple[str, str]]:
+        """Return kind and name of all that a plugin file (resolved) provides; nothing if it has hooks of every run."""
+        module = self._manager.get_plugin(str(path))
+        if any(hasattr(module, hook) for hook in vars(hookspecs) if hook.startswith("evac_") and hook not in HOOKS):
+            return []
+        return [key for key, owner in self._owners.items() if owner == str(path)]
 
     def describe(self) -> list[dict[str, Any]]:
         """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""

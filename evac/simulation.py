@@ -25,7 +25,7 @@ from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
 from evac.people.population import build_population
-from evac.people.unusual import unusual
+from evac.people.unusual import late_starts, unusual
 from evac.people.ways import check_ways
 from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
@@ -195,12 +195,14 @@ class Simulation:
         Returns
         -------
         tuple of str
-            About the building, places that are too narrow for the widest person, and unusual properties of people.
+            About the building, places that are too narrow for the widest person, unusual properties of people, and
+            people who start only after the end of the run.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
-        return (*self.building.warnings, *map(str, narrow), *unusual(start, self.population.groups))
+        people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
+        return (*self.building.warnings, *map(str, narrow), *people)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None

@@ -7,6 +7,7 @@ from pathlib import Path
 from evac.building.importer import Importer
 from evac.building.plan import Plan
 from evac.building.plantable import plan_of
+from evac.errors import quoted_line
 from evac.hookspecs import hookimpl
 
 
@@ -22,10 +23,11 @@ class PlanImporter(Importer):
 
     def read(self, path: Path) -> Plan:
         """Read a plan; raise ValueError if the file is not TOML."""
+        text = path.read_text(encoding="utf-8-sig")
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"invalid TOML: {error}") from error
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"invalid TOML: {error}{quoted_line(text, str(error))}") from error
         return plan_of(table, path, path.parent)
 
 

@@ -23,7 +23,7 @@ def test_square_room_needs_next_to_nothing():
     needed = {name for name, (is_in, _) in plan.items() if is_in}
     outputs = {"tables", "picture", "replay", "trajectory", "animation"}
     assert needed == {"fields: fastest", "contact solves", "solver accelerated_sweeps", *outputs}
-    assert plan["portals"][1] == "0 portals between 1 levels"
+    assert plan["portals"][1] == "0 portals, 1 level"
     assert simulation.fields.routes == (Route(),)
     assert simulation.forces == []
     assert simulation.behaviours == []

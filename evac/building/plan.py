@@ -13,7 +13,7 @@ from evac.building.findings import Finding
 from evac.building.planparts import DOOR_REACH, OUTSIDE, Item, Stair, Storey
 from evac.building.shapes import Shape, polygons_of, segment_of
 from evac.defaults import HEADROOM
-from evac.errors import BuildingError
+from evac.errors import BuildingError, counted
 
 if TYPE_CHECKING:
     from evac.building.model import Building
@@ -67,6 +67,14 @@ class Plan:
         self.obstacles: list[Item] = []
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
         self.findings: list[Finding] = []
+
+    def __repr__(self) -> str:
+        parts = {
+            "storey": len(self.storeys),
+            "stair": len({*(stair.name for stair in self.stairs), *(piece[0] for piece in self.pieces)}),
+            "exit": len(self.exits),
+        }
+        return f"<Plan {str(self.source)!r}: {', '.join(counted(number, what) for what, number in parts.items())}>"
 
     def storey(
         self,

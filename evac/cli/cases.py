@@ -59,6 +59,14 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     return case
 
 
+def note_unused_plugins(case: "Case") -> None:
+    """Print a note for each plugin file in addition to the case none of whose models and behaviours the case uses."""
+    from evac.scenario.trust import unused_files
+
+    for path, tables in unused_files(case):
+        print(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}", file=sys.stderr)
+
+
 def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
     """Return the case that `case_of` has loaded; None if there is none."""
     return getattr(arguments, "loaded", None)

@@ -10,6 +10,7 @@ from typing import Any
 
 from evac.cli.cases import declare_plugin
 from evac.cli.results import declare_result, trajectory_of
+from evac.errors import counted
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
     for path in export(trajectory, exporter, arguments.out):
         print(path)
     if len(trajectory):
-        print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
+        print(f"{counted(len(trajectory), 'frame')} up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
     return 0
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.cases import declare_plugin
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, counted
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -106,7 +106,7 @@ def _show(made: "Imported") -> None:
             "floors": f"{len(floors)}, {sum(level.polygon.area for level in floors):.1f} m2",
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
-            "people": f"{sum(room.number for room in made.rooms)} in {len(made.rooms)} rooms",
+            "people": f"{sum(room.number for room in made.rooms)} in {counted(len(made.rooms), 'room')}",
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
             "case": made.folder,
         }

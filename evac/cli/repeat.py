@@ -10,7 +10,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.cases import case_to_run, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
 from evac.display import Display
 
@@ -30,6 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.study.points import single
 
     case = case_to_run(arguments)
+    note_unused_plugins(case)
     options = options_of(arguments)
     rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")

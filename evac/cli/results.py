@@ -23,10 +23,11 @@ def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
         As `evac.read_trajectory`.
     """
     from evac.cli.screen import show_warnings
-    from evac.output.resultfolder import find_result
+    from evac.output.resultfolder import check_result, find_result
     from evac.output.trajectory import read_trajectory
 
     place = find_result(arguments.result)
+    check_result(place)
     if place != arguments.result:
         print(
             f"evac: {arguments.result} does not exist yet; reading {place} of a run that has not ended", file=sys.stderr

@@ -9,7 +9,7 @@ import argparse
 import math
 from pathlib import Path
 
-from evac.cli.cases import case_to_run, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
 from evac.display import Display
 
 
@@ -50,6 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
         changes = chosen | ({"output.animation": True} if arguments.vtk else {})
         case = case.change(changes) if changes else case
+        note_unused_plugins(case)
         from evac.cli.running import run_shown, show_run
         from evac.output.files import CHECKPOINT_NAME
         from evac.output.resultfolder import ResultFolder

@@ -20,7 +20,7 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 def run_shown(
     simulation: "Simulation", place: "ResultFolder", display: Display, checkpoint: float | None
 ) -> "tuple[Results, int]":
-    """Run a simulation with a display, and write its results; return them with the exit status.
+    """Show the warnings before a run, run it with a display, and write its results; return them with the exit status.
 
     The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
@@ -32,6 +32,8 @@ def run_shown(
         hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
         notify(f"\nevac: stopping at the end of this tick{hint}")
 
+    for warning in simulation.warnings():
+        display.line(f"warning: {warning}")
     display.phase("first tick")
     with Interrupt(display, SIGNALS, announce) as progress:
 
@@ -44,17 +46,17 @@ def run_shown(
 
 
 def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
-    """Show the tables and warnings of a run; `chosen` are settings that the command has chosen."""
-    from evac.cli.report import show_results
+    """Show the tables and quality warnings of a run; `chosen` are settings that the command has chosen."""
+    from evac.cli.report import show_folder, show_results
     from evac.cli.screen import show_facts, show_warnings
     from evac.ending import INTERRUPTED
     from evac.output.files import CHECKPOINT_NAME
 
     assert results.folder is not None
-    show_warnings(results.warnings)
     show_facts(chosen)
-    show_results(results, results.folder)
+    show_results(results)
     show_warnings(results.quality_warnings)
+    show_folder(results.folder)
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"

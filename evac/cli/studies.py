@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.display import Display
+from evac.errors import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -126,7 +127,7 @@ def show_study(study: "Study") -> int:
     runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
-    facts["everybody out"] = f"in {runs - blocked} of {runs} runs"
+    facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
     if len(study.points) == 1:
         show_facts(facts | _settled_facts(study))
         show_table(
@@ -145,11 +146,11 @@ def show_study(study: "Study") -> int:
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
     """Return the rows of the table of statistics of a study with one point."""
     one = study.statistics[0]
-    everywhere = f"{one.runs} runs"
-    rows = [("least", seconds(one.least), "", everywhere)]
+    everywhere = counted(one.runs, "run")
+    rows = [("minimum", seconds(one.least), "", everywhere)]
     rows += [_row(found, everywhere) for found in one.percentiles]
-    rows.append(("greatest", seconds(one.greatest), "", everywhere))
-    complete = f"{one.runs - one.blocked} complete runs" if one.blocked else everywhere
+    rows.append(("maximum", seconds(one.greatest), "", everywhere))
+    complete = counted(one.runs - one.blocked, "complete run") if one.blocked else everywhere
     rows.append(_row(one.mean, complete))
     rows.append(("standard deviation", seconds(one.standard_deviation), "", complete))
     names = [found.name for found in (one.mean, *one.percentiles)]
@@ -198,8 +199,10 @@ def _settled_facts(study: "Study") -> dict[str, object]:
     from evac.study.outputs import curves
 
     found = settled(convergence(curves(study, 0)))
-    text = ", ".join(f"{name} {'not' if runs is None else f'at {runs} runs'}" for name, runs in found.items())
-    return {"settled (Ronchi et al.)": text}
+    at = [f"{name} after {counted(runs, 'run')}" for name, runs in found.items() if runs is not None]
+    open_ = [name for name, runs in found.items() if runs is None]
+    text = "; ".join([", ".join(at), f"not yet: {', '.join(open_)}" if open_ else ""]).strip("; ")
+    return {"convergence (Ronchi et al.)": text}
 
 
 def _show_blocked(study: "Study") -> None:
@@ -227,10 +230,10 @@ def _show_rule(study: "Study") -> None:
         half = found.relative_half_width
         reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
         if rule.is_known(study.times(point.index), study.populations(point.index)):
-            line = f"interval of the {found.name} narrow enough{where} after {runs} runs: {reached}"
+            line = f"interval of the {found.name} narrow enough{where} after {counted(runs, 'run')}: {reached}"
         else:
             reason = found.note or "raise --most"
-            line = f"interval of the {found.name} too wide{where} after {runs} runs: {reached}, "
+            line = f"interval of the {found.name} too wide{where} after {counted(runs, 'run')}: {reached}, "
             line += f"required {100 * rule.until:g} %; {reason}"
         print(f"evac: {line}", file=sys.stderr)
 
@@ -243,13 +246,13 @@ def _show_quality(study: "Study") -> None:
         for line in row["quality_warnings"]:
             found.setdefault(_kind(line), []).append(f"{where}: {line}")
     for lines in list(found.values())[:MOST_WARNINGS]:
-        more = f" (and {len(lines) - 1} more runs with such a warning, in runs.csv)" if len(lines) > 1 else ""
-        show_warnings([lines[0] + more])
+        others = counted(len(lines) - 1, "more run")
+        show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
 
 
 def _kind(line: str) -> str:
-    """Return a warning without its numbers."""
-    return "".join(sign for sign in line if not sign.isdigit())
+    """Return the words with which a warning begins, without numbers."""
+    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
 
 
 def seconds(value: float) -> str:
@@ -260,11 +263,11 @@ def seconds(value: float) -> str:
 
 
 def interval(one: "Estimate") -> str:
-    """Format the interval of an estimate."""
+    """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
     if math.isnan(one.low) and math.isnan(one.high):
         return "none"
-    low = "none" if math.isnan(one.low) else seconds(one.low)
-    high = "none" if math.isnan(one.high) else "open" if math.isinf(one.high) else seconds(one.high)
+    low = "open" if math.isnan(one.low) else seconds(one.low)
+    high = seconds(one.high) if math.isfinite(one.high) else "open"
     return f"{low} to {high}"
 
 

@@ -55,9 +55,10 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.output.report.page import Labels, write_page
     from evac.output.report.study import study_report
     from evac.output.report.study_files import is_study
-    from evac.output.resultfolder import find_result
+    from evac.output.resultfolder import check_result, find_result
 
     folder = find_result(arguments.result)
+    check_result(folder)
     if not folder.is_dir():
         raise ResultError(f"{folder}: no such folder; give the result folder of a run or a study")
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)

@@ -47,12 +47,12 @@ class Quantity(NamedTuple):
 #: The maps, by the name of the array of `LevelMaps`.
 QUANTITIES = {
     "density": Quantity("mean density", "1/m²", "mean over time of the density"),
-    "max_density": Quantity("greatest density", "1/m²", "greatest density at any recorded time"),
+    "max_density": Quantity("maximum density", "1/m²", "maximum density at any recorded time"),
     "speed": Quantity("mean speed", "m/s", "mean speed of the people there, along the slope on stairs"),
     "flow": Quantity("specific flow", "1/(m s)", "mean over time of density times velocity, length of the vector"),
     "waiting": Quantity("waiting", "s/m²", f"time spent by people slower than {WAITING_SPEED:g} m/s, per area"),
     "time_to_clear": Quantity("time to clear", "s", "time at which the last body was there"),
-    "contact_pressure": Quantity("greatest contact pressure", "N/m", "greatest contact force over circumference"),
+    "contact_pressure": Quantity("maximum contact pressure", "N/m", "maximum contact force over circumference"),
     "usage": Quantity("usage", "people", "number of different people whose bodies passed"),
 }
 

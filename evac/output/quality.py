@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from evac.errors import counted
 from evac.output.watch import CRUSHING_FORCE, CRUSHING_LOAD, Finding
 
 #: Greatest specific flow measured in bottleneck experiments: Daamen and Hoogendoorn (2010) [1/s/m].
@@ -68,10 +69,9 @@ def chatter_warning(finding: Finding, levels: Sequence[str]) -> str:
     """
     velocity, displacement = finding.values
     return (
-        f"chattering contacts: {_who(finding)} displaced much more slowly than with the velocities of the contact "
-        f"model; greatest difference {_where(finding, levels)}: {displacement:.2f} m/s instead of {velocity:.2f} m/s. "
-        "Recorded speeds are displacements, but rebounding bodies loosen a jam; compare with contacts that have less "
-        "restitution ('nsm1' has none)"
+        "chattering contacts: evacuation times may be too short, because rebounding bodies loosen a jam; compare with "
+        f"--set contact.model=nsm1. {_who(finding, 'rebounded')}, most {_where(finding, levels)}: displaced at "
+        f"{displacement:.2f} m/s, with contact velocities of {velocity:.2f} m/s (docs/results.md)"
     )
 
 
@@ -88,11 +88,12 @@ def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bo
         Whether the behaviour headway is in use.
     """
     force, load = finding.values
-    advice = "" if keeps_distance else "; use [behaviours.headway], with which people keep their distance"
+    advice = "" if keeps_distance else ", or use --set behaviours.headway={}, with which people keep their distance"
     return (
-        f"lethal contact forces: {_who(finding)} pressed with more than {CRUSHING_LOAD / 1000:g} kN per metre of body "
-        f"width or {CRUSHING_FORCE / 1000:g} kN; greatest {_where(finding, levels)}: {load / 1000:.1f} kN/m, "
-        f"{force / 1000:.1f} kN. Injuries are not modelled: people push without limit of time{advice}"
+        "lethal contact forces: such a crowd would be crushed, and injuries are not modelled; widen the passage or "
+        f"reduce the number of people{advice}. {_who(finding, 'exceeded')} {CRUSHING_LOAD / 1000:g} kN per metre of "
+        f"body width or {CRUSHING_FORCE / 1000:g} kN, most {_where(finding, levels)}: {load / 1000:.1f} kN/m, "
+        f"{force / 1000:.1f} kN (docs/results.md)"
     )
 
 
@@ -111,12 +112,12 @@ def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keeps_distance: bool) 
     tuple of str
         One line for each exit.
     """
-    advice = "use [behaviours.headway], with which people keep their distance"
+    advice = "use --set behaviours.headway={}, with which people keep their distance"
     if keeps_distance:
         advice = "check in egress.csv whether they left within a short time"
     return tuple(
-        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, more than the {MEASURED} measured "
-        f"in experiments; {advice}"
+        f"flow above measured ones: evacuation times may be too short; {advice}. "
+        f"{use['flow_per_metre']:.2f} people per second and metre left by {name!r}, at most {MEASURED} in experiments"
         for name, use in exits.items()
         if (use["flow_per_metre"] or 0.0) > MEASURED
     )
@@ -126,9 +127,9 @@ def _length(metres: float) -> str:
     return f"{1000.0 * metres:.3g} mm"
 
 
-def _who(finding: Finding) -> str:
-    people = "1 person was" if finding.people == 1 else f"{finding.people} people were"
-    return f"between t = {finding.since:.1f} and {finding.until:.1f} s {people}"
+def _who(finding: Finding, did: str) -> str:
+    people = counted(finding.people, "person", "people")
+    return f"Between t = {finding.since:.1f} and {finding.until:.1f} s {people} {did}"
 
 
 def _where(finding: Finding, levels: Sequence[str]) -> str:

@@ -34,6 +34,9 @@ from evac.output.files import (
 from evac.output.layout import is_trajectory
 from evac.output.lock import FileLock
 
+#: Name of the file of a case in its folder.
+CASE_NAME = "case.toml"
+
 #: Suffix added to the name of a file by other programs if a run has written a file with the same name.
 EARLIER = ".earlier"
 
@@ -245,6 +248,26 @@ def find_result(path: Path) -> Path:
     """Return the folder or file to read: `path`, or if it does not exist, the folder of the run that is writing it."""
     running = running_beside(path)
     return running if not path.exists() and running.is_dir() else path
+
+
+def check_result(path: Path) -> None:
+    """Check that a path to read results from exists and is not that of a case.
+
+    Raises
+    ------
+    ResultError
+        It does not exist, or is a case; the message names the result folder of the case if it exists.
+    """
+    is_case = path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not _is_result(path)
+    if path.exists() and not is_case:
+        return
+    stem = path.parent.resolve().name if path.name == CASE_NAME else path.resolve().name.removesuffix(".toml")
+    results = [place for place in (path.with_name(f"{stem}-result"), Path(f"{stem}-result")) if place.is_dir()]
+    what = "is a case, not a result" if is_case else "there is no such file or folder"
+    hint = f"did you mean {results[0]}?" if results else "give the result folder of a run"
+    if is_case and not results:
+        hint = f"run it first: evac run {path}"
+    raise ResultError(f"{path}: {what}; {hint}")
 
 
 def check_folder(folder: Path) -> None:

@@ -187,6 +187,11 @@ class Results:
         return others
 
     @property
+    def not_started(self) -> int:
+        """Number of people inside at the end whose response time was not over."""
+        return int(((self.crowd.level >= 0) & (self.crowd.start_time > self.time)).sum())
+
+    @property
     def exit_status(self) -> int:
         """0 if everybody is out, 3 if people are left."""
         return 0 if self.evacuated == self.number_of_people else 3
@@ -268,6 +273,7 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "stuck": self._stuck_places(),
+            "not_started": self.not_started,
             "warnings": self.warnings,
             "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,

@@ -277,5 +277,10 @@ def _mapped(path: Path, length: int | None) -> memoryview:
             whole = size if length is None else length
             # An empty file cannot be mapped.
             return memoryview(mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ) if whole else b"")
+    except FileNotFoundError as error:
+        raise ResultError(
+            f"{path}: no such file; check the path, or run the case with output.trajectory = true"
+        ) from error
     except (OSError, ValueError) as error:
-        raise ResultError(f"{path}: cannot read the trajectory: {error}; check the path") from error
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot read the trajectory: {why}; check the path") from error

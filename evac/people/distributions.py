@@ -26,6 +26,9 @@ KINDS = {
     "list": ("values",),
 }
 
+#: Keys of the other form of ``lognormal``: mean and standard deviation of the value itself, not of its logarithm.
+LOGNORMAL_TABLE = ("mean", "deviation")
+
 #: Minimum probability between the bounds of a truncated distribution.
 LEAST_SHARE = 1e-6
 
@@ -38,7 +41,7 @@ class Distribution:
     ----------
     kind : str
         ``constant`` (value), ``uniform`` (low, high), ``normal`` (mean, standard deviation), ``lognormal``
-        (mu and sigma of the logarithm), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
+        (mu and sigma of the logarithm of the value), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
         (values taken in order, one for each person; quantities of a group need exactly one for each).
     numbers : tuple of float
     minimum, maximum : float
@@ -299,6 +302,8 @@ def _numbers(kind: str, given: object) -> tuple[float, ...]:
     names = KINDS[kind]
     if kind == "constant":
         return (_number(kind, given),)
+    if kind == "lognormal" and isinstance(given, dict):
+        return _lognormal_of(given)
     if not isinstance(given, (list, tuple)):
         raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {reprlib.repr(given)}")
     if kind == "list":
@@ -308,6 +313,19 @@ def _numbers(kind: str, given: object) -> tuple[float, ...]:
     if len(given) != len(names):
         raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {len(given)} numbers")
     return tuple(_number(f"{name} of {kind}", item) for name, item in zip(names, given, strict=True))
+
+
+def _lognormal_of(given: dict[str, object]) -> tuple[float, float]:
+    """Return mu and sigma of a lognormal distribution given by its mean and standard deviation."""
+    if set(given) != set(LOGNORMAL_TABLE):
+        raise ValueError(f"lognormal = {{ mean = ..., deviation = ... }} or [mu, sigma] expected, got {given!r:.100}")
+    mean, deviation = (_number(f"{name} of lognormal", given[name]) for name in LOGNORMAL_TABLE)
+    for name, number in zip(LOGNORMAL_TABLE, (mean, deviation), strict=True):
+        if number <= 0:
+            raise ValueError(f"{name} of lognormal must be greater than 0, got {number:g}")
+    ratio = deviation / mean
+    variance = math.log1p(ratio * ratio)  # of the logarithm
+    return math.log(mean) - 0.5 * variance, math.sqrt(variance)
 
 
 def _check_shape(found: Distribution) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from evac.errors import counted
 from evac.people.population import Group
 from evac.physics.state import Crowd
 
@@ -45,10 +46,37 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     pairs, deepest = overlapping(crowd)
     if pairs:
         notes.append(
-            f"{pairs} pairs of people overlap at the start, by up to {deepest:.2f} m: depending on the contact model, "
-            "they are pushed apart or continue to overlap; correct people.NAME.positions if this is not intended"
+            f"{counted(pairs, 'pair')} of people overlap at the start, by up to {deepest:.2f} m: depending on the "
+            "contact model, they are pushed apart or continue to overlap; correct "
+            "people.NAME.positions if this is not intended"
         )
     return tuple(notes)
+
+
+def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
+    """Return a warning if people start to walk only after the end of the run.
+
+    People whose start time is infinite wait for a behaviour that tells them to start, and are not counted.
+
+    Parameters
+    ----------
+    crowd : Crowd
+    duration : float
+        ``simulation.duration`` [s].
+
+    Returns
+    -------
+    tuple of str
+        One line, or none.
+    """
+    late = np.isfinite(crowd.start_time) & (crowd.start_time > duration)
+    if not late.any():
+        return ()
+    return (
+        f"{late.sum()} of {len(late)} people start to walk only after the end of the run: their response times are up "
+        f"to {crowd.start_time[late].max():.3g} s, but simulation.duration is {duration:g} s. Increase the duration, "
+        "or correct the response times; the numbers of lognormal = [mu, sigma] belong to the logarithm of the time",
+    )
 
 
 def overlapping(crowd: Crowd) -> tuple[int, float]:

@@ -49,9 +49,11 @@ class Case(Section):
     """
 
     title: str = key("one line that says what the case is", "", "")
-    building: BuildingSettings = key("the building")
+    building: BuildingSettings = key("the building: a table [building] with mesh or plan")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
-    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1, max_length=MOST_ITEMS)
+    people: tuple[GroupSettings, ...] = key(
+        "the groups: a table [[people]] for each", "", min_length=1, max_length=MOST_ITEMS
+    )
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(

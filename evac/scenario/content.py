@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, quoted_line
 from evac.scenario.problems import Key, Problem
 
 #: Greatest size of a case.toml [bytes]: some 200,000 positions.
@@ -62,7 +62,7 @@ def read_table(path: Path) -> dict[str, Any]:
     try:
         return parse(text)
     except ValueError as error:
-        raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
+        raise ScenarioError(f"{path}: not valid TOML: {error}{quoted_line(text, str(error))}") from error
 
 
 def parse(text: str) -> dict[str, Any]:

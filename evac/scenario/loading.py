@@ -205,10 +205,15 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
     """Check the tables of plugins against the parameters that their classes declare."""
     problems: list[Problem] = []
     contact = content.get("contact")
+    if contact is None or (isinstance(contact, dict) and "model" not in contact):
+        key: Key = ("contact",) if contact is None else ("contact", "model")
+        names = ", ".join(sorted(registry.contact_models))
+        how = "add the table [contact] with" if contact is None else "write"
+        problems.append(Problem(key, f'missing; {how} model = "NAME", where NAME is one of {names}'))
     if isinstance(contact, dict):
         model = contact.get("model")
         if isinstance(model, str) and model not in registry.contact_models:
-            hint = did_you_mean(model, list(registry.contact_models))
+            hint = _known_or_plugin(model, registry.contact_models)
             problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
         tables = {name: table for name, table in contact.items() if name != "model"}
         problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
@@ -225,6 +230,13 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
         if isinstance(table.get("behaviours"), dict):
             problems += _group_problems((*key, "behaviours"), table["behaviours"], content, registry)
     return problems
+
+
+def _known_or_plugin(name: str, known: Iterable[str]) -> str:
+    """Return a hint for an unknown name that a plugin could provide."""
+    hint = did_you_mean(name, list(known))
+    is_close = hint.endswith("?")
+    return hint if is_close else f"{hint}; or name the file of its plugin with --plugin FILE or [plugins] files"
 
 
 def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
@@ -248,7 +260,7 @@ def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Probl
         if cls is not None and issubclass(cls, SolvedContactModel) and isinstance(table, dict):
             solver = table.get("solver")
             if isinstance(solver, str) and solver not in registry.solvers:
-                hint = did_you_mean(solver, list(registry.solvers))
+                hint = _known_or_plugin(solver, registry.solvers)
                 problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
     return problems
 
@@ -261,8 +273,9 @@ def _table_problems(
     for name, table in tables.items():
         if name not in classes:
             what = word if isinstance(table, dict) or not beside else "key"
-            text = f"unknown {what}; {did_you_mean(name, [*classes, *beside])}"
-            problems.append(Problem((*key, name), text, is_unknown_name=what == word))
+            names = [*classes, *beside]
+            hint = _known_or_plugin(name, names) if what == word else did_you_mean(name, names)
+            problems.append(Problem((*key, name), f"unknown {what}; {hint}", is_unknown_name=what == word))
         elif isinstance(table, dict):
             declared = classes[name].declared()
             for parameter, value in table.items():
@@ -290,7 +303,7 @@ def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any],
     section = content.get("behaviours", {})
     for name, table in settings.items():
         if name not in registry.behaviours:
-            hint = did_you_mean(name, list(registry.behaviours))
+            hint = _known_or_plugin(name, registry.behaviours)
             problems.append(Problem((*key, name), f"unknown behaviour; {hint}", True))
         elif isinstance(section, dict) and name not in section:
             problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))

@@ -27,7 +27,8 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
         try:
             pairs.append((key, value_of(word)))
         except ValueError as error:
-            problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
+            hint = "; text in a list needs quotes, as in '[\"door\"]'" if word[0] == "[" else ""
+            problems.append(Problem((key,), f"{word} is not valid TOML: {error}{hint}"))
     return pairs, problems
 
 
@@ -89,7 +90,7 @@ def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
             index = _index(here, part)
             if index is None:
                 names = [str(item["name"]) for item in here if isinstance(item, dict) and "name" in item]
-                return Problem((*key, part), f"no such item among the {len(here)}; {did_you_mean(part, names)}")
+                return Problem((*key, part), f"no item has this name or number; {did_you_mean(part, names)}")
             step = index
         elif not isinstance(here, dict):
             hint = f"set {dotted(key, table)} as a whole"

@@ -14,6 +14,9 @@ from evac.scenario.keys import Section
 #: Path to a value of case.toml: names of tables, indexes of lists.
 Key = tuple[str | int, ...]
 
+#: Greatest number of characters of a value that is repeated as an example.
+LONGEST_EXAMPLE = 80
+
 #: Greatest number of problems that are collected for a case.
 MOST_PROBLEMS = 1_000
 
@@ -74,8 +77,12 @@ def _problem(details: ErrorDetails) -> Problem:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return Problem(key, f"must be a table, got {got}")
     if kind == "tuple_type":
-        heads = "; write its header in double brackets: [[...]]" if isinstance(details["input"], dict) else ""
-        return Problem(key, f"must be a list, got {got}{heads}")
+        hint = ""
+        if isinstance(details["input"], dict):
+            hint = "; write its header in double brackets: [[...]]"
+        elif isinstance(details["input"], str) and len(details["input"]) <= LONGEST_EXAMPLE:
+            hint = f'; write {key[-1]} = ["{details["input"]}"]'
+        return Problem(key, f"must be a list, got {got}{hint}")
     text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
     text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):

@@ -12,6 +12,15 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case
 
 
+#: How a case uses what a plugin provides, by kind; other kinds need no table.
+TABLES = {
+    "contact_model": '[contact] model = "{}"',
+    "solver": 'solver = "{}" in the table of the contact model',
+    "force": "[forces.{}]",
+    "behaviour": "[behaviours.{}]",
+}
+
+
 def named_files(content: Mapping[str, Any], folder: Path) -> tuple[tuple[Path, ...], list[Problem]]:
     """Return the plugin files named in a case, and problems for those that do not exist; none is opened."""
     section = content.get("plugins")
@@ -72,6 +81,32 @@ def run_plugin_files(case: "Case", announce: Callable[[Path], None] | None = Non
         case.registry.add_file(path)
     files = (*case.loaded_files, *case.unloaded_files)
     return case_from(case._origin.table, case.source, plugin_files=files, registry=case.registry)
+
+
+def unused_files(case: "Case") -> list[tuple[Path, list[str]]]:
+    """Return the loaded plugin files that provide models or behaviours none of which the case uses.
+
+    Files that also provide something that needs no table in a case, such as importers and hooks, are not among them.
+
+    Parameters
+    ----------
+    case : Case
+
+    Returns
+    -------
+    list of (Path, list of str)
+        Each file, and the tables or keys with which a case uses what it provides.
+    """
+    models = case.contact.tables.values()
+    used = {("contact_model", case.contact.model), *(("solver", table.get("solver")) for table in models)}
+    used |= {("force", name) for name, table in case.forces.items() if table is not False}
+    used |= {("behaviour", name) for name, table in case.behaviours.items() if table is not False}
+    found = []
+    for path in case.loaded_files:
+        provided = case.registry.provided_by(path)
+        if provided and all(kind in TABLES and (kind, name) not in used for kind, name in provided):
+            found.append((path, [TABLES[kind].format(name) for kind, name in provided]))
+    return found
 
 
 def without_unknown(case: "Case") -> "Case":

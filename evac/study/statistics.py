@@ -161,8 +161,11 @@ def estimate(
         return Estimate(name, value, low, high, len(times), _populations_note(groups))
     low, high = percentile_interval(times, of, confidence)
     notes = []
-    if math.isnan(high) or math.isnan(low):
+    if math.isnan(high) and math.isnan(low):
         notes.append(f"no {100 * CONFIDENCE:.0f} % interval below {least_runs(of)} runs")
+    elif math.isnan(high) or math.isnan(low):
+        side = "upper" if math.isnan(high) else "lower"
+        notes.append(f"the {side} bound is open below {least_runs(of)} runs")
     if math.isinf(value):
         notes.append(f"not reached: {int(np.isinf(times).sum())} of {len(times)} runs are blocked")
     elif math.isinf(high):

@@ -205,8 +205,29 @@ def test_a_fault_of_the_file_itself_blames_no_override(case_file, registry):
 def test_a_missing_key_says_what_is_asked_for(case_file, registry):
     case_file.write_text(case_file.read_text().replace('model = "soft"', ""))
     assert problems(case_file, (), registry) == [
-        f"{case_file}: contact.model: missing; give name of the contact model in use; `evac plugins` lists them"
+        f'{case_file}: contact.model: missing; write model = "NAME", where NAME is one of hard, soft'
     ]
+
+
+def test_a_missing_contact_table_names_the_models(case_file, registry):
+    text = case_file.read_text()
+    start, end = text.index("[contact]"), text.index("[forces.push]")
+    case_file.write_text(text[:start] + text[end:])
+    (found,) = problems(case_file, (), registry)
+    assert found.startswith(f"{case_file}: contact: missing; ")
+    assert "[contact]" in found
+    assert "hard, soft" in found
+
+
+def test_a_list_given_as_text_is_shown_as_a_list(case_file, registry):
+    (found,) = problems(case_file, ["building.closed=back"], registry)
+    assert 'closed = ["back"]' in found
+
+
+def test_a_name_like_no_other_may_be_that_of_a_plugin(case_file, registry):
+    (found,) = problems(case_file, ["behaviours.zzzzzz={}"], registry)
+    assert "behaviours.zzzzzz: unknown behaviour; known: " in found
+    assert "--plugin FILE" in found
 
 
 def test_all_faults_are_reported_at_once(case_file, registry):

@@ -42,7 +42,7 @@ def congestion_sections(
         run.trajectory,
         "max_density",
         computed,
-        "Greatest density at any recorded time"
+        "Maximum density at any recorded time"
         + (", with the numbers of the congested places of the table." if found.places else "."),
         found.places,
     )
@@ -77,7 +77,7 @@ def _told(run: Run, found: Congestion) -> list[Html]:
             class_="small",
         ),
         paragraph(
-            f"The greatest density was {found.greatest_density:.2f} people per m². The longest time for which"
+            f"The maximum density was {found.greatest_density:.2f} people per m². The longest time for which"
             f" {found.density:g} people per m² were exceeded at one place was {found.longest:.1f} s."
         ),
     ]
@@ -103,7 +103,7 @@ def _told(run: Run, found: Congestion) -> list[Html]:
         "nearest portal or exit",
         "x, y [m]",
         "area [m²]",
-        "greatest density [1/m²]",
+        "maximum density [1/m²]",
         "from, to [s]",
         "total time [s]",
         "longest period [s]",

@@ -99,7 +99,7 @@ def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
             (what, unit, told(given.get(name)), *_drawn(run, groups, name, digits))
             for name, (what, unit, digits) in QUANTITIES.items()
         ]
-        columns = ("quantity", "unit", "distribution", *(("least", "mean", "greatest") if run else ()))
+        columns = ("quantity", "unit", "distribution", *(("minimum", "mean", "maximum") if run else ()))
         people = counted(sum(map(_number, groups)), "person", "people")
         yield table(f"{people}: {names}", columns, rows)
         if given.get("limit_stair_speeds"):
@@ -141,5 +141,5 @@ def _behaviours(case: CaseTable, run: Run | None) -> Iterator[Html]:
             times = run.numbers("response_time")[run.rows_of(group.name)]
             if len(times):
                 drawn.append((group.name, *(fixed(number, 1) for number in _least_mean_greatest(times))))
-        columns = ("group", "least [s]", "mean [s]", "greatest [s]")
+        columns = ("group", "minimum [s]", "mean [s]", "maximum [s]")
         yield table("Response times drawn in this run: people start to walk at these times", columns, drawn)

@@ -239,7 +239,7 @@ def _statistics_table(one: StatisticsTable) -> Html:
     rows: list[tuple[object, ...]] = [
         ("runs", one.runs, None, None),
         ("blocked runs", one.blocked, blocked, "interval of the share"),
-        ("least [s]", fixed(one.least, 1), None, None),
+        ("minimum [s]", fixed(one.least, 1), None, None),
     ]
     for estimate in (one.mean, *one.percentiles):
         bounds = [fixed(bound, 1) or "open" for bound in (estimate.low, estimate.high)]
@@ -247,7 +247,7 @@ def _statistics_table(one: StatisticsTable) -> Html:
         value = fixed(estimate.value, 1) or ("not reached" if one.blocked else None)
         rows.append((f"{estimate.name} [s]", value, interval, estimate.note))
     rows += [
-        ("greatest [s]", greatest, None, None),
+        ("maximum [s]", greatest, None, None),
         ("standard deviation of complete runs [s]", fixed(one.standard_deviation, 2), None, None),
     ]
     return table("Evacuation time", ("statistic", "value", "interval", "remark"), rows)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from evac.arrays import FloatArray
+from evac.errors import counted
 from evac.output.report import figures
 from evac.output.report.html import Html, Section, fixed, heading, paragraph, table
 from evac.output.report.source import PlaceUse, Run
@@ -56,8 +57,8 @@ def times_section(run: Run) -> Section:
     if summary.left_by_other_exits:
         parts.append(
             paragraph(
-                f"{summary.left_by_other_exits} people left by an exit that does not belong to their route, for example"
-                " because they were pushed across its line."
+                f"{counted(summary.left_by_other_exits, 'person', 'people')} left by an exit that does not belong to "
+                "the route, for example after being pushed across its line."
             )
         )
     if summary.stuck:
@@ -135,5 +136,5 @@ def _places(what: str, places: dict[str, PlaceUse]) -> Html:
         )
         for name, use in places.items()
     ]
-    columns = (what, "people who used it", "greatest number at one time", "last left [s]")
+    columns = (what, "people who used it", "maximum number at one time", "last left [s]")
     return table("Use, and time at which the last person left", columns, rows)

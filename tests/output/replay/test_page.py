@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from shapely import box
 
+import evac
 from evac.building.elevation import elevation
 from evac.output.maps import level_maps
 from evac.output.palette import group_colours
@@ -103,6 +105,19 @@ def test_counts_and_curves_are_those_of_the_run(browser, room):
     heights = browser.run("[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])")
     assert len({y for _, y in heights}) > 15
     assert browser.run("document.title") == results.case.title
+
+
+def test_a_closed_exit_is_marked_in_the_table(browser, tmp_path):
+    plan = evac.Plan()
+    plan.storey("hall", box(0, 0, 6, 4))
+    plan.exit("front", "hall", [(0, 1), (0, 3)])
+    plan.exit("back", "hall", [(6, 1), (6, 3)])
+    people = [{"name": "people", "level": "hall", "number": 2}]
+    case = {"building": {"plan": plan, "closed": ["back"]}, "people": people, "contact": {"model": "nsm2"}}
+    evac.run(evac.load(case, {"simulation.duration": 1.0}), tmp_path / "result")
+    browser.open(tmp_path / "result" / "replay.html")
+    rows = browser.run("[...document.querySelectorAll('#exits tbody tr')].map((row) => [row.innerText, row.className])")
+    assert {name.split()[0]: mark for name, mark in rows} == {"front": "", "back": "closed"}
 
 
 def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, storeys):
@@ -301,7 +316,7 @@ def test_maps_of_the_run_are_those_of_evac_map(browser, room):
     assert usage.max() == pytest.approx(np.nanmax(maps.usage), abs=1)
     pressure, _ = on_floors(browser, "contact pressure")
     assert pressure.max() == pytest.approx(np.nanmax(maps.contact_pressure), rel=2 ** (1 / PER_OCTAVE) - 1)
-    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "greatest density": maps.max_density}
+    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "maximum density": maps.max_density}
     for name, array in smooth.items():
         values, _ = on_floors(browser, name)
         assert np.quantile(values[values > 0], 0.9) == pytest.approx(np.nanquantile(array[array > 0], 0.9), rel=0.15)

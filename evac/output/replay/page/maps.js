@@ -6,7 +6,7 @@ const FEWEST = 1e-3;  // Below this mean density a mean speed is not given [1/m�
 // Quantities of maps, with the colours that each is drawn in; those of densities let the floor show through.
 const MAPS = {
   "mean density": { unit: "1/m²", colours: "density", isVeiled: true },
-  "greatest density": { unit: "1/m²", colours: "density", isVeiled: true },
+  "maximum density": { unit: "1/m²", colours: "density", isVeiled: true },
   "mean speed": { unit: "m/s", colours: "speed" },
   "specific flow": { unit: "1/(m s)", colours: "density", isVeiled: true },
   "waiting": { unit: "s/m²", colours: "waiting time", isVeiled: true },
@@ -41,7 +41,7 @@ class Maps {
   // Greatest densities by frames, all else person by person.
   * steps(values) {
     const { density, record } = this, { motion } = record;
-    const sums = new Float32Array(density.sums.length), greatest = values["greatest density"];
+    const sums = new Float32Array(density.sums.length), greatest = values["maximum density"];
     for (let k = 0; k < record.frames; k++) {
       const [a, b] = motion.first.subarray(k, k + 2);
       const part = (name) => motion[name].subarray(a, b);
