@@ -49,6 +49,8 @@ class Surface:
     obstacles : dict of str to (o, 3, 3) float64 [m]
         Corners of the cells of each tag ``obstacle:``; they are not in `triangles`.
     findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [m]
+        Name and ends of each door between rooms.
     """
 
     vertices: FloatArray
@@ -59,6 +61,7 @@ class Surface:
     exit_edges: dict[str, IndexArray]
     obstacles: dict[str, FloatArray]
     findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
 
 
 def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
@@ -161,7 +164,8 @@ def clean_surface(
     triangles, tags = triangles[order], _select(tags, order)
     gradient = _gradient(vertices[triangles])
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= flat_angle
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes))
+    doors = tuple((name, scale * ends) for name, ends in mesh.doors)
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
 
 
 def slope_angle(corners: FloatArray) -> FloatArray:
