@@ -18,6 +18,7 @@ from evac.building.outlines import (
     Strip,
     along,
     between_floors,
+    between_rooms,
     covered,
     is_on,
     nearest,
@@ -28,6 +29,7 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
+from evac.building.plancheck import beside_floor, low_storeys, repairs
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
@@ -48,7 +50,13 @@ UNCOVERED = 0.01
 
 def draw(plan: "Plan") -> SurfaceMesh:
     """Return the tagged surface of a plan; see `evac.building.plan.Plan.surface`."""
-    return _Drawing(plan).mesh()
+    try:
+        return _Drawing(plan).mesh()
+    except BuildingError as error:
+        cause = repairs(plan.findings)
+        if not cause:
+            raise
+        raise BuildingError(f"{error}{cause}") from error
 
 
 class _Drawing:
@@ -87,6 +95,7 @@ class _Drawing:
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
+        self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
         surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
@@ -310,7 +319,7 @@ class _Drawing:
         if beside < 0.9 * length:
             pieces = self._recess(item, segment, beside)
         elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
-            raise ValueError(_inner(segment, item.storey))
+            raise ValueError(between_rooms(segment, item.storey))
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
@@ -331,7 +340,7 @@ class _Drawing:
         found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
         inward = [one for one in found if one is not None and not one.polygon.is_empty]
         if len(inward) > 1:
-            raise ValueError(_inner(segment, item.storey))
+            raise ValueError(between_rooms(segment, item.storey))
         if not inward:
             length = float(np.hypot(*(segment[1] - segment[0])))
             part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
@@ -373,14 +382,6 @@ def _divided(
         if not part.is_empty:
             parts.append((own, part))
     return parts
-
-
-def _inner(segment: FloatArray, storey: str) -> str:
-    """Describe, for a message, an exit with floor on both its sides."""
-    return (
-        f"{written(segment)} does not lead outside: storey {storey!r} has floor on both sides of the wall there; "
-        "make it a door, or move it to the outer outline"
-    )
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:

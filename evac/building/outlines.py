@@ -9,10 +9,15 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray
 from evac.building.edges import segment_lengths
+from evac.building.extent import FACTORS
 from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
 
 #: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
 ALONG = 0.9
+#: Units of the segment for which it has to be multiplied by a factor.
+UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
+#: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
+NEAR = 0.05
 #: Places along a piece of an outline at which the floor beyond a wall is looked for.
 SAMPLES = 8
 #: Length of a segment that may lack a floor within reach [m], where an end of it is drawn slightly into a wall.
@@ -155,7 +160,30 @@ def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, betw
     x1, y1, x2, y2 = own[row]
     return (
         f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
-        f"{shapely.distance(lines[row], line):.2f} m away"
+        f"{shapely.distance(lines[row], line):.2f} m away{_in_other_unit(polygon, ends)}"
+    )
+
+
+def _in_other_unit(polygon: BaseGeometry, ends: FloatArray) -> str:
+    """Describe, for a message, the unit in which a segment far away from a floor would lie at the floor."""
+    low, high = np.reshape(polygon.bounds, (2, 2))
+    extent = float(np.hypot(*(high - low)))
+    if polygon.distance(shapely.LineString(ends)) < extent:
+        return ""
+    off = [float(polygon.boundary.distance(shapely.LineString(factor * ends))) for factor in FACTORS]
+    best = int(np.argmin(off))
+    if off[best] > NEAR * extent:
+        return ""
+    unit = UNITS.get(FACTORS[best])
+    question = f"are these {unit}?" if unit else "is the unit of the storey the metre?"
+    return f" ({question} Multiplied by {FACTORS[best]:.4g}, the segment lies at the floor)"
+
+
+def between_rooms(ends: FloatArray, storey: str) -> str:
+    """Describe, for a message, an exit with floor on both its sides."""
+    return (
+        f"{written(ends)} does not lead outside: storey {storey!r} has floor on both sides of the wall there; "
+        "make it a door, or move it to the outer outline"
     )
 
 
