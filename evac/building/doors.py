@@ -95,8 +95,9 @@ def _hit(floor: BaseGeometry, start: FloatArray, way: FloatArray) -> FloatArray 
     if not np.isfinite(away).any():
         return None
     row = int(np.nanargmin(away))
-    side: FloatArray = own[row, 2:] - own[row, :2]
-    return side / np.hypot(*side)
+    side = own[row, 2:] - own[row, :2]
+    direction: FloatArray = side / np.hypot(*side)
+    return direction
 
 
 def _across(at: FloatArray, ends: FloatArray, cosine: float) -> str:

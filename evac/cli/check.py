@@ -170,8 +170,8 @@ def show_building(building: "Building") -> None:
         show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
     assumed = [one for one in building.findings if one.kind in ASSUMED]
     if assumed:
-        rows = [(one.kind, one.where, one.text) for one in assumed]
-        show_table("Assumed, repaired or left out", ("kind", "place", "description"), rows)
+        found = [(one.kind, one.where, one.text) for one in assumed]
+        show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
 
 
 def show_people(simulation: "Simulation") -> None:
