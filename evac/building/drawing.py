@@ -44,6 +44,8 @@ Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
 #: Distance from a segment at which the presence of floor is tested [m].
 BESIDE = 0.05
+#: Depth of floor added up to an exit above which it is a warning: more than the thickness of most walls [m].
+DEEP = 0.3
 #: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
 UNCOVERED = 0.01
 
@@ -346,8 +348,8 @@ class _Drawing:
             part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
             raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}{part}; {edge}")
         self._add(item.storey, inward)
-        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}"
-        self._find("assumed", text, item.storey, segment)
+        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
+        self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)
         return [segment.ravel()]
 
     def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:

@@ -77,3 +77,12 @@ def test_a_stair_too_steep_is_refused_with_the_length_it_needs():
     long = two_storeys()
     long.stair("main", "ground", [(2, 0.1), (2, 1.5)], "upper", length=2.52, direction=(1, 0))
     assert long.building().stairs
+
+
+@pytest.mark.parametrize(("x", "kind"), [(-0.25, "assumed"), (-0.4, "warning")])
+def test_floor_added_up_to_an_exit_outside_is_reported(x, kind):
+    plan = two_storeys()
+    plan.exit("outside", "ground", [(x, 7), (x, 8)])
+    (found,) = [one for one in plan.building().findings if "'outside'" in one.text]
+    assert (found.kind, found.level, found.place) == (kind, "ground", (x, 7.5))
+    assert f"{-x:.2f} m" in found.text
