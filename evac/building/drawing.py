@@ -29,7 +29,7 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
-from evac.building.plancheck import beside_floor, low_storeys, repairs
+from evac.building.plancheck import beside_floor, low_storeys, with_cause
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
@@ -55,10 +55,7 @@ def draw(plan: "Plan") -> SurfaceMesh:
     try:
         return _Drawing(plan).mesh()
     except BuildingError as error:
-        cause = repairs(plan.findings)
-        if not cause:
-            raise
-        raise BuildingError(f"{error}{cause}") from error
+        raise BuildingError(with_cause(str(error), plan.source, plan.findings)) from error
 
 
 class _Drawing:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from shapely.geometry.base import BaseGeometry
 
@@ -47,7 +48,12 @@ def beside_floor(areas: Sequence[Item], rooms: Mapping[str, BaseGeometry]) -> It
             )
 
 
-def repairs(findings: Iterable[Finding]) -> str:
-    """Describe, at the end of a message, the outlines that were repaired: an error may follow from these."""
-    told = [str(one) for one in findings if one.kind == "repaired"]
-    return f" (a possible cause: {'; '.join(told)})" if told else ""
+def with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:
+    """Put the repairs of outlines of the storeys that an error names before its message: it may follow from them."""
+    told = [str(one) for one in findings if one.kind == "repaired" and repr(one.level) in message]
+    if not told:
+        return message
+    return (
+        f"{source}: {'; '.join(told)}; correct its corners first, since this error may follow: "
+        + message.removeprefix(f"{source}: ")
+    )

@@ -44,8 +44,14 @@ def test_an_outline_that_crosses_itself_is_named_with_the_error_that_follows():
     plan.stair("stair", "ground", [(2, 0.1), (2, 1.5)], "upper", length=5.0, direction=(1, 0))
     (repair,) = plan.findings
     assert (repair.kind, repair.level, repair.place) == ("repaired", "upper", (9.0, 5.0))
-    with pytest.raises(BuildingError, match=r"stair 'stair'.*'upper' at \(9\.00, 5\.00\).*crosses itself"):
+    with pytest.raises(BuildingError, match=r"'upper' at \(9\.00, 5\.00\).*crosses itself.*stair 'stair'"):
         plan.surface()
+    plan = two_storeys()
+    plan.storey("other", [(0, 0), (18, 10), (18, 0), (0, 10)], z=6.0)
+    plan.exit("off", "ground", [(9, 4), (9, 5)])
+    with pytest.raises(BuildingError, match="exit 'off'") as caught:
+        plan.surface()
+    assert "crosses itself" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
