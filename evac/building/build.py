@@ -14,7 +14,7 @@ from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
 from evac.building.foreign import turned
 from evac.building.levels import LevelSet, find_levels
-from evac.building.links import close_links, find_exits_and_walls, find_portals
+from evac.building.links import close_links, find_doors, find_exits_and_walls, find_portals
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
 from evac.building.polygons import union
@@ -152,6 +152,7 @@ def building_of(
         wall_level=wall_level,
         stairs=level_set.stairs,
         findings=(*surface.findings, *level_set.findings),
+        doors=find_doors(surface, level_set.levels),
     )
     check_overlap(building)
     check_depth(building)

@@ -12,10 +12,13 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building import stairs
 from evac.building.conforming import Height
+from evac.building.doors import placed
 from evac.building.findings import Finding
 from evac.building.outlines import (
     Strip,
     along,
+    between_floors,
+    between_rooms,
     covered,
     is_on,
     nearest,
@@ -26,6 +29,7 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
+from evac.building.plancheck import beside_floor, low_storeys, with_cause
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
@@ -40,13 +44,18 @@ Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
 #: Distance from a segment at which the presence of floor is tested [m].
 BESIDE = 0.05
+#: Depth of floor added up to an exit above which it is a warning: more than the thickness of most walls [m].
+DEEP = 0.3
 #: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
 UNCOVERED = 0.01
 
 
 def draw(plan: "Plan") -> SurfaceMesh:
     """Return the tagged surface of a plan; see `evac.building.plan.Plan.surface`."""
-    return _Drawing(plan).mesh()
+    try:
+        return _Drawing(plan).mesh()
+    except BuildingError as error:
+        raise BuildingError(with_cause(str(error), plan.source, plan.findings)) from error
 
 
 class _Drawing:
@@ -56,9 +65,11 @@ class _Drawing:
         self.plan = plan
         self.findings = list(plan.findings)
         self.floors: dict[str, BaseGeometry] = {}
+        self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
         self.pieces: dict[str, list[stairs.Piece]] = {}
         self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
         self.openings: list[tuple[str, FloatArray]] = []
+        self.doors: list[tuple[str, FloatArray]] = []
         self.exits = list(plan.exits)
 
     def mesh(self) -> SurfaceMesh:
@@ -74,6 +85,7 @@ class _Drawing:
         for door in plan.doors:
             with self._naming(f"door {door.name!r}"):
                 self._open_door(door)
+        self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
         self._cut_exits()
         self._make_stairs()
@@ -82,6 +94,7 @@ class _Drawing:
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
+        self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
         surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
@@ -90,7 +103,7 @@ class _Drawing:
             z = plan.storeys[storey].z
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
-            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings)
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors)
         except ValueError as error:
             raise BuildingError(f"{plan.source}: {error}") from error
         return mesh
@@ -132,27 +145,27 @@ class _Drawing:
         """Add the ground between a door and the rooms on both its sides."""
         assert door.segment is not None
         floor = self.floors[door.storey]
-        ways = [normal(door.segment), -normal(door.segment)]
-        middle = door.segment.mean(axis=0)
-        if all(is_on(floor, middle + BESIDE * way) for way in ways) and is_on(floor, middle):
-            self._find("warning", f"door {door.name!r} lies inside a room and has no effect", door.storey, door.segment)
-            return
-        found = [strip(floor, door.segment, way, door.reach) for way in ways]
+        segment, change = placed(floor, door.segment, door.reach)
+        if change:
+            self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
+        found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
         if all(found):
             self._add(door.storey, [one for one in found if one is not None])
+            z = self.plan.storeys[door.storey].z
+            self.doors.append((door.name, np.column_stack([segment, [z, z]])))
             return
         if not any(found):
             raise ValueError(
-                f"there is no room within {door.reach:g} m of {written(door.segment)} on storey {door.storey!r}; "
-                f"{nearest(floor, door.segment)}: move the door there, or increase reach"
+                f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
+                f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
             )
         if door.outside == "refuse":
             raise ValueError(
-                f"{written(door.segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
+                f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
                 "reach if the wall is thicker, or make it an exit"
             )
         self._add(door.storey, [one for one in found if one is not None])
-        ends = np.concatenate([*door.segment])[None]
+        ends = np.concatenate([*segment])[None]
         if door.outside == "exit":
             self.edges.append((f"exit:{door.name}", door.storey, ends))
         else:
@@ -301,8 +314,11 @@ class _Drawing:
         floor, segment = self.floors[item.storey], item.segment
         pieces = self._outline(item, segment)
         length = float(np.hypot(*(segment[1] - segment[0])))
-        if covered(np.array(pieces), segment) < 0.9 * length:
-            pieces = self._recess(item, floor, segment)
+        beside = covered(np.array(pieces).reshape(-1, 4), segment)
+        if beside < 0.9 * length:
+            pieces = self._recess(item, segment, beside)
+        elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
+            raise ValueError(between_rooms(segment, item.storey))
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
@@ -314,24 +330,23 @@ class _Drawing:
             return [*exact]
         return [*along(floor, segment, SNAP)]
 
-    def _recess(self, item: Item, floor: BaseGeometry, segment: FloatArray) -> list[FloatArray]:
-        """Extend the floor to an exit on the outer face of a wall."""
-        middle, left = segment.mean(axis=0), normal(segment)
+    def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
+        """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
+        floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
+        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: move the exit there"
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
-            raise ValueError(
-                f"{written(segment)} runs through the floor of storey {item.storey!r}; {nearest(floor, segment)}: move "
-                "the exit there"
-            )
+            raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
         inward = [one for one in found if one is not None and not one.polygon.is_empty]
-        if len(inward) != 1:
-            raise ValueError(
-                f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {nearest(floor, segment)}: "
-                "move the exit there"
-            )
+        if len(inward) > 1:
+            raise ValueError(between_rooms(segment, item.storey))
+        if not inward:
+            length = float(np.hypot(*(segment[1] - segment[0])))
+            part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
+            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}{part}; {edge}")
         self._add(item.storey, inward)
-        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}"
-        self._find("assumed", text, item.storey, segment)
+        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
+        self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)
         return [segment.ravel()]
 
     def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:

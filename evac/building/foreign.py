@@ -19,8 +19,13 @@ def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
     """Rotate a mesh so that its axis `up` becomes z."""
     if up == "z":
         return mesh
-    x, y, z = mesh.points.T
-    return replace(mesh, points=np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0))
+    doors = tuple((name, _turned(ends)) for name, ends in mesh.doors)
+    return replace(mesh, points=_turned(mesh.points), doors=doors)
+
+
+def _turned(points: FloatArray) -> FloatArray:
+    x, y, z = points.T
+    return np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0)
 
 
 def walked_surface(

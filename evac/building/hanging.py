@@ -47,7 +47,7 @@ def split_at_vertices(
     Raises
     ------
     BuildingError
-        If splitting does not terminate because vertices are too close to each other.
+        If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
     """
     owner = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):
@@ -62,6 +62,12 @@ def split_at_vertices(
             cut_from += [row] * len(parts)
         triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
         is_wide = least_height(vertices[triangles]) > distance
+        if not is_wide.any():
+            x, y, z = vertices[triangles[0, 0]]
+            raise BuildingError(
+                f"{source}: no cell is wider than building.weld ({distance:g} m), for example at ({x:z.2f}, {y:z.2f}, "
+                f"{z:z.2f}): the surface must be drawn in metres; set building.scale, or decrease building.weld"
+            )
         triangles, owner = triangles[is_wide], owner[is_wide]
         edges = {
             name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)

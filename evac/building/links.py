@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
+from evac.building.elevation import level_elevation
 from evac.building.levels import LevelSet
-from evac.building.model import Building, Exit, Level, Portal
+from evac.building.model import Building, Door, Exit, Level, Portal
 from evac.building.surface import Surface
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
@@ -73,6 +74,22 @@ def find_exits_and_walls(
             walls.append(segments)
             wall_level.append(np.full(len(segments), index, dtype=np.int32))
     return tuple(exits), *sorted_walls(np.concatenate(walls), np.concatenate(wall_level))
+
+
+def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
+    """Return the doors of a surface, each on the level that is nearest to its middle."""
+    doors = []
+    for name, ends in surface.doors:
+        middle = ends.mean(axis=0)
+        point = shapely.Point(middle[:2])
+        off = []
+        for level in levels:
+            near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[:1]
+            height = float(level_elevation(surface.vertices, level, near)[0])
+            off.append(float(level.polygon.distance(point)) + abs(height - float(middle[2])))
+        segment = ends[:, :2].ravel()
+        doors.append(Door(name, int(np.argmin(off)), segment, float(np.hypot(*(segment[2:] - segment[:2])))))
+    return tuple(doors)
 
 
 def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, IntArray]:

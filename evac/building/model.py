@@ -111,6 +111,26 @@ class Exit:
 
 
 @dataclass(frozen=True)
+class Door:
+    """A door between rooms: an opening in a wall within one level, and part of its floor.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+    segment : (4,) float64
+        Its ends x1, y1, x2, y2 [m].
+    width : float
+        Clear width [m].
+    """
+
+    name: str
+    level: int
+    segment: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
 class Area:
     """A named part of a level in which people can start.
 
@@ -154,6 +174,8 @@ class Building:
         Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
         Indices of links that are closed for the whole run and act as walls.
+    doors : tuple of Door
+        Doors between rooms, if the source names them as plans do; empty for meshes.
     """
 
     source: Path
@@ -167,6 +189,7 @@ class Building:
     stairs: dict[str, tuple[int, ...]]
     findings: tuple[Finding, ...] = field(default=())
     closed: frozenset[int] = frozenset()
+    doors: tuple[Door, ...] = ()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"

@@ -7,12 +7,21 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from evac.arrays import FloatArray
+from evac.arrays import BoolArray, FloatArray
 from evac.building.edges import segment_lengths
+from evac.building.extent import FACTORS
 from evac.building.shapes import GRID, LEAST_AREA, LEAST_LENGTH, common, cut, flat_parts
 
 #: Pieces of an outline lie along a segment if their directions differ by less than this (25 degrees).
 ALONG = 0.9
+#: Units of the segment for which it has to be multiplied by a factor.
+UNITS = {0.001: "millimetres", 0.01: "centimetres", 0.0254: "inches", 0.3048: "feet"}
+#: Distance from a floor, as a share of its extent, at which a segment in another unit would lie at the floor.
+NEAR = 0.05
+#: Places along a piece of an outline at which the floor beyond a wall is looked for.
+SAMPLES = 8
+#: Length of a segment that may lack a floor within reach [m], where an end of it is drawn slightly into a wall.
+BESIDE_JAMB = 0.01
 
 
 @dataclass(frozen=True)
@@ -94,7 +103,7 @@ def strip(polygon: BaseGeometry, ends: FloatArray, way: FloatArray, reach: float
     gap = shapely.union_all(gaps)
     if gap.is_empty:
         return Strip(gap, 0.0)
-    if any(part.intersection(end).area > LEAST_AREA for part in gaps):
+    if sum(part.intersection(end).area for part in gaps) > 2 * GRID * BESIDE_JAMB:
         return None
     depth = float(((shapely.get_coordinates(gap) - ends[0]) @ way).max())
     return Strip(gap, depth)
@@ -111,9 +120,37 @@ def is_on(polygon: BaseGeometry, point: FloatArray) -> bool:
     return bool(shapely.intersects_xy(polygon, *point))
 
 
-def nearest(polygon: BaseGeometry, ends: FloatArray) -> str:
-    """Describe, for a message, the edge of an outline nearest to a segment, and its distance."""
+def between_floors(polygon: BaseGeometry, pieces: FloatArray, reach: float) -> BoolArray:
+    """Return which pieces (p, 4) of an outline have floor beyond the wall behind most of their length.
+
+    Parameters
+    ----------
+    polygon : shapely polygon or multipolygon
+        The floor.
+    pieces : (p, 4) float64 [m]
+        With the floor on their left.
+    reach : float [m]
+        Greatest thickness of the wall.
+    """
+    start, step = pieces[:, None, :2], (pieces[:, 2:] - pieces[:, :2])[:, None]
+    outward = np.stack([step[..., 1], -step[..., 0]], axis=-1) / segment_lengths(pieces)[:, None, None]
+    places = start + np.linspace(0.0, 1.0, 2 * SAMPLES + 1)[1::2, None] * step
+    rays = shapely.linestrings(np.stack([places + LEAST_LENGTH * outward, places + reach * outward], axis=-2))
+    shapely.prepare(polygon)
+    found: BoolArray = shapely.intersects(polygon, rays).mean(axis=1) > 0.5
+    return found
+
+
+def nearest(polygon: BaseGeometry, ends: FloatArray, *, reach: float = 0.0, between: bool = False) -> str:
+    """Describe, for a message, the edge of an outline nearest to a segment, and its distance.
+
+    If `reach` is greater than 0, only edges with floor beyond a wall of this thickness are considered (`between`), or
+    only the others, provided that there is one.
+    """
     own = sides(polygon)
+    if reach > 0.0 and len(own):
+        is_wanted = between_floors(polygon, own, reach) == between
+        own = own[is_wanted] if is_wanted.any() else own
     if not len(own):
         return "obstacles, stairs and exits cover its whole floor"
     line = shapely.LineString(ends)
@@ -123,7 +160,30 @@ def nearest(polygon: BaseGeometry, ends: FloatArray) -> str:
     x1, y1, x2, y2 = own[row]
     return (
         f"the nearest edge of its outline is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}), "
-        f"{shapely.distance(lines[row], line):.2f} m away"
+        f"{shapely.distance(lines[row], line):.2f} m away{_in_other_unit(polygon, ends)}"
+    )
+
+
+def _in_other_unit(polygon: BaseGeometry, ends: FloatArray) -> str:
+    """Describe, for a message, the unit in which a segment far away from a floor would lie at the floor."""
+    low, high = np.reshape(polygon.bounds, (2, 2))
+    extent = float(np.hypot(*(high - low)))
+    if polygon.distance(shapely.LineString(ends)) < extent:
+        return ""
+    off = [float(polygon.boundary.distance(shapely.LineString(factor * ends))) for factor in FACTORS]
+    best = int(np.argmin(off))
+    if off[best] > NEAR * extent:
+        return ""
+    unit = UNITS.get(FACTORS[best])
+    question = f"are these {unit}?" if unit else "is the unit of the storey the metre?"
+    return f" ({question} Multiplied by {FACTORS[best]:.4g}, the segment lies at the floor)"
+
+
+def between_rooms(ends: FloatArray, storey: str) -> str:
+    """Describe, for a message, an exit with floor on both its sides."""
+    return (
+        f"{written(ends)} does not lead outside: storey {storey!r} has floor on both sides of the wall there; "
+        "make it a door, or move it to the outer outline"
     )
 
 

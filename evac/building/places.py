@@ -14,6 +14,8 @@ from evac.building.elevation import level_elevation
 from evac.building.findings import Finding
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
+from evac.building.outlines import between_floors
+from evac.building.planparts import DOOR_REACH
 from evac.building.polygons import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
@@ -40,7 +42,7 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
     ------
     BuildingError
         If the name is already used, the level is not found, or part of the segment is farther than
-        `EXIT_REACH` from every free edge of the level.
+        `EXIT_REACH` from every free edge of the level, or it is at a wall with the level on both sides.
     """
     name, what = item["name"], f"exit {item['name']!r}"
     if any(other.name == name for other in building.exits):
@@ -63,6 +65,12 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
             + (f"{free:.2f} m of it are off: shorten it, or check for an exit or a portal there" if opened else near)
         )
     segments = np.array(opened)
+    if between_floors(level.polygon, segments, DOOR_REACH).any():
+        x, y = ends.mean(axis=0)
+        raise BuildingError(
+            f"{building.source}: {what} does not lead outside: level {level.name!r} has floor on both sides of the "
+            f"wall at ({x:z.2f}, {y:z.2f}); move it to the outer outline"
+        )
     width = float(segment_lengths(segments).sum())
     new = Exit(len(building.exits), name, level.index, segments, width)
     return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))

@@ -209,7 +209,8 @@ class Plan:
         ----------
         name, storey : str
         segment : segment
-            Along the wall, as long as the opening is wide, anywhere within the thickness of the wall.
+            Along the wall, as long as the opening is wide, anywhere within the thickness of the wall. It is moved to a
+            wall at most 0.15 m beside it, and turned along a wall that it crosses at a small angle; both are findings.
         reach : float [m]
             Largest distance between the segment and the rooms.
         outside : "refuse", "exit" or "opening"
@@ -234,8 +235,8 @@ class Plan:
         ----------
         name, storey : str
         segment : segment
-            Along the outline of the floor, at most 0.15 m from it; or on the outer face of a wall at most 0.6 m thick,
-            through which the floor is then extended.
+            Along the outer outline of the floor, at most 0.15 m from it; or on the outer face of a wall at most 0.6 m
+            thick, through which the floor is then extended.
         polygon : shape
             Instead of a segment: ground outside. It is cut out of the floor, and every edge that it then shares with
             the floor is part of the exit.

@@ -192,10 +192,11 @@ def _valid(polygon: BaseGeometry, level: str | None, findings: list[Finding]) ->
     if polygon.is_empty:
         return []
     if not polygon.is_valid:
-        x, y = place_of(polygon) if polygon.area > 0.0 else tuple(shapely.get_coordinates(polygon)[0].tolist())
-        reason = shapely.is_valid_reason(polygon)
+        reason, _, at = shapely.is_valid_reason(polygon).rstrip("]").partition("[")
+        x, y = map(float, at.split()[:2]) if at else shapely.get_coordinates(polygon)[0].tolist()
         repaired = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-        findings.append(Finding("repaired", f"a self-intersecting outline ({reason})", level, (x, y)))
+        text = f"an outline that crosses itself here ({reason}), of which {repaired.area:.2f} m2 are kept"
+        findings.append(Finding("repaired", text, level, (x, y)))
         polygon = repaired
     snapped = flat_parts(shapely.set_precision(polygon, GRID))
     if snapped.is_empty:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
-from evac.building.extent import helpful_factor
+from evac.building.extent import helpful_factor, is_plausible
 from evac.building.findings import Finding
 from evac.building.foreign import walked_surface
 from evac.building.hanging import split_at_vertices
@@ -25,8 +25,13 @@ MOST_CHANGE = 5e-4
 #: Largest difference in height along the lower edge of a door [m].
 SILL = 0.02
 
+#: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
+MOST_RISER, UPRIGHT = 0.5, 85.0
+
 #: Maximum extent of a building, and maximum distance of its points from the origin [m].
 LARGEST, FARTHEST = 1e5, 1e8
+#: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
+LEAST_WIDTH = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,8 @@ class Surface:
     obstacles : dict of str to (o, 3, 3) float64 [m]
         Corners of the cells of each tag ``obstacle:``; they are not in `triangles`.
     findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [m]
+        Name and ends of each door between rooms.
     """
 
     vertices: FloatArray
@@ -59,10 +66,11 @@ class Surface:
     exit_edges: dict[str, IndexArray]
     obstacles: dict[str, FloatArray]
     findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
 
 
 def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
-    """Refuse buildings that are too large or too far from the origin; warn of buildings of an unusual size."""
+    """Refuse buildings too large, too small or too far from the origin; warn of those of an unusual size."""
     used = points[mesh.triangles.ravel()]
     low, high = used.min(axis=0), used.max(axis=0)
     width, depth, height = (high - low).tolist()
@@ -73,6 +81,16 @@ def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[
             f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
             f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {LARGEST:g} m and be "
             f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
+        )
+    if max(width, depth) < LEAST_WIDTH:
+        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
+        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
+        helps = (
+            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
+        )
+        raise BuildingError(
+            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
+            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
         )
     if factor is None:
         return []
@@ -108,8 +126,8 @@ def clean_surface(
     Raises
     ------
     BuildingError
-        If the coordinates are too coarse for `weld`, no walkable cell is left, or cells too narrow for `weld` form a
-        significant part of the ground.
+        If the coordinates are too coarse for `weld`, a stair is too steep, no walkable cell is left, or cells too
+        narrow for `weld` form a significant part of the ground.
     """
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
@@ -133,6 +151,9 @@ def clean_surface(
     }
     is_steep = np.rad2deg(slope_angle(vertices[triangles])) > walkable_angle + 1e-9
     dropped = is_steep & ~is_obstacle & ~is_sliver
+    _check_stairs(
+        mesh.source, vertices[triangles], {name: mask & dropped for name, mask in tags.items()}, walkable_angle
+    )
     if dropped.any():
         text = (
             f"{_count(dropped)} dropped as steeper than {walkable_angle:g} degrees: walls are not needed, and stairs "
@@ -161,7 +182,8 @@ def clean_surface(
     triangles, tags = triangles[order], _select(tags, order)
     gradient = _gradient(vertices[triangles])
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= flat_angle
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes))
+    doors = tuple((name, scale * ends) for name, ends in mesh.doors)
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
 
 
 def slope_angle(corners: FloatArray) -> FloatArray:
@@ -169,6 +191,30 @@ def slope_angle(corners: FloatArray) -> FloatArray:
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     angle: FloatArray = np.arctan2(np.hypot(normal[:, 0], normal[:, 1]), np.abs(normal[:, 2]))
     return angle
+
+
+def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray], walkable_angle: float) -> None:
+    """Refuse flights of tagged stairs that are too steep; risers and the sides of stairs are no flights.
+
+    Parameters
+    ----------
+    corners : (t, 3, 3) float64 [m]
+    steep : dict of str to (t,) bool
+        Cells that are too steep to walk on, by tag.
+    """
+    rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
+    is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)
+    for name, mask in sorted(steep.items()):
+        rows = np.flatnonzero(mask & is_flight)
+        if name.startswith("stair:") and len(rows):
+            row = rows[rise[rows].argmax()]
+            x, y, _ = corners[row].mean(axis=0)
+            raise BuildingError(
+                f"{source}: stair {name.removeprefix('stair:')!r} rises {rise[row]:.2f} m over "
+                f"{rise[row] / np.tan(angle[row]):.2f} m in plan ({np.rad2deg(angle[row]):.0f} degrees) at ({x:z.2f}, "
+                f"{y:z.2f}), steeper than building.walkable_angle ({walkable_angle:g} degrees): make it at least "
+                f"{np.ceil(100.0 * rise[row] / np.tan(np.deg2rad(walkable_angle))) / 100.0:.2f} m long"
+            )
 
 
 def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:

@@ -45,6 +45,8 @@ class SurfaceMesh:
     openings : sequence of (str, (4,) array [units of the file])
         Possible exits that the file does not declare: a level and the ends x1, y1, x2, y2 of a piece of its outline.
         `evac import` suggests them.
+    doors : sequence of (str, (2, 3) array [units of the file])
+        Doors between rooms, which are part of the floor: a name and the ends of the opening.
     """
 
     points: ArrayLike
@@ -53,6 +55,7 @@ class SurfaceMesh:
     edge_tags: Mapping[str, ArrayLike] = field(default_factory=dict)
     findings: Sequence[Finding | str] = ()
     openings: Sequence[tuple[str, ArrayLike]] = ()
+    doors: Sequence[tuple[str, ArrayLike]] = ()
 
     @classmethod
     def of_polygons(
@@ -61,6 +64,7 @@ class SurfaceMesh:
         edges: Iterable[tuple[str, Point, Point]] = (),
         findings: Sequence[Finding | str] = (),
         openings: Sequence[tuple[str, ArrayLike]] = (),
+        doors: Sequence[tuple[str, ArrayLike]] = (),
     ) -> Self:
         """Return the conforming mesh of polygons in plan; coordinates are rounded to 6 decimals.
 
@@ -70,7 +74,7 @@ class SurfaceMesh:
             Holes are allowed. The height is a number, or a function of x and y that is linear over the polygon.
         edges : iterable of (tag, point, point)
             Straight edges on the outlines of the surfaces, such as exits, by their ends (x, y, z).
-        findings, openings : sequence
+        findings, openings, doors : sequence
             See the attributes.
 
         Raises
@@ -88,7 +92,7 @@ class SurfaceMesh:
         surface = np.array(mesh.surface, dtype=np.int64)
         rows = {tag: [row for row, own in enumerate(tags) if tag in own] for tag in known}
         cell_tags = {tag: np.isin(surface, of_tag) for tag, of_tag in rows.items()}
-        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings)
+        return cls(mesh.points, mesh.triangles, cell_tags, edge_tags, findings, openings, doors)
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,7 @@ class TriangleMesh:
     edge_tags : dict of str to (e, 2) int64
         Edges with each tag of edges.
     findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [units of the file]
     """
 
     source: Path
@@ -113,6 +118,7 @@ class TriangleMesh:
     cell_tags: dict[str, BoolArray]
     edge_tags: dict[str, IndexArray]
     findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
 
 
 def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
@@ -155,7 +161,16 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     kinds = (*SURFACE_TAGS, *EDGE_TAGS)
     cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in kinds}
     edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
-    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes))
+    doors = tuple((name, _door_ends(source, name, ends)) for name, ends in mesh.doors)
+    return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), doors)
+
+
+def _door_ends(source: Path, name: str, ends: ArrayLike) -> FloatArray:
+    """Check and return the ends (2, 3) of a door."""
+    found: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
+    if len(found) != 2 or not np.isfinite(found).all():
+        raise PluginError(f"{source}: the importer's door {name!r} must be two finite points (x, y, z)")
+    return found
 
 
 def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tuple[int, ...]) -> Any:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: Ending of plan files, which are TOML as cases are.
 PLAN = ".plan.toml"
+#: Kinds of findings in the list of assumptions.
+ASSUMED = ("assumed", "repaired", "left out")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -129,7 +131,7 @@ def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
 
 
 def show_building(building: "Building") -> None:
-    """Show levels, portals, exits, areas and stairs."""
+    """Show levels, portals, exits, doors, areas, stairs, and what was assumed about them."""
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
     levels = [
         (
@@ -157,12 +159,19 @@ def show_building(building: "Building") -> None:
     if building.exits:
         exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in building.exits]
         show_table("Exits", ("exit", "level", "width [m]", ""), exits)
+    if building.doors:
+        doors = [(door.name, names[door.level], round(door.width, 3)) for door in building.doors]
+        show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
     if building.areas:
         areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
         show_table("Areas", ("area", "level", "m2"), areas)
     if building.stairs:
         stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
         show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
+    assumed = [one for one in building.findings if one.kind in ASSUMED]
+    if assumed:
+        found = [(one.kind, one.where, one.text) for one in assumed]
+        show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
 
 
 def show_people(simulation: "Simulation") -> None:

@@ -70,7 +70,7 @@ def levels_figure(
     title: str | None = "",
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
-    """Return the plan of every storey: walls, portals, exits, areas and stairs, with names, widths and coordinates.
+    """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
     numbers at their places and listed below, in their order.
@@ -111,13 +111,17 @@ def _show_coordinates(axes: Axes) -> None:
 
 
 def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None:
-    """Draw areas, the ways up stairs, and the names of both."""
+    """Draw areas, doors and the ways up stairs, and the names of all of them."""
     rows = [level.index for level in levels]
     for area in building.areas:
         if area.level in rows:
             style = {"facecolor": AREA, "edgecolor": AREA, "alpha": 0.12, "lw": 0.8, "ls": ":"}
             axes.add_patch(PathPatch(outline_of(area.polygon), **style))
             _name(axes, area.polygon, area.name, AREA)
+    for door in building.doors:
+        if door.level in rows:
+            _line(axes, door.segment, palette.PORTAL, 0.8)
+            beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
     for level in levels:
         if level.kind == "flight":
             _arrow(axes, level)

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.findings import as_findings
-from evac.building.model import Area, Building, Exit, Level, Portal
+from evac.building.model import Area, Building, Door, Exit, Level, Portal
 
 #: Greatest absolute coordinate [m]; far more than in any coordinate system on Earth.
 COORDINATE_MAX = 1e9
@@ -63,11 +63,16 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
+        "doors": [
+            {"name": d.name, "level": d.level, "segment": d.segment.tolist(), "width": d.width} for d in building.doors
+        ],
     }
 
 
 def building_from_json(data: Any) -> Building:
-    """Return the building from the output of `building_to_json`; in files of earlier versions every link is open.
+    """Return the building from the output of `building_to_json`.
+
+    In files of earlier versions every link is open, and there are no doors.
 
     Raises
     ------
@@ -92,6 +97,7 @@ def building_from_json(data: Any) -> Building:
         raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
     stairs = _get(data, "building", "stairs", dict)
     closed = _rows(data, "building", "closed", len(portals) + len(exits)) if "closed" in data else ()
+    doors = _list(data, "building", "doors") if "doors" in data else ()
     return Building(
         source=Path(_get(data, "building", "source", str)),
         vertices=vertices,
@@ -104,6 +110,7 @@ def building_from_json(data: Any) -> Building:
         stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
         findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
+        doors=tuple(_door(index, d, n) for index, d in enumerate(doors)),
     )
 
 
@@ -196,6 +203,15 @@ def _exit(index: int, data: Any, levels: int) -> Exit:
 def _area(index: int, data: Any, levels: int) -> Area:
     key = f"building.areas.{index}"
     return Area(_get(data, key, "name", str), _row(data, key, "level", levels), _polygon(data, key))
+
+
+def _door(index: int, data: Any, levels: int) -> Door:
+    key = f"building.doors.{index}"
+    segment = _numbers(data, key, "segment", (), COORDINATE_MAX)
+    if segment.shape != (4,):
+        raise HeaderError(f"{key}.segment has {len(segment)} numbers instead of 4")
+    width = _number(data, key, "width", 0.0, COORDINATE_MAX)
+    return Door(_get(data, key, "name", str), _row(data, key, "level", levels), segment, width)
 
 
 def _segments(data: Any, key: str) -> tuple[FloatArray, float]:

@@ -279,6 +279,10 @@ class Results:
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self.exits,
+            "doors": [
+                {"name": door.name, "level": self.building.levels[door.level].name, "width": door.width}
+                for door in self.building.doors
+            ],
             "left_by_other_exits": len(self.left_by_other_exits),
             "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
             "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},

@@ -74,6 +74,12 @@ def test_vertices_as_close_as_the_weld_have_an_end():
         split(points, cells)
 
 
+def test_a_surface_without_cells_wider_than_the_weld_is_refused():
+    points = [[0, 0, 0], [4, 0, 0], [2, 0.0005, 0], [2, 0, 0]]
+    with pytest.raises(BuildingError, match=r"building\.weld.*\(2\.00, "):
+        split(points, [[0, 1, 2]], {"exit:a": np.array([[0, 1], [3, 1]])})
+
+
 def test_two_needles_along_each_other(tmp_path):
     """The second needle passes the corners of the first on both sides of a thin angle: a recursion once."""
     path = tmp_path / "needles.obj"

@@ -46,13 +46,23 @@ def building_section(run: Run | None) -> Section:
             for p in portals
         ]
         parts.append(table("Portals between levels", ("portal", "from", "to", "clear width [m]", "state"), rows))
+    if building.doors:
+        rows = [(door.name, levels[door.level].name, fixed(door.width, 2)) for door in building.doors]
+        parts.append(table("Doors between rooms, with clear widths", ("door", "level", "clear width [m]"), rows))
+    else:
+        parts.append(
+            paragraph(
+                "The building file names no doors between rooms. If there are any, their clear widths must be added by"
+                " the author."
+            )
+        )
     if building.areas:
         rows = [(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas]
         parts.append(table("Areas in which people can start", ("area", "level", "area [m²]"), rows))
     if run.case["building"].get("closed"):
         closed = ", ".join(map(str, run.case["building"]["closed"]))
         parts += [heading("Closed during the whole run"), paragraph(closed)]
-    return Section("building", "Building", tuple(parts))
+    return Section("building", "Building", tuple(parts), lacks=() if building.doors else ("doors",))
 
 
 def _levels(building: Building) -> Html:

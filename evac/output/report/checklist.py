@@ -1,6 +1,6 @@
 """What a documentation of an evacuation analysis should hold, point by point, and where the report has it."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from evac.output.report.html import Cell, Html, Section, joined, link, paragraph, table
@@ -19,12 +19,18 @@ class Point:
         What the author has to add; empty if nothing.
     of_run : str
         What the author has to add to the report of a single run.
+    content : str
+        Content of the sections that it requires, see `Section.lacks`.
+    without : str
+        What the author has to add if a section lacks this content.
     """
 
     words: str
     sections: tuple[str, ...]
     author: str = ""
     of_run: str = ""
+    content: str = ""
+    without: str = ""
 
 
 POINTS = (
@@ -32,7 +38,12 @@ POINTS = (
     Point("Purpose of the analysis, protection goals and scenarios", ("purpose",), "write the purpose"),
     Point("Documents used: plans, their dates and versions", (), "name the plans on which the building is based"),
     Point("Building and geometry: storeys, areas, stairs", ("building",), "confirm that they agree with the plans"),
-    Point("Doors, exits and escape routes with clear widths", ("building",)),
+    Point(
+        "Doors, exits and escape routes with clear widths",
+        ("building",),
+        content="doors",
+        without="add the doors between rooms with their clear widths, which the building file does not name",
+    ),
     Point("Exits, doors and stairs that are closed or not available", ("building",)),
     Point("Number of occupants and their initial distribution", ("occupants",), "justify the numbers"),
     Point(
@@ -66,27 +77,31 @@ POINTS = (
 )
 
 
-def checklist_section(numbers: dict[str, str]) -> Section:
+def checklist_section(numbers: dict[str, str], lacking: Collection[str] = ()) -> Section:
     """Return the checklist.
 
     Parameters
     ----------
     numbers : dict of str to str
         Number of each section of the report that is not missing, by its id.
+    lacking : collection of str
+        Contents that sections lack.
     """
     intro = paragraph(
         "The list follows the chapter on documentation of the RiMEA guideline (Guideline for Microscopic Evacuation"
         " Analysis, version 4.1.1). It is our reading of the guideline in our own words, not a quotation; the author"
         " must compare it with the guideline."
     )
-    rows = [(str(number), point.words, *_where(point, numbers)) for number, point in enumerate(POINTS, 1)]
+    rows = [(str(number), point.words, *_where(point, numbers, lacking)) for number, point in enumerate(POINTS, 1)]
     columns = ("no.", "required content", "in this report", "to be added by the author")
     caption = "Numbers of sections and letters of appendices"
     return Section("checklist", "Checklist of the documentation", (intro, table(caption, columns, rows)))
 
 
-def _where(point: Point, numbers: dict[str, str]) -> tuple[Cell, str]:
-    left = "; ".join(one for one in (point.author, "" if "statistics" in numbers else point.of_run) if one)
+def _where(point: Point, numbers: dict[str, str], lacking: Collection[str]) -> tuple[Cell, str]:
+    of_run = "" if "statistics" in numbers else point.of_run
+    without = point.without if point.content in lacking else ""
+    left = "; ".join(one for one in (point.author, of_run, without) if one)
     present = [section for section in point.sections if section in numbers]
     if not present:
         return Cell("not provided", "bad"), left or "add it"

@@ -77,7 +77,8 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     numbers = {"project": "head"} | {one.id: str(number) for number, one in enumerate(body, 1)}
     numbers |= {one.id: chr(ord("A") + index) for index, one in enumerate(appendices)}
     missing = {one.id for one in given if one.is_missing}
-    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing})
+    lacking = {content for one in given for content in one.lacks}
+    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
     numbers[checklist.id] = str(len(body) + 1)
     everything = [*body, checklist, *appendices]
     contents = (element("li", f"{numbers[one.id]} ", link(one.id, one.title)) for one in everything)
