@@ -263,11 +263,11 @@ def check_result(path: Path) -> None:
         return
     stem = path.parent.resolve().name if path.name == CASE_NAME else path.resolve().name.removesuffix(".toml")
     results = [place for place in (path.with_name(f"{stem}-result"), Path(f"{stem}-result")) if place.is_dir()]
-    what = "is a case, not a result" if is_case else "there is no such file or folder"
+    what = " is a case, not a result" if is_case else ": no such file or folder"
     hint = f"did you mean {results[0]}?" if results else "give the result folder of a run"
     if is_case and not results:
         hint = f"run it first: evac run {path}"
-    raise ResultError(f"{path}: {what}; {hint}")
+    raise ResultError(f"{path}{what}; {hint}")
 
 
 def check_folder(folder: Path) -> None:
