@@ -29,7 +29,7 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
-from evac.building.plancheck import beside_floor, low_storeys, with_cause
+from evac.building.plancheck import beside_floor, both_sides, low_storeys, with_cause
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
@@ -309,6 +309,7 @@ class _Drawing:
             pieces = [piece for side in ends for piece in self._outline(item, side)]
             if not pieces:
                 raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
+            self.findings += both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
             self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
             return
         floor, segment = self.floors[item.storey], item.segment

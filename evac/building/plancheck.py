@@ -6,8 +6,11 @@ from pathlib import Path
 
 from shapely.geometry.base import BaseGeometry
 
+from evac.arrays import FloatArray
+from evac.building.edges import segment_lengths
 from evac.building.findings import Finding
-from evac.building.planparts import Item, Storey
+from evac.building.outlines import between_floors
+from evac.building.planparts import DOOR_REACH, Item, Storey
 from evac.building.shapes import common, cut, place_of, united
 
 #: Smallest overlap of two floors, and smallest part of an area beside its floor, that is reported [m2].
@@ -46,6 +49,19 @@ def beside_floor(areas: Sequence[Item], rooms: Mapping[str, BaseGeometry]) -> It
                 item.storey,
                 place_of(rest),
             )
+
+
+def both_sides(item: Item, floor: BaseGeometry, pieces: FloatArray) -> Iterable[Finding]:
+    """Warn of an exit given as a polygon that has floor on both its sides, whose width counts both."""
+    length = segment_lengths(pieces)
+    if length[between_floors(floor, pieces, DOOR_REACH)].sum() > 0.5 * length.sum():
+        yield Finding(
+            "warning",
+            f"exit {item.name!r} has floor on both its sides, which both count for its width of {length.sum():.2f} m; "
+            "if it lies between two rooms, make it a door",
+            item.storey,
+            place_of(united(item.polygons)),
+        )
 
 
 def with_cause(message: str, source: Path, findings: Iterable[Finding]) -> str:

@@ -1,7 +1,7 @@
 """What is unlikely to be meant in a plan is reported with its place: heights, areas, repairs, units, steep stairs."""
 
 import pytest
-from shapely import box
+from shapely import Point, box
 
 from evac import BuildingError, Plan
 
@@ -36,7 +36,7 @@ def test_the_part_of_an_area_beside_the_floor_is_reported():
     assert {name[:6]: one.kind for name, one in found.items()} == {"'half'": "warning", "'edge'": "left out"}
     (half,) = [one for one in found.values() if one.kind == "warning"]
     assert "25.00 of the 50.00 m2" in half.text
-    assert box(18, 4, 23, 9).contains(box(half.place[0], half.place[1], half.place[0], half.place[1]).centroid)
+    assert box(18, 4, 23, 9).contains(Point(half.place))
 
 
 def test_an_outline_that_crosses_itself_is_named_with_the_error_that_follows():
@@ -92,3 +92,11 @@ def test_floor_added_up_to_an_exit_outside_is_reported(x, kind):
     (found,) = [one for one in plan.building().findings if "'outside'" in one.text]
     assert (found.kind, found.level, found.place) == (kind, "ground", (x, 7.5))
     assert f"{-x:.2f} m" in found.text
+
+
+@pytest.mark.parametrize(("polygon", "count"), [(box(8.9, 4, 9.1, 5), 1), (box(17.8, 4, 18.2, 5), 0)])
+def test_an_exit_given_as_a_polygon_between_two_parts_of_the_floor_is_warned_of(polygon, count):
+    plan = two_storeys()
+    plan.exit("cut", "ground", polygon=polygon)
+    found = [one for one in warnings(plan) if "'cut'" in one.text]
+    assert [(one.level, polygon.covers(Point(one.place))) for one in found] == [("ground", True)] * count
