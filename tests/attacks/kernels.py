@@ -16,6 +16,10 @@ from tests.attacks.commands import write_case
 
 COMMAND = [sys.executable, "-m", "evac", "run"]
 
+#: Without the replay, which is larger than the files that a full disk still takes here, and without response times, of
+#: which a run so short warns.
+QUIET = ("output.replay=false", "behaviours.response_time=false")
+
 #: Longest time of a run in which everything has to be compiled [s].
 LONGEST = 300.0
 
@@ -78,8 +82,7 @@ def _run(folder: Path, environment: dict[str, str]) -> str:
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
     done = subprocess.run(
-        # Without the replay, which is larger than the files that a full disk still takes here.
-        [*COMMAND, str(folder / "case.toml"), "--out", str(folder / "result"), "--set", "output.replay=false"],
+        [*COMMAND, str(folder / "case.toml"), "--out", str(folder / "result"), "--set", *QUIET],
         env=os.environ | environment,
         preexec_fn=limited,
         capture_output=True,
