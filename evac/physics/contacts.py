@@ -112,8 +112,8 @@ def _sort_walls_by_key(near, kept, found):
 
 
 @inner
-def find_contacts(state):
-    """Fill the contacts with every pair and wall whose gap is below the reach; return a status.
+def find_contacts(state, first, last):
+    """Fill the contacts with every pair and wall of some bodies whose gap is below the reach; return a status.
 
     A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
     """
@@ -121,8 +121,8 @@ def find_contacts(state):
     capacity = contacts.body.shape[0]
     walls = world.wall.shape[0]
     near = contacts.near
-    used, memory = 0, 0
-    for i in range(bodies.inside):
+    used, memory = 0, _first_remembered(state.warm_start, first)
+    for i in range(first, last):
         level = bodies.level[i]
         if level < 0:
             continue
@@ -145,8 +145,8 @@ def find_contacts(state):
                 gap = near[k, 0] - r
                 memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
                 used += 1
-        for k in range(_pick_near(bodies, lists, i)):
-            j = bodies.picked[k]
+        for k in range(_pick_near(bodies, lists, contacts.picked, i)):
+            j = contacts.picked[k]
             if not touches(state, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]):
                 continue
             if used == capacity:
@@ -161,7 +161,21 @@ def find_contacts(state):
 
 
 @inner
-def _pick_near(bodies, lists, i):
+def _first_remembered(memory, body):
+    """Return the first remembered percussion of a body or of one after it."""
+    start = memory.half * memory.size
+    low, high = 0, memory.number
+    while low < high:
+        middle = (low + high) // 2
+        if memory.body[start + middle] < body:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@inner
+def _pick_near(bodies, lists, found, i):
     """Pick the bodies listed for body i that are within both reaches; return their number.
 
     Each is written down, and kept by counting it: no processor foresees a branch on who is near.
@@ -172,7 +186,7 @@ def _pick_near(bodies, lists, i):
         j = lists.pair_body[slot]
         dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
         limit = r + bodies.radius[j] + bodies.reach[j]
-        bodies.picked[picked] = j
+        found[picked] = j
         picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
     return picked
 

@@ -45,20 +45,20 @@ def _turned(people, i, ex, ey):
 
 
 @inner
-def _look_around(fields, bodies):
+def _look_around(fields, bodies, first, last):
     """Read the directions at the nodes around the bodies that have come to another cell.
 
     Most are far from the processor. No decision waits for what is read, so that many reads are under way at a time.
     """
-    arrived = 0
-    for i in range(bodies.inside):
+    arrived = first
+    for i in range(first, last):
         level = bodies.level[i]
         if level >= 0:
             node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
             bodies.picked[arrived] = i
             arrived += (node != bodies.node[i]) & (node >= 0)
             bodies.node[i] = node
-    for k in range(arrived):
+    for k in range(first, arrived):
         i = bodies.picked[k]
         low = bodies.node[i]
         high = low + fields.shape[bodies.level[i], 1]
@@ -70,11 +70,11 @@ def _look_around(fields, bodies):
 
 
 @inner
-def set_desired(world, bodies):
-    """Set the unit desired direction of every body from its place, as `desired_direction`, and clear the forces."""
+def set_desired(world, bodies, first, last):
+    """Set the unit desired direction of bodies from their places, as `desired_direction`, and clear the forces."""
     fields = world.fields
-    _look_around(fields, bodies)
-    for i in range(bodies.inside):
+    _look_around(fields, bodies, first, last)
+    for i in range(first, last):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
         level = bodies.level[i]
@@ -146,7 +146,7 @@ def unit_normal(nx, ny, square):
 
 
 @kernel
-def drive(state: State) -> float:
+def drive(state: State, first: int, last: int) -> float:
     """Set ``bodies.free``, the velocity after the sub-step if nobody touched; return the greatest speed.
 
     Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
@@ -155,11 +155,10 @@ def drive(state: State) -> float:
     world, bodies = state.world, state.bodies
     time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
     if not explicit and bodies.taken_up_in != h:
-        for i in range(bodies.inside):
+        for i in range(first, last):
             bodies.taken_up[i] = -math.expm1(-h / bodies.tau[i])
-        bodies.taken_up_in = h
     fastest = 0.0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         if bodies.level[i] < 0:
             continue
         vx = 0.0
@@ -186,11 +185,11 @@ def drive(state: State) -> float:
 
 
 @kernel
-def drive_overdamped(state: State) -> float:
+def drive_overdamped(state: State, first: int, last: int) -> float:
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         if bodies.level[i] < 0:
             continue
         vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]
@@ -207,4 +206,4 @@ def drive_overdamped(state: State) -> float:
 
 
 #: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the greatest speed [m/s].
-call_drive = AddressCall([State], (float,))
+call_drive = AddressCall([State, int, int], (float,))

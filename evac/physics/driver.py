@@ -23,9 +23,10 @@ from evac.physics.contacts import (
     set_reach,
 )
 from evac.physics.drive import call_add_forces, call_drive, set_desired
-from evac.physics.motion import add_contact_work, move
+from evac.physics.motion import add_contact_work, end_move, move, remember
 from evac.physics.neighbours import build_lists
 from evac.physics.overlaps import call_separate
+from evac.physics.pieces import DRIVE, FIND, LIST, LOOK, MOVE, OPEN, call_team
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
     FIRST_MISSING_PART,
@@ -167,14 +168,21 @@ def set_clock(state: State, part: int, parts: int) -> None:
 def approach(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
     bodies, traits, h = state.bodies, state.traits, state.clock.h
-    set_desired(state.world, bodies)
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, LOOK)
+    else:
+        set_desired(state.world, bodies, 0, bodies.inside)
     if state.parts.forces != 0:
         status = _renew_lists(state, state.forces.farthest, 0.0)
         if status == OK:
             status = call_add_forces(state.parts.forces, state)
         if status != OK:
             return status
-    fastest = call_drive(state.parts.drive, state)
+    if state.parts.team != 0:
+        fastest = call_team(state.parts.team, state, DRIVE)
+    else:
+        fastest = call_drive(state.parts.drive, state, 0, bodies.inside)
+    bodies.taken_up_in = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
     if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):
@@ -193,7 +201,9 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, contacts)
     if status != OK:
         return status
-    return find_contacts(state)
+    if state.parts.team != 0:
+        return int(call_team(state.parts.team, state, FIND))
+    return find_contacts(state, 0, state.bodies.inside)
 
 
 @inner
@@ -211,7 +221,10 @@ def _renew_lists(state, pairs, contacts):
         lists.wall_reach = 1.25 * contacts
         lists.stale = 1
     if lists.stale:
-        status = build_lists(state.world, state.bodies, lists)
+        if state.parts.team != 0:
+            status = int(call_team(state.parts.team, state, LIST))
+        else:
+            status = build_lists(state.world, state.bodies, lists)
         if status == OK:
             state.tally[at.LIST_BUILDS] += 1.0
         return status
@@ -277,19 +290,22 @@ def conclude(state: State) -> int:
     if traits.remembers:
         keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
-    return move(state, clock.time, clock.h, traits.old_share, True)
+    if state.parts.team != 0:
+        status = int(call_team(state.parts.team, state, MOVE))
+    else:
+        status = move(state, 0, bodies.inside, clock.time, clock.h, traits.old_share, True)
+    end_move(state, status, True)
+    return status
 
 
 @kernel
 def open_step(state: State) -> None:
     """Remember bodies, sums, events and percussions at the start of a step."""
     bodies, memory = state.bodies, state.warm_start
-    for i in range(bodies.inside):
-        for k in range(2):
-            bodies.old_position[i, k] = bodies.position[i, k]
-            bodies.old_velocity[i, k] = bodies.velocity[i, k]
-        bodies.old_level[i] = bodies.level[i]
-        bodies.old_distance[i] = bodies.distance[i]
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, OPEN)
+    else:
+        remember(bodies, 0, bodies.inside)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number

@@ -1,5 +1,7 @@
 """The engine: owns the state of the step loop and makes one tick of steps."""
 
+import os
+from contextlib import nullcontext
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -28,6 +30,7 @@ from evac.physics.overlaps import separate
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
+from evac.physics.threads import Threads
 from evac.physics.state import Crowd, Events, Forces, State, World
 
 #: What went wrong in a step, for messages; contact models add what to change.
@@ -85,6 +88,7 @@ class Engine:
         self._solvers = solvers or {}
         self.state = make_state(world, people, pack_forces(self._forces))
         self._own: Any = None
+        self.threads = Threads(self.state, int(os.environ["EVAC_THREADS"])) if os.environ.get("EVAC_THREADS","1")!="1" else None
         self._model: ContactModel | None = None
 
     def advance(
@@ -103,13 +107,18 @@ class Engine:
             clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
-                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"):
+                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"), self._served():
                     found = model.advance(self)
                 if found != status.OK:
                     self._handle(model, int(found), clock.now * step)
         state.tally[at.STEPS] += steps
         driver.scatter(crowd, state.bodies)
         return state.events
+
+    def _served(self):
+        if self.threads is None:
+            return nullcontext()
+        return self.threads.serving(self.state)
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model asks for; return how many they are."""

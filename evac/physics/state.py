@@ -13,6 +13,7 @@ from evac.jit.layout import Array
 #: Numbers of a row of the contact problem, see `evac.physics.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
+Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 
 
@@ -197,6 +198,7 @@ class Bodies(Struct):
     taken_up: Floats  # share of the gap to the desired velocity that a step takes up, 1 - exp(-h / tau)
     taken_up_in: float  # the step h that it holds for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
+    work: Floats  # scratch: driving work of each `pieces.CHUNK` bodies [J]
 
 
 class Lists(Struct):
@@ -273,6 +275,7 @@ class Contacts(Struct):
     kept_percussion: Floats  # percussions set aside
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
+    picked: Ints  # scratch: bodies in reach of one
     near: NearWalls  # scratch of the wall search: distance, normal, wall, nearest point
     deepest: float  # greatest overlap as the sub-step begins [m]
     separation_tolerance: float  # overlap that the law allows [m]
@@ -299,6 +302,7 @@ class Events(Struct):
 
     number: int
     number_before: int  # at the start of the step
+    failed: int  # the body with which a move failed
     row: Ints
     kind: Ints  # 0 portal, 1 exit
     link: Ints
@@ -356,6 +360,18 @@ class Parts(Struct):
     drive: int
     forces: int
     seams: int
+    team: int  # makes a phase of the step on several cores
+
+
+class Team(Struct):
+    """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
+
+    threads: int
+    phase: int  # what is to be done
+    rest: int  # address of the system's function that lets other threads run
+    turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
+    found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
+    fastest: Floats  # (8 threads,) [m/s]
 
 
 class State(Struct):
@@ -372,5 +388,6 @@ class State(Struct):
     forces: Forces
     traits: Traits
     parts: Parts
+    team: Team
     tally: Floats  # sums over the run, named in `evac.physics.tallies`
     tally_before: Floats  # at the start of the step
