@@ -38,6 +38,7 @@ def run(
     *,
     full: bool = False,
     checkpoint: float | None = None,
+    threads: int | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Run a case to its end and return the results.
@@ -53,6 +54,9 @@ def run(
         Do even what the scene does not need; gives the same bits, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` goes on after a kill. None keeps none.
+    threads : int, optional
+        Threads that share the steps, no more than there are cores; None lets the number of people decide. The results
+        are the same to the last bit.
     progress : callable or bool, optional
         Called with a `Progress` at every tick. None shows a bar on a terminal and a line in a notebook; True shows
         lines elsewhere too, and False nothing.
@@ -76,9 +80,9 @@ def run(
         if checkpoint is not None:
             raise ScenarioError("checkpoints need a result folder; give one")
         with displayed(progress) as shown:
-            return Simulation(case, None, full).run(shown)
+            return Simulation(case, None, full, threads=threads).run(shown)
     with ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, place.running, full)
+        simulation = Simulation(case, place.running, full, threads=threads)
         place.start()
         return run_into(simulation, place, shown, checkpoint=checkpoint)
 
@@ -91,6 +95,7 @@ def resume(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     checkpoint: float | None = None,
+    threads: int | None = None,
     allow_differences: bool = False,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
@@ -109,6 +114,8 @@ def resume(
         As for `evac.load`: those that the run was given beside those of its case.
     checkpoint : float, optional
         Wall time between two checkpoints [s]; by default as before.
+    threads : int, optional
+        As for `run`.
     allow_differences : bool
         Go on even where versions, kernels, plugins or the building's file are not as they were; the results then
         may not be those of a run that was never stopped, and the summary says so.
@@ -132,7 +139,7 @@ def resume(
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
-        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences)
+        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
         return run_into(simulation, place, shown, checkpoint=every if checkpoint is None else checkpoint)
 
 
@@ -143,6 +150,7 @@ def resumed(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     allow_differences: bool = False,
+    threads: int | None = None,
     compiling: Callable[[int, int], None] | None = None,
     tell: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
@@ -163,7 +171,7 @@ def resumed(
     case = found.case(overrides, plugin_files, before.registry) if overrides else before
     differences = found.differences(before)
     _refuse(found.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, bool(found.header["full"]), compiling=compiling)
+    simulation = Simulation(case, place.running, bool(found.header["full"]), threads=threads, compiling=compiling)
     differences += found.simulation_differences(simulation)
     _refuse(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)

@@ -30,6 +30,7 @@ from evac.people.ways import check_ways
 from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
+from evac.physics.threads import number_of_threads
 from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.registry import Registry
@@ -55,6 +56,8 @@ class Simulation:
         That of a simulation whose case has the same `evac.assembly.ground_key`; made here if not given.
     will_run : bool
         False for a look at what is ready before the first step: kernels of the step loop are then not loaded yet.
+    threads : int, optional
+        Threads that share the step loop, as for `evac.run`.
     compiling : callable, optional
         Called with the number of kernels that have been compiled and of all that must be, if any.
 
@@ -92,11 +95,12 @@ class Simulation:
         *,
         ground: Ground | None = None,
         will_run: bool = True,
+        threads: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
         self.case = case = run_plugin_files(case)
         self.registry: Registry = case.registry
-        self.folder, self.full = folder, full
+        self.folder, self.full, self._wanted_threads = folder, full, threads
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
@@ -141,7 +145,8 @@ class Simulation:
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
+        threads = number_of_threads(self._wanted_threads, n)
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:
         """Note how everybody starts, and let the behaviours prepare."""
@@ -252,6 +257,7 @@ class Simulation:
                 error = caught
                 raise
             finally:
+                self.engine.end_threads()
                 self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds())
 

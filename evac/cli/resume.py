@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from evac.cli.cases import declare_plugin, tell_plugin_file
-from evac.cli.run import declare_checkpoint
+from evac.cli.run import declare_checkpoint, declare_threads
 from evac.display import Display
 
 
@@ -29,6 +29,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="another result folder, which has records from the checkpoint on"
     )
     declare_checkpoint(parser, "as before")
+    declare_threads(parser)
     parser.add_argument(
         "--allow-differences",
         action="store_true",
@@ -52,6 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 arguments.overrides,
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
+                threads=arguments.threads,
                 compiling=display.compiling,
                 tell=tell_plugin_file,
             )

@@ -28,6 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="choose step and solver tolerances for this error of positions (instead of those of the case)",
     )
     declare_checkpoint(parser, "none")
+    declare_threads(parser)
 
 
 def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
@@ -37,6 +38,16 @@ def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
         type=_seconds,
         metavar="S",
         help=f"keep the state every S seconds of wall time, for `evac resume` after a kill (default: {default})",
+    )
+
+
+def declare_threads(parser: argparse.ArgumentParser) -> None:
+    """Add --threads to a command."""
+    parser.add_argument(
+        "--threads",
+        type=int,
+        metavar="N",
+        help="share the steps among N threads, at most one for each core: the same results (default: by size)",
     )
 
 
@@ -61,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 hint = f", which evac resume {place.path} could have gone on with" if has_state else ""
                 display.line(f"evac: {place.running} of a run that did not come to its end is replaced{hint}")
             display.phase("reading the building, computing directions")
-            simulation = Simulation(case, place.running, arguments.full, compiling=display.compiling)
+            simulation = Simulation(case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling)
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, {f"{key} (from --tolerance)": value for key, value in chosen.items()})

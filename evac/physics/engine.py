@@ -1,8 +1,7 @@
 """The engine: owns the state of the step loop and makes one tick of steps."""
 
-import os
-from contextlib import nullcontext
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,7 @@ from evac.physics.overlaps import separate
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
+from evac.physics.team import conduct, serve
 from evac.physics.threads import Threads
 from evac.physics.state import Crowd, Events, Forces, State, World
 
@@ -67,6 +67,8 @@ class Engine:
         Names of the levels, for messages; without them messages show level indices.
     solvers : mapping of str to type
         The registered solvers, by name, see `Registry.solvers`.
+    threads : int
+        Threads that share the step loop; their number changes no bit.
 
     Attributes
     ----------
@@ -81,6 +83,7 @@ class Engine:
         full: bool = False,
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
+        threads: int = 1,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -88,7 +91,7 @@ class Engine:
         self._solvers = solvers or {}
         self.state = make_state(world, people, pack_forces(self._forces))
         self._own: Any = None
-        self.threads = Threads(self.state, int(os.environ["EVAC_THREADS"])) if os.environ.get("EVAC_THREADS","1")!="1" else None
+        self.threads = Threads(self.state, threads) if threads > 1 else None
         self._model: ContactModel | None = None
 
     def advance(
@@ -107,7 +110,7 @@ class Engine:
             clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
-                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"), self._served():
+                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"), self._served(model):
                     found = model.advance(self)
                 if found != status.OK:
                     self._handle(model, int(found), clock.now * step)
@@ -115,10 +118,14 @@ class Engine:
         driver.scatter(crowd, state.bodies)
         return state.events
 
-    def _served(self):
-        if self.threads is None:
-            return nullcontext()
-        return self.threads.serving(self.state)
+    def _served(self, model: ContactModel) -> AbstractContextManager[None]:
+        """Let threads serve the loop, unless it is in Python, where they would wait too long."""
+        return nullcontext() if self.threads is None or model.law is None else self.threads.serving()
+
+    def end_threads(self) -> None:
+        """End the threads, if there are any."""
+        if self.threads is not None:
+            self.threads.end()
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model asks for; return how many they are."""
@@ -170,7 +177,8 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
+        shared = [] if self.threads is None or model.law is None else [conduct, serve]
+        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full) + shared
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the parts of the step loop that a scene may not need: name, whether in, why."""

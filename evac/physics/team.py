@@ -33,9 +33,9 @@ class Member(Struct):
 
 @inner
 def _wait(team, place, turn):
-    """Wait until a thread has come to a turn."""
+    """Wait until a thread has come to a turn; it may be past it where threads leave."""
     looks = 0
-    while acquire(team.turn, place) != turn:
+    while acquire(team.turn, place) < turn:
         pause()
         looks += 1
         if looks == LOOKS:

@@ -5,112 +5,158 @@ import os
 import sys
 import threading
 import weakref
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
+from evac.errors import ScenarioError
 from evac.jit.kernels import INTERPRETED
+from evac.jit.workers import cores
 from evac.physics import pieces
 from evac.physics.allocation import allocate, make_contacts
 from evac.physics.state import Events, State, Team
 from evac.physics.team import Member, conduct, serve
 
-#: The system's function that lets other threads run.
-_REST = ctypes.windll.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).sched_yield
+#: A thread pays from so many people on; docs/results.md has what it brings.
+PEOPLE_PER_THREAD = 5000
+
+#: More threads than this are not taken unless they are asked for.
+MOST_BY_DEFAULT = 2
+
+
+def number_of_threads(wanted: int | None, people: int) -> int:
+    """Return how many threads a run of so many people has; `wanted` is None where the size decides.
+
+    Raises
+    ------
+    ScenarioError
+        If fewer than one is wanted.
+    """
+    if wanted is not None and wanted < 1:
+        raise ScenarioError(f"threads: {wanted} given; it must be at least 1")
+    if INTERPRETED:
+        return 1
+    if wanted is None:
+        wanted = min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
+    return max(1, min(wanted, cores()))
 
 
 class Threads:
-    """Threads beside the one that calls the step loop.
+    """Threads beside the one that calls the step loop, which makes the first.
 
     Parameters
     ----------
     state : State
         Of the run.
     number : int
-        Threads in all, the caller's among them.
+        Of all threads, at least 2.
     """
 
     def __init__(self, state: State, number: int) -> None:
-        self.number = number
-        rest = ctypes.cast(_REST, ctypes.c_void_p).value or 0
+        windows: Any = getattr(ctypes, "windll", None)
+        rest = windows.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).sched_yield
         state.team = Team(
             threads=number,
-            phase=pieces.OPEN,
-            rest=rest,
+            phase=pieces.LEAVE,
+            rest=ctypes.cast(rest, ctypes.c_void_p).value or 0,
             turn=np.zeros(8 * number, np.int64),
             found=np.zeros((number, 8), np.int64),
             fastest=np.zeros(8 * number),
         )
-        self._members = [_member_of(state, k) for k in range(1, number)]
-        self._calls = [threading.Semaphore(0) for _ in self._members]
-        self._done = threading.Semaphore(0)
+        self._state = state
+        self._members = [_make_member(state, k) for k in range(1, number)]
+        self._threads: list[threading.Thread] = []
+        self._calls: list[SimpleQueue[bool]] = []
+        self._done: SimpleQueue[bool] = SimpleQueue()
         self._process = 0
+        self._is_serving = False
 
     @contextmanager
-    def serving(self, state: State) -> Generator[None, None, None]:
+    def serving(self) -> Generator[None, None, None]:
         """Let the threads serve the step loop, which is called within."""
-        for member in self._members:
-            _align(member, state)
+        if self._is_serving:  # and was interrupted before all had left
+            self.end()
         if self._process != os.getpid():  # not begun, or left behind by a fork
             self._begin()
-        for call in self._calls:
-            call.release()
-        state.parts.team = conduct.address
+        for member in self._members:
+            _align(member, self._state)
+        self._is_serving = True
         try:
+            for call in self._calls:
+                call.put(True)
+            self._state.parts.team = conduct.address
             yield
         finally:
-            state.parts.team = 0
-            conduct(state, pieces.LEAVE)
-            for _ in self._calls:
-                self._done.acquire()
+            self._state.parts.team = 0
+            conduct(self._state, pieces.LEAVE)
+        for _ in self._threads:
+            self._done.get()
+        self._is_serving = False
+
+    def end(self) -> None:
+        """End the threads; they begin again when they are needed."""
+        if self._process == os.getpid():
+            conduct(self._state, pieces.LEAVE)
+            _dismiss(self._calls)
+            for thread in self._threads:
+                thread.join()
+        self._process = 0
+        self._is_serving = False
 
     def _begin(self) -> None:
-        self._process = os.getpid()
-        self._calls = [threading.Semaphore(0) for _ in self._members]
-        self._done = threading.Semaphore(0)
+        """Begin threads that wait to be called."""
+        self._state.team.turn[:] = 0
+        self._calls = [SimpleQueue() for _ in self._members]
+        self._done = SimpleQueue()
         run = ctypes.CFUNCTYPE(None, ctypes.c_int64)(serve.address)
-        for member, call in zip(self._members, self._calls, strict=True):
-            args = (run, member, call, self._done)
-            threading.Thread(target=_attend, args=args, daemon=True, name=f"evac {member.number}").start()
-        weakref.finalize(self, _end, self._calls)
+        self._threads = [
+            threading.Thread(target=_attend, args=(run, member, call, self._done), daemon=True)
+            for member, call in zip(self._members, self._calls, strict=True)
+        ]
+        for thread in self._threads:
+            thread.start()
+        self._process = os.getpid()
+        weakref.finalize(self, _dismiss, self._calls)
 
 
-def _end(calls: list[threading.Semaphore]) -> None:
-    for call in calls:
-        call.leave = True
-        call.release()
-
-
-def _attend(run, member, call, done) -> None:
-    """Serve whenever called."""
-    while True:
-        call.acquire()
-        if getattr(call, "leave", False):
-            return
+def _attend(run: Any, member: Member, call: "SimpleQueue[bool]", done: "SimpleQueue[bool]") -> None:
+    """Serve whenever called, until dismissed."""
+    while call.get():
         run(member.memory_address)
-        done.release()
+        done.put(True)
 
 
-def _member_of(state: State, number: int) -> Member:
-    own = state.replace(
-        contacts=make_contacts(len(state.contacts.body)), events=allocate(Events, len(state.events.row))
+def _dismiss(calls: "Sequence[SimpleQueue[bool]]") -> None:
+    """Let threads end that are not serving."""
+    for call in calls:
+        call.put(False)
+
+
+def _make_member(state: State, number: int) -> Member:
+    """Return what a thread works on."""
+    contacts, events = make_contacts(len(state.contacts.body)), allocate(Events, len(state.events.row))
+    return Member(
+        number=number,
+        own=state.replace(contacts=contacts, events=events),
+        pair_body=np.zeros_like(state.lists.pair_body),
+        wall_item=np.zeros_like(state.lists.wall_item),
+        main=state,
     )
-    pairs, walls = np.zeros_like(state.lists.pair_body), np.zeros_like(state.lists.wall_item)
-    return Member(number=number, own=own, pair_body=pairs, wall_item=walls, main=state)
 
 
 def _align(member: Member, state: State) -> None:
     """Let a thread's state have what the run's has now, and as much room."""
     own = member.own
-    for name in State.kinds:
-        if name not in ("contacts", "events") and getattr(own, name) is not getattr(state, name):
-            setattr(own, name, getattr(state, name))
+    for name, value in state.values().items():
+        if name not in ("contacts", "events") and getattr(own, name) is not value:
+            setattr(own, name, value)
     if len(own.contacts.body) != len(state.contacts.body):
         own.contacts = make_contacts(len(state.contacts.body))
     if len(own.events.row) != len(state.events.row):
         own.events = allocate(Events, len(state.events.row))
-    if len(member.pair_body) != len(state.lists.pair_body):
-        member.pair_body = np.zeros_like(state.lists.pair_body)
-    if len(member.wall_item) != len(state.lists.wall_item):
-        member.wall_item = np.zeros_like(state.lists.wall_item)
+    for name in ("pair_body", "wall_item"):
+        if len(getattr(member, name)) != len(getattr(state.lists, name)):
+            setattr(member, name, np.zeros_like(getattr(state.lists, name)))
