@@ -30,9 +30,9 @@ from evac.people.ways import check_ways
 from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
-from evac.physics.threads import number_of_threads
 from evac.physics.force import Force
 from evac.physics.state import copy_of
+from evac.physics.threads import number_of_threads
 from evac.registry import Registry
 from evac.scenario.trust import run_plugin_files
 from evac.scene import Ground, Scene, make_ground
@@ -145,7 +145,7 @@ class Simulation:
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        threads = number_of_threads(self._wanted_threads, n)
+        threads = number_of_threads(self._wanted_threads, n, self.contact)
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:

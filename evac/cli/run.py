@@ -72,7 +72,9 @@ def execute(arguments: argparse.Namespace) -> int:
                 hint = f", which evac resume {place.path} could have gone on with" if has_state else ""
                 display.line(f"evac: {place.running} of a run that did not come to its end is replaced{hint}")
             display.phase("reading the building, computing directions")
-            simulation = Simulation(case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling)
+            simulation = Simulation(
+                case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling
+            )
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, {f"{key} (from --tolerance)": value for key, value in chosen.items()})

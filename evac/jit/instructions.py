@@ -293,7 +293,9 @@ def _release(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 def _pause(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     triple = builder.module.triple
     if triple.startswith(("x86", "i686")):
-        builder.call(builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), ir.FunctionType(ir.VoidType(), [])), [])
+        builder.call(
+            builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), ir.FunctionType(ir.VoidType(), [])), []
+        )
     elif triple.startswith(("aarch64", "arm64")):
         number = ir.IntType(32)
         hint = builder.module.declare_intrinsic("llvm.aarch64.hint", (), ir.FunctionType(ir.VoidType(), [number]))

@@ -29,9 +29,9 @@ from evac.physics.overlaps import separate
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
+from evac.physics.state import Crowd, Events, Forces, State, World
 from evac.physics.team import conduct, serve
 from evac.physics.threads import Threads
-from evac.physics.state import Crowd, Events, Forces, State, World
 
 #: What went wrong in a step, for messages; contact models add what to change.
 _FAILURES = {

@@ -83,8 +83,8 @@ def move(state, first, last, time, h, old_share, is_walk):
     """Move some bodies, from the first of a chunk on, by h ``bodies.solved``; return a status.
 
     The share `old_share` is the old velocity's. Of a walk the path up to an exit counts as walked, and the driving work
-    m (V - u).(u + u+)/2 with the free velocity V is added up for each chunk, unless nobody has inertia. Lists become stale where
-    somebody has moved by half their skin.
+    m (V - u).(u + u+)/2 with the free velocity V is added up for each chunk, unless nobody has inertia. Lists become
+    stale where somebody has moved by half their skin.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
     works = is_walk and not state.traits.overdamped

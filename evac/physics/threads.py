@@ -17,6 +17,7 @@ from evac.jit.kernels import INTERPRETED
 from evac.jit.workers import cores
 from evac.physics import pieces
 from evac.physics.allocation import allocate, make_contacts
+from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.state import Events, State, Team
 from evac.physics.team import Member, conduct, serve
 
@@ -27,8 +28,10 @@ PEOPLE_PER_THREAD = 5000
 MOST_BY_DEFAULT = 2
 
 
-def number_of_threads(wanted: int | None, people: int) -> int:
-    """Return how many threads a run of so many people has; `wanted` is None where the size decides.
+def number_of_threads(wanted: int | None, people: int, model: ContactModel) -> int:
+    """Return how many threads a run of so many people has; `wanted` is None where model and size decide.
+
+    Models that solve contact problems have one by default: the solver, which takes most of their time, has one anyway.
 
     Raises
     ------
@@ -36,11 +39,12 @@ def number_of_threads(wanted: int | None, people: int) -> int:
         If fewer than one is wanted.
     """
     if wanted is not None and wanted < 1:
-        raise ScenarioError(f"threads: {wanted} given; it must be at least 1")
+        raise ScenarioError(f"threads: {wanted} given; give 1 or more, or nothing to let the size decide")
     if INTERPRETED:
         return 1
     if wanted is None:
-        wanted = min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
+        is_solved = isinstance(model, SolvedContactModel)
+        wanted = 1 if is_solved else min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
     return max(1, min(wanted, cores()))
 
 
@@ -56,12 +60,11 @@ class Threads:
     """
 
     def __init__(self, state: State, number: int) -> None:
-        windows: Any = getattr(ctypes, "windll", None)
-        rest = windows.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).sched_yield
         state.team = Team(
             threads=number,
             phase=pieces.LEAVE,
-            rest=ctypes.cast(rest, ctypes.c_void_p).value or 0,
+            rest=_system("sched_yield"),
+            nap=_system("usleep"),
             turn=np.zeros(8 * number, np.int64),
             found=np.zeros((number, 8), np.int64),
             fastest=np.zeros(8 * number),
@@ -113,13 +116,24 @@ class Threads:
         self._done = SimpleQueue()
         run = ctypes.CFUNCTYPE(None, ctypes.c_int64)(serve.address)
         self._threads = [
-            threading.Thread(target=_attend, args=(run, member, call, self._done), daemon=True)
+            threading.Thread(
+                target=_attend, args=(run, member, call, self._done), name=f"evac {member.number}", daemon=True
+            )
             for member, call in zip(self._members, self._calls, strict=True)
         ]
         for thread in self._threads:
             thread.start()
         self._process = os.getpid()
         weakref.finalize(self, _dismiss, self._calls)
+
+
+def _system(name: str) -> int:
+    """Return the address of a function of the system, on Windows of one that lets other threads run."""
+    if sys.platform == "win32":
+        found = ctypes.windll.kernel32.SwitchToThread
+    else:
+        found = getattr(ctypes.CDLL(None), name)
+    return ctypes.cast(found, ctypes.c_void_p).value or 0
 
 
 def _attend(run: Any, member: Member, call: "SimpleQueue[bool]", done: "SimpleQueue[bool]") -> None:
