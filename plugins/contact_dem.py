@@ -14,6 +14,7 @@ from evac.parameters import Parameter
 from evac.physics import tallies as at
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac.physics.contacts import push
+from evac.physics.motion import take_free
 from evac.physics.state import State, World
 from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
@@ -34,21 +35,13 @@ class Spring(Struct):
     coupling: Floats  # (n,) of the same to other bodies; -1 once checked [1/kg]
 
 
-@inner
-def take_free(bodies):
-    """Let the free velocity be the velocity after the sub-step, as it is without contacts."""
-    for i in range(bodies.inside):
-        bodies.solved[i, 0] = bodies.free[i, 0]
-        bodies.solved[i, 1] = bodies.free[i, 1]
-
-
 @kernel
 def spring(state: State, own: Spring, h: float) -> int:
     """Set the percussions and the velocities after the sub-step; count the hardened contacts."""
     bodies, contacts = state.bodies, state.contacts
     if _is_too_stiff(state, own, h):
         return TOO_STIFF
-    take_free(bodies)
+    take_free(state)
     onset = max(own.hardening * bodies.smallest, own.least)
     for c in range(contacts.number):
         overlap = -min(0.0, contacts.gap[c])

@@ -17,12 +17,13 @@ IMPLIED = 1e-9
 
 
 @inner
-def set_reach(bodies, h, share, floor):
-    """Set how far beyond touching each body looks, at least `floor` [m].
+def set_reach(bodies, first, last, h, share):
+    """Set how far beyond touching some bodies look, at least ``bodies.reach_floor``.
 
     `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
     """
-    for i in range(bodies.inside):
+    floor = bodies.reach_floor
+    for i in range(first, last):
         if share == 0.0:
             bodies.reach[i] = floor
         elif bodies.level[i] >= 0:

@@ -26,7 +26,7 @@ from evac.physics.drive import call_add_forces, call_drive, set_desired
 from evac.physics.motion import add_contact_work, end_move, move, remember
 from evac.physics.neighbours import build_lists
 from evac.physics.overlaps import call_separate
-from evac.physics.pieces import DRIVE, FIND, LIST, LOOK, MOVE, OPEN, call_team
+from evac.physics.pieces import DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
     FIRST_MISSING_PART,
@@ -188,7 +188,11 @@ def approach(state: State) -> int:
     if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):
         return TOO_FAST
     floor = max(traits.reach_floor, traits.reach_fastest * h * fastest)
-    set_reach(bodies, h, traits.reach_share, floor)
+    bodies.reach_floor = floor
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, REACH)
+    else:
+        set_reach(bodies, 0, bodies.inside, h, traits.reach_share)
     status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
     if status == OK:
         _tally_contacts(state)

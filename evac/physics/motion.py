@@ -6,7 +6,7 @@ from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contacts import normal_velocity, tangential_velocity
 from evac.physics.neighbours import segment_distance
-from evac.physics.pieces import CHUNK
+from evac.physics.pieces import CHUNK, TAKE, call_team
 from evac.physics.seams import crossing, touches
 from evac.physics.sight import passes_through
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
@@ -24,6 +24,23 @@ def remember(bodies, first, last):
             bodies.old_velocity[i, k] = bodies.velocity[i, k]
         bodies.old_level[i] = bodies.level[i]
         bodies.old_distance[i] = bodies.distance[i]
+
+
+@inner
+def take_free(state):
+    """Let the free velocity of everybody be the velocity after the sub-step, as it is without contacts."""
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, TAKE)
+    else:
+        take_velocities(state.bodies, 0, state.bodies.inside)
+
+
+@inner
+def take_velocities(bodies, first, last):
+    """Let the free velocities of some bodies be those after the sub-step."""
+    for i in range(first, last):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
 
 
 @inner

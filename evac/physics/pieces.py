@@ -11,7 +11,7 @@ from evac.physics.state import State
 CHUNK = 64
 
 #: Phases of a step.
-OPEN, LOOK, DRIVE, LIST, JOIN_LISTS, FIND, JOIN_CONTACTS, MOVE, JOIN_EVENTS, LEAVE = range(10)
+OPEN, LOOK, DRIVE, REACH, LIST, JOIN_LISTS, FIND, JOIN_CONTACTS, TAKE, MOVE, JOIN_EVENTS, LEAVE = range(12)
 
 #: Columns of `Team.found`: status, numbers of pairs, walls, contacts and events, room for pairs, body that failed.
 STATUS, PAIRS, WALLS, CONTACTS, EVENTS, ROOM, FAILED = range(7)

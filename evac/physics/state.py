@@ -163,6 +163,7 @@ class Bodies(Struct):
     failed: int  # the body that the last failure is about
     smallest: float  # smallest radius [m]
     fastest: float  # greatest speed in the sub-step if nobody touched [m/s]
+    reach_floor: float  # least reach [m]
     farthest_reach: float  # greatest reach, where a law asks for another search [m]
     outrun: int  # 1: somebody moves farther than contacts have been looked for
     row: Ints  # row in Crowd

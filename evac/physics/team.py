@@ -6,16 +6,16 @@ joined in the order of pieces, which is the order of bodies. Loaded only where a
 
 from evac.jit import AddressCall, Ints, Struct, acquire, inner, kernel, pause, release
 from evac.physics import pieces
-from evac.physics.contacts import find_contacts
+from evac.physics.contacts import find_contacts, set_reach
 from evac.physics.drive import call_drive, set_desired
-from evac.physics.motion import move, remember
+from evac.physics.motion import move, remember, take_velocities
 from evac.physics.neighbours import list_pairs, list_walls, note_places, sort_into_cells
 from evac.physics.pieces import piece_of
 from evac.physics.state import State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
 
 #: A thread that waits looks so often before it lets others run, does that so often before it sleeps, and so long [us].
-LOOKS, RESTS, NAP = 1000, 50, 50
+LOOKS, RESTS, NAP = 20000, 10, 50
 
 #: Let other threads of the machine run, or sleep for so many microseconds.
 call_rest = AddressCall([int], (int,))
@@ -106,6 +106,10 @@ def _do(own, main, pair_body, wall_item, phase, number):
         set_desired(world, bodies, first, last)
     elif phase == pieces.DRIVE:
         team.fastest[8 * number] = call_drive(main.parts.drive, main, first, last)
+    elif phase == pieces.REACH:
+        set_reach(bodies, first, last, clock.h, main.traits.reach_share)
+    elif phase == pieces.TAKE:
+        take_velocities(bodies, first, last)
     elif phase == pieces.LIST:
         used, room = list_pairs(world, bodies, main.lists, pair_body, first, last)
         team.found[number, pieces.PAIRS] = used
