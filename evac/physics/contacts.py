@@ -122,7 +122,7 @@ def find_contacts(state, first, last):
     capacity = contacts.body.shape[0]
     walls = world.wall.shape[0]
     near = contacts.near
-    used, memory = 0, _first_remembered(state.warm_start, first)
+    used, memory = 0, 0
     for i in range(first, last):
         level = bodies.level[i]
         if level < 0:
@@ -159,20 +159,6 @@ def find_contacts(state, first, last):
             used += 1
     contacts.number = used
     return OK
-
-
-@inner
-def _first_remembered(memory, body):
-    """Return the first remembered percussion of a body or of one after it."""
-    start = memory.half * memory.size
-    low, high = 0, memory.number
-    while low < high:
-        middle = (low + high) // 2
-        if memory.body[start + middle] < body:
-            low = middle + 1
-        else:
-            high = middle
-    return low
 
 
 @inner

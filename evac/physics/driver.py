@@ -23,12 +23,13 @@ from evac.physics.contacts import (
     set_reach,
 )
 from evac.physics.drive import call_add_forces, call_drive, set_desired
-from evac.physics.motion import add_contact_work, end_move, move, remember
+from evac.physics.motion import add_contact_work, move, remember
 from evac.physics.neighbours import build_lists
 from evac.physics.overlaps import call_separate
-from evac.physics.pieces import DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
+from evac.physics.pieces import CHUNK, DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
+    EVENTS_FULL,
     FIRST_MISSING_PART,
     NEEDS_SEPARATION,
     OK,
@@ -298,7 +299,9 @@ def conclude(state: State) -> int:
         status = int(call_team(state.parts.team, state, MOVE))
     else:
         status = move(state, 0, bodies.inside, clock.time, clock.h, traits.old_share, True)
-    end_move(state, status, True)
+    if status == OK and not traits.overdamped:
+        for chunk in range((bodies.inside + CHUNK - 1) // CHUNK):
+            tally[at.DRIVING_WORK] += bodies.work[chunk]
     return status
 
 
@@ -323,7 +326,8 @@ def cut(state: State, status: int, parts: int) -> int:
     """Go back to the start of the step; return the number of parts to try next, 0 if more do not help.
 
     Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was. Lists
-    that have been built stay, and so does their count.
+    that have been built stay, and so does their count; after a move that failed they are stale, since other threads may
+    have moved bodies that one thread had not come to.
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     state.clock.parts = parts
@@ -338,6 +342,8 @@ def cut(state: State, status: int, parts: int) -> int:
         if bodies.level[i] != bodies.old_level[i]:
             bodies.level[i] = bodies.old_level[i]
             state.lists.stale = 1
+    if status in (WALL_CROSSED, TOO_FAST, EVENTS_FULL):
+        state.lists.stale = 1
     state.events.number = state.events.number_before
     for k in range(tally.shape[0]):
         tally[k] = state.tally_before[k]

@@ -125,14 +125,14 @@ def move(state, first, last, time, h, old_share, is_walk):
         bx = ax + h * mx
         by = ay + h * my
         if not (math.isfinite(bx) and math.isfinite(by)):
-            events.failed = i
+            bodies.failed = events.failed = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
         if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
-            events.failed = i  # beyond the walls that the lists hold
+            bodies.failed = events.failed = i  # beyond the walls that the lists hold
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
-            events.failed = i
+            bodies.failed = events.failed = i
             return WALL_CROSSED
         bodies.position[i, 0] = bx
         bodies.position[i, 1] = by
@@ -152,18 +152,6 @@ def move(state, first, last, time, h, old_share, is_walk):
     if last > first:
         bodies.work[(last - 1) // CHUNK] = work
     return OK
-
-
-@inner
-def end_move(state, status, is_walk):
-    """Add up the driving work of all chunks; after a failure note the body, and build the lists again."""
-    bodies, tally = state.bodies, state.tally
-    if status != OK:
-        bodies.failed = state.events.failed
-        state.lists.stale = 1  # for who would have been moved next may have been moved by another thread
-    elif is_walk and not state.traits.overdamped:
-        for chunk in range((bodies.inside + CHUNK - 1) // CHUNK):
-            tally[at.DRIVING_WORK] += bodies.work[chunk]
 
 
 @inner

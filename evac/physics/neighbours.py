@@ -33,7 +33,6 @@ def build_lists(world, bodies, lists):
         return PAIRS_FULL
     if list_walls(world, bodies, lists, lists.wall_item, 0, n) < 0:
         return WALLS_FULL
-    note_places(world, bodies, lists, 0, n)
     lists.stale = 0
     return OK
 
@@ -109,13 +108,17 @@ def _sort(numbers, first, last):
 
 @inner
 def list_walls(world, bodies, lists, wall_item, first, last):
-    """List the walls of some bodies in `wall_item`; return their number, -1 if too many."""
+    """List the walls of some bodies in `wall_item`; return their number, -1 if too many.
+
+    Note also where they are, and which can reach a portal or exit before the lists are built again.
+    """
     capacity = wall_item.shape[0]
-    span = lists.wall_reach + lists.skin
+    span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
     nx, ny = world.buckets_x, world.buckets_y
     used = 0
     for i in range(first, last):
         level = bodies.level[i]
+        bodies.near_link[i] = 0
         if level >= 0:
             x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
             across, along = (x - world.bucket_x) / world.bucket_size, (y - world.bucket_y) / world.bucket_size
@@ -138,28 +141,16 @@ def list_walls(world, bodies, lists, wall_item, first, last):
                         return -1
                     wall_item[used] = w
                     used += 1
-        lists.wall_start[i + 1] = used
-    return used
-
-
-@inner
-def note_places(world, bodies, lists, first, last):
-    """Note where some bodies are, and which can reach a portal or exit before the lists are built again."""
-    limit = 1.5 * lists.skin
-    for i in range(first, last):
-        level = bodies.level[i]
-        near = 0
-        if level >= 0:
-            x, y = bodies.position[i, 0], bodies.position[i, 1]
             for s in range(world.link_start[level], world.link_start[level + 1]):
                 x1, y1 = world.link_segment[s, 0], world.link_segment[s, 1]
                 x2, y2 = world.link_segment[s, 2], world.link_segment[s, 3]
-                if min(x1, x2) - x > limit or x - max(x1, x2) > limit:
+                if min(x1, x2) - x > near or x - max(x1, x2) > near:
                     continue
-                if min(y1, y2) - y > limit or y - max(y1, y2) > limit:
+                if min(y1, y2) - y > near or y - max(y1, y2) > near:
                     continue
-                near = 1
+                bodies.near_link[i] = 1
                 break
-        bodies.near_link[i] = near
+        lists.wall_start[i + 1] = used
         bodies.built_position[i, 0] = bodies.position[i, 0]
         bodies.built_position[i, 1] = bodies.position[i, 1]
+    return used

@@ -4,7 +4,7 @@ import math
 
 from evac.jit import AddressCall, inner, kernel
 from evac.physics import tallies as at
-from evac.physics.motion import end_move, move
+from evac.physics.motion import move
 from evac.physics.percussions import find_percussions
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK
@@ -100,7 +100,6 @@ def _displace(state):
             bodies.solved[i, k] *= share
     fired = events.number
     status = move(state, 0, bodies.inside, state.clock.time, 1.0, 0.0, False)
-    end_move(state, status, False)
     for k in range(fired, events.number):
         events.time[k] = state.clock.time
     for i in range(bodies.inside):

@@ -9,7 +9,7 @@ from evac.physics import pieces
 from evac.physics.contacts import find_contacts, set_reach
 from evac.physics.drive import call_drive, set_desired
 from evac.physics.motion import move, remember, take_velocities
-from evac.physics.neighbours import list_pairs, list_walls, note_places, sort_into_cells
+from evac.physics.neighbours import list_pairs, list_walls, sort_into_cells
 from evac.physics.pieces import piece_of
 from evac.physics.state import State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
@@ -115,7 +115,6 @@ def _do(own, main, pair_body, wall_item, phase, number):
         team.found[number, pieces.PAIRS] = used
         team.found[number, pieces.ROOM] = room
         team.found[number, pieces.WALLS] = list_walls(world, bodies, main.lists, wall_item, first, last)
-        note_places(world, bodies, main.lists, first, last)
     elif phase == pieces.FIND:
         team.found[number, pieces.STATUS] = find_contacts(own, first, last)
         team.found[number, pieces.CONTACTS] = own.contacts.number
@@ -228,7 +227,7 @@ def _join_events(state):
         if before > events.row.shape[0]:
             return EVENTS_FULL
         if team.found[number, pieces.STATUS] != OK:
-            events.failed = team.found[number, pieces.FAILED]
+            state.bodies.failed = team.found[number, pieces.FAILED]
             return team.found[number, pieces.STATUS]
     if before > events.number:
         _together(state, pieces.JOIN_EVENTS)
