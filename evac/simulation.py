@@ -156,8 +156,7 @@ class Simulation:
         self._watch = Watch(crowd.radius, self.case.simulation.tick, self.case.output.every)
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
-        self._version = self.scene.version
-        self._force_is_read = False
+        self._version, self._force_is_read = self.scene.version, False
         for behaviour, scene in self.behaviours:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 self._force_is_read |= "contact_force" in behaviour.reads
@@ -279,15 +278,10 @@ class Simulation:
             self._act()
         crowd = self.population.crowd
         before = crowd.position.copy()
+        reports = is_output or self.step + steps == settings.last_step or self._force_is_read
         with self.phases.enter("physics"):
             events = self.engine.advance(
-                self.contact,
-                crowd,
-                self.step,
-                steps,
-                settings.step,
-                settings.is_explicit,
-                is_output or self.step + steps == settings.last_step or self._force_is_read,
+                self.contact, crowd, self.step, steps, settings.step, settings.is_explicit, reports
             )
         with self.phases.enter("recording"):
             self.step += steps

@@ -45,7 +45,7 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
     """Add --threads to a command."""
     parser.add_argument(
         "--threads",
-        type=int,
+        type=_threads,
         metavar="N",
         help="share the steps among N threads, at most one for each core: the same results (default: by size)",
     )
@@ -79,6 +79,12 @@ def execute(arguments: argparse.Namespace) -> int:
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, {f"{key} (from --tolerance)": value for key, value in chosen.items()})
     return status
+
+
+def _threads(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
+    return int(text)
 
 
 def _seconds(text: str) -> float:

@@ -1,7 +1,9 @@
 """Phases of a step on several threads, to the bits of one: each thread has a piece of the bodies.
 
 A thread writes what belongs to the bodies of its piece, and lists, contacts and events to arrays of its own; these are
-joined in the order of pieces, which is the order of bodies. Loaded only where a run has several threads.
+joined in the order of pieces, which is the order of bodies. What a thread needs to do before another one goes on is a
+phase of its own: the first thread says which it is, does its piece and waits for the others. Loaded only where a run
+has several threads.
 """
 
 from evac.jit import AddressCall, Ints, Struct, acquire, inner, kernel, pause, release
@@ -15,7 +17,7 @@ from evac.physics.state import State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
 
 #: A thread that waits looks so often before it lets others run, does that so often before it sleeps, and so long [us].
-LOOKS, RESTS, NAP = 20000, 10, 50
+LOOKS, RESTS, NAP = 2000, 5, 50
 
 #: Let other threads of the machine run, or sleep for so many microseconds.
 call_rest = AddressCall([int], (int,))
