@@ -369,8 +369,7 @@ class Team(Struct):
 
     threads: int
     phase: int  # what is to be done
-    rest: int  # addresses of the system's functions that let other threads run
-    nap: int  # and that sleep
+    rest: int  # address of the system's function that sleeps
     turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
     found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
     fastest: Floats  # (8 threads,) [m/s]

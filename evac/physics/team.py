@@ -16,10 +16,11 @@ from evac.physics.pieces import piece_of
 from evac.physics.state import State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
 
-#: A thread that waits looks so often before it lets others run, does that so often before it sleeps, and so long [us].
-LOOKS, RESTS, NAP = 2000, 5, 50
+#: A thread that waits looks so often before it sleeps, and so long [us]. Where others want its core, to let them run
+#: without sleeping costs it a whole slice of their time.
+LOOKS, NAP = 10000, 50
 
-#: Let other threads of the machine run, or sleep for so many microseconds.
+#: Sleep for so many microseconds.
 call_rest = AddressCall([int], (int,))
 
 
@@ -36,14 +37,13 @@ class Member(Struct):
 @inner
 def _wait(team, place, turn):
     """Wait until a thread has come to a turn; it may be past it where threads leave."""
-    looks, rests = 0, 0
+    looks = 0
     while acquire(team.turn, place) < turn:
         pause()
         looks += 1
         if looks == LOOKS:
-            call_rest(team.rest if rests < RESTS else team.nap, NAP)
+            call_rest(team.rest, NAP)
             looks = 0
-            rests += 1
 
 
 @kernel

@@ -63,8 +63,7 @@ class Threads:
         state.team = Team(
             threads=number,
             phase=pieces.LEAVE,
-            rest=_system("sched_yield"),
-            nap=_system("usleep"),
+            rest=_address_of_rest(),
             turn=np.zeros(8 * number, np.int64),
             found=np.zeros((number, 8), np.int64),
             fastest=np.zeros(8 * number),
@@ -127,13 +126,10 @@ class Threads:
         weakref.finalize(self, _dismiss, self._calls)
 
 
-def _system(name: str) -> int:
-    """Return the address of a function of the system, on Windows of one that lets other threads run."""
-    if sys.platform == "win32":
-        found = ctypes.windll.kernel32.SwitchToThread
-    else:
-        found = getattr(ctypes.CDLL(None), name)
-    return ctypes.cast(found, ctypes.c_void_p).value or 0
+def _address_of_rest() -> int:
+    """Return the address of the system's function that sleeps, on Windows of one that lets other threads run."""
+    rest = ctypes.windll.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).usleep
+    return ctypes.cast(rest, ctypes.c_void_p).value or 0
 
 
 def _attend(run: Any, member: Member, call: "SimpleQueue[bool]", done: "SimpleQueue[bool]") -> None:
