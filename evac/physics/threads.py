@@ -22,7 +22,7 @@ from evac.physics.state import Events, State, Team
 from evac.physics.team import Member, conduct, serve
 
 #: A thread pays from so many people on; docs/results.md has what it brings.
-PEOPLE_PER_THREAD = 5000
+PEOPLE_PER_THREAD = 10_000
 
 #: More threads than this are not taken unless they are asked for.
 MOST_BY_DEFAULT = 2
