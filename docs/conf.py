@@ -1,10 +1,6 @@
 """Configuration of the documentation site: ``sphinx-build -W docs site``."""
 
 import importlib.metadata
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 project = "evac"
 author = "the evac developers"
@@ -18,9 +14,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "plugin_tables",
 ]
-exclude_patterns = ["_ext"]
 
 # Markdown as it stands on GitHub: links to headings by their text.
 myst_heading_anchors = 4

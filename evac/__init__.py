@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from evac.phases import Progress as Progress
     from evac.physics.contact_model import ContactModel as ContactModel
     from evac.physics.force import Force as Force
+    from evac.physics.pair_contact import PairContact as PairContact
     from evac.physics.solver import Solver as Solver
     from evac.registry import Registry as Registry
     from evac.running import resume as resume
@@ -62,6 +63,7 @@ _HOMES = {
     "Force": "evac.physics.force",
     "Importer": "evac.building.importer",
     "LevelMaps": "evac.output.maps",
+    "PairContact": "evac.physics.pair_contact",
     "Parameter": "evac.parameters",
     "Plan": "evac.building.plan",
     "PluginError": "evac.errors",

@@ -4,7 +4,7 @@ import sys
 
 
 def program() -> int:
-    """Be the process of a command and return its exit status; Ctrl-C may come even while modules are imported."""
+    """Run the command line and return its exit status; handles Ctrl-C even while modules are being imported."""
     try:
         from evac.cli import program
 

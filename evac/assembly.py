@@ -1,9 +1,9 @@
-"""From a case, which is data, to what a run is made of: its building is read, its plugins are made."""
+"""Assembly: read the building of a case and create its plugins."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from evac.physics.contact_model import ContactModel
     from evac.physics.force import Force
     from evac.scenario.case import Case
+
+
+Found = TypeVar("Found")
 
 
 def make_building(case: "Case") -> "Building":
@@ -44,11 +47,17 @@ def make_surface(case: "Case") -> SurfaceMesh:
         As `make_building`.
     """
     if case.building.plan is not None:
-        from evac.building.plantable import plan_of
-
-        return draw_plan(plan_of(case.building.plan, case.source, case.folder, "building.plan."), case.registry)
+        return draw_plan(_plan_of(case), case.registry)
     assert case.mesh is not None
     return read_surface(_importer(case, case.mesh), case.mesh, case.registry)
+
+
+def _plan_of(case: "Case") -> "Plan":
+    """Return the plan that a case holds."""
+    from evac.building.plantable import plan_of
+
+    assert case.building.plan is not None
+    return plan_of(case.building.plan, case.source, case.folder, "building.plan.")
 
 
 def read_building(path: str | Path, *, registry: Registry | None = None, **options: Any) -> "Building":
@@ -58,9 +67,9 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
     ----------
     path : str or Path
     registry : Registry, optional
-        Whose importers may read it; by default the built-in and the installed ones.
+        Registry whose importers may be used; by default the built-in and the installed ones.
     **options
-        As `evac.building.build.build_building`, the keys of ``[building]`` among them.
+        Keyword arguments of `evac.building.build.build_building`, such as the keys of ``[building]``.
 
     Returns
     -------
@@ -82,24 +91,20 @@ def read_building(path: str | Path, *, registry: Registry | None = None, **optio
 
 
 def ground_key(case: "Case") -> str:
-    """Return a digest that two cases have in common only where their building and directions are the same.
+    """Return a digest that is equal for two cases only if their building and directions are the same.
 
-    It covers the file of the building and how it is read, and everything that the directions depend on. What groups
-    of people, contact models and behaviours do not share with these may differ, as may the seed.
+    It covers the files of the building, how they are read, and everything that the directions depend on. Other settings
+    of groups, contact models and behaviours may differ, as may the seed.
 
     Raises
     ------
     BuildingError
-        The file of the building cannot be read.
+        A file of the building cannot be read.
     """
     importers = make_importers(case)
-    try:
-        content = case.mesh.read_bytes() if case.mesh is not None else b""
-    except OSError as error:
-        raise BuildingError(f"{case.mesh}: cannot be read: {error.strerror}; check the path") from error
     parts = (
         str(case.mesh or case.source),
-        hashlib.sha256(content).hexdigest(),
+        [(str(path), _digest(path)) for path in _files(case, importers)],
         case.registry.providers(importers),
         [importer.values() for importer in importers],
         case.building.model_dump(),
@@ -107,6 +112,22 @@ def ground_key(case: "Case") -> str:
         field_settings(case, make_behaviours(case), full=False),
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _files(case: "Case", importers: "Sequence[Importer]") -> Sequence[Path]:
+    """Return the files that the building is read from."""
+    if case.building.plan is not None:
+        return _plan_of(case).files
+    assert case.mesh is not None
+    return _called(importers[0], case.mesh, importers[0].files)
+
+
+def _digest(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise BuildingError(f"{path}: cannot be read: {error.strerror}; check the path") from error
 
 
 def make_importers(case: "Case") -> "list[Importer]":
@@ -121,7 +142,7 @@ def make_importers(case: "Case") -> "list[Importer]":
 
 
 def _importer(case: "Case", path: Path) -> "Importer":
-    """Return the importer that a case leaves for a file."""
+    """Return the importer for a file, chosen among those that the case does not switch off."""
     off = {name for name, table in case.importers.items() if table is False}
     importer = case.registry.importer_for(path, off)
     made: Importer = _made("importer", importer, case.importers.get(importer.name) or {})
@@ -134,7 +155,7 @@ def make_contact_model(case: "Case") -> "ContactModel":
     Raises
     ------
     ScenarioError
-        It names a solver that is not registered.
+        The contact model names a solver that is not registered.
     """
     from evac.physics.contact_model import SolvedContactModel
 
@@ -155,19 +176,19 @@ def make_forces(case: "Case") -> "list[Force]":
 
 
 def make_behaviours(case: "Case") -> "list[Behaviour]":
-    """Return the behaviours in use, in the order of the case; those that act last behind the others."""
+    """Return the behaviours in use, in the order of the case; those with `acts_last` come last."""
     made: list[Behaviour] = _all_made(case, "behaviour", case.behaviours)
     return sorted(made, key=lambda behaviour: behaviour.acts_last)
 
 
 def make_recorders(case: "Case") -> "list[Recorder]":
-    """Return the recorders in use: all that are registered but those switched off."""
+    """Return the recorders in use: all registered recorders except those that the case switches off."""
     given = {name: case.recorders.get(name, {}) for name in case.registry.recorders}
     return _all_made(case, "recorder", given)
 
 
 def providers(case: "Case") -> list[str]:
-    """Return name and version of each plugin that a case names, and of those with a part in every run."""
+    """Return name and version of each plugin that a case uses, and of plugins whose hooks act in every run."""
     used = [*make_importers(case), make_contact_model(case), *make_forces(case), *make_behaviours(case)]
     return case.registry.providers([*used, *make_recorders(case)])
 
@@ -184,14 +205,14 @@ def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
 
 
 def read_surface(importer: "Importer", path: Path, registry: Registry | None = None) -> SurfaceMesh:
-    """Return the surface that an importer reads from a file, drawn if the importer returns a plan.
+    """Return the surface that an importer reads from a file; a plan is converted to a surface.
 
     Parameters
     ----------
     importer : Importer
     path : Path
     registry : Registry, optional
-        Whose importers read the files that a plan names; by default the built-in and the installed ones.
+        Registry whose importers read the files that a plan names; by default the built-in and the installed ones.
 
     Raises
     ------
@@ -207,7 +228,7 @@ def read_surface(importer: "Importer", path: Path, registry: Registry | None = N
 
 
 def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
-    """Return the surface of a plan, its storeys that are files being read.
+    """Return the surface of a plan; storeys that are given as files are read.
 
     Raises
     ------
@@ -224,14 +245,14 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
             raise type(error)(f"{plan.source}: storey {storey.name!r}: {error}") from error
         if not isinstance(read, Plan):
             raise BuildingError(
-                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey is read from a plan"
+                f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey needs a file with a plan"
             )
         plan.take(storey.name, read)
     return plan.surface()
 
 
 def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
-    """Return what an importer makes of a file: a plan, which is not drawn yet, or a surface.
+    """Return what an importer reads from a file: a plan, not yet converted to a surface, or a surface.
 
     Raises
     ------
@@ -240,19 +261,24 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
     """
     from evac.building.plan import Plan
 
+    read = _called(importer, path, importer.read)
+    if not isinstance(read, SurfaceMesh | Plan):
+        raise PluginError(
+            f"{path}: importer {importer.name!r} returned {type(read).__name__}; it must return a Plan or a SurfaceMesh"
+        )
+    return read
+
+
+def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -> Found:
+    """Return what a method of an importer makes of a file."""
     if not path.is_file():
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
-        raise BuildingError(f"{path}: the file is empty; write it again")
+        raise BuildingError(f"{path}: the file is empty; export it again")
     with plugin_code(f"{path}: importer {importer.name!r}"):
         try:
-            read = importer.read(path)
+            return method(path)
         except (ValueError, OSError) as error:
             raise BuildingError(
-                f"{path}: cannot be read: {text_of(error)}; write the file again, or in another format"
+                f"{path}: cannot be read: {text_of(error)}; export the file again, or in another format"
             ) from error
-    if not isinstance(read, SurfaceMesh | Plan):
-        raise PluginError(
-            f"{path}: importer {importer.name!r} returned {type(read).__name__}, neither a Plan nor a SurfaceMesh"
-        )
-    return read

@@ -32,26 +32,26 @@ class Behaviour(Configurable):
     Attributes
     ----------
     reads, writes : tuple of str
-        Names of `Crowd` arrays. The crowd handed over is read-only except for ``writes``, which may hold
-        start_time, route, speed_factor and extra_direction.
+        Names of `Crowd` arrays. The crowd passed to the behaviour is read-only except for the arrays in ``writes``,
+        which may contain start_time, route, speed_factor and extra_direction.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
     writes: ClassVar[tuple[str, ...]] = ()
 
-    #: Whether it takes what the others have written: it acts behind them, wherever a case names it.
+    #: Whether it acts after all other behaviours, because it uses what they write, whatever the order in the case.
     acts_last: ClassVar[bool] = False
 
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
 
     def routes(self) -> tuple["Route", ...]:
-        """Return the routes it may give people beyond those their groups name; each costs a field.
+        """Return the routes that it may assign in addition to those of the groups; each needs a field.
 
         Returns
         -------
         tuple of Route
-            Rows of ``scene.fields.routes`` then hold them.
+            They become rows of ``scene.fields.routes``.
         """
         return ()
 
@@ -64,18 +64,18 @@ class Behaviour(Configurable):
         """
 
     def act(self, crowd: "Crowd", time: float) -> None:
-        """Act at one tick: write the declared arrays in place, from where everybody is now.
+        """Act at one tick: write the declared arrays in place, given the current state of everybody.
 
         Parameters
         ----------
         crowd : Crowd
-            Arrays of everybody, those out included (level -1); read-only except for ``writes``.
+            Arrays of all people, including those who are out (level -1); read-only except for ``writes``.
         time : float
-            Of the tick [s].
+            Time of the tick [s].
         """
 
     def is_needed(self, scene: "BehaviourScene") -> bool:
-        """Return False if it would change nothing in this scene, so that it can be left out.
+        """Return False if the behaviour changes nothing in this scene and can be left out.
 
         Parameters
         ----------
@@ -85,14 +85,14 @@ class Behaviour(Configurable):
         return True
 
     def acts_at_ticks(self) -> bool:
-        """Return False if all its work is done by `prepare`; asked once, after that.
+        """Return False if `prepare` does all the work; called once, after `prepare`.
 
         `act` is then called only at the tick after a change of the scene.
         """
         return True
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the private arrays needed to go on from here, by names of the plugin's own; they are copied."""
+        """Return the private arrays that are needed to continue the run, by names of its own; they are copied."""
         return {}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -100,19 +100,19 @@ class Behaviour(Configurable):
 
 
 class BehaviourScene:
-    """What a behaviour sees of the simulation when it prepares.
+    """The part of a simulation that a behaviour can access.
 
     Attributes
     ----------
     crowd : Crowd
         Read-only except for the behaviour's ``writes``.
     scene : Scene
-        Building, fields and world, as they are at the moment, and how often they have changed: its ``version``.
+        The current building, fields and world, and the number of changes so far: its ``version``.
     groups : tuple of Group
         ``evac.people.population.Group``: name, rows (int32 array of people), settings (dict of the
         group's keys for this behaviour).
     generator : numpy.random.Generator
-        The behaviour's own, spawned from (seed, name).
+        Generator of this behaviour alone, spawned from (seed, name).
     tick : float [s]
     """
 
@@ -132,12 +132,12 @@ class BehaviourScene:
 
     @property
     def building(self) -> "Building":
-        """The building as it is now."""
+        """The building with its current open and closed links."""
         return self.scene.building
 
     @property
     def fields(self) -> "Fields":
-        """The directions as they are now."""
+        """The current directions."""
         return self.scene.fields
 
     @property
@@ -147,12 +147,12 @@ class BehaviourScene:
 
     @property
     def version(self) -> int:
-        """How often the scene has changed."""
+        """Number of changes of the scene so far."""
         return self.scene.version
 
 
 def check_writes(behaviour: Behaviour) -> None:
-    """Refuse a behaviour that declares to write what it may not.
+    """Check that a behaviour declares to write only arrays that behaviours may write.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def check_writes(behaviour: Behaviour) -> None:
     Raises
     ------
     PluginError
-        Naming the behaviour and the array.
+        The behaviour declares another array; names both.
     """
     with plugin_code(f"behaviour {behaviour.name!r}: writes"):
         declared = list(behaviour.writes)
@@ -171,7 +171,7 @@ def check_writes(behaviour: Behaviour) -> None:
 
 
 def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
-    """Return views of a crowd's arrays, read-only but for those that a behaviour declares to write.
+    """Return views of a crowd's arrays, read-only except for those that a behaviour declares to write.
 
     Raises
     ------
@@ -186,24 +186,24 @@ def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
 
 
 def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
-    """Refuse numbers that a behaviour may not write, which would otherwise look like a failure of the physics.
+    """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
 
     Parameters
     ----------
     behaviour : Behaviour
     crowd : Crowd
     routes : int
-        Number of routes that there are.
+        Number of routes.
     time : float [s]
 
     Raises
     ------
     PluginError
-        A number is not legal for its array, or there is no such route; names behaviour, time and person.
+        A value is not valid for its array, or a route does not exist; names behaviour, time and person.
     """
     for name in set(behaviour.writes) & {"speed_factor", "extra_direction", "start_time"}:
         written = getattr(crowd, name)
-        is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # who never starts has inf
+        is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # inf: never starts
         if name == "speed_factor":
             is_lost |= written < 0.0
         if is_lost.any():

@@ -1,4 +1,4 @@
-"""Checkpoints of a run: its last state in a file of its folder, and how a run goes on from there."""
+"""Checkpoints: save the last state of a run in its folder, and resume the run from it."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evac import plan
 from evac.behaviour import Behaviour
 from evac.building.links import links_named
-from evac.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError
+from evac.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
 from evac.jit.digest import digest_of
 from evac.jit.kernels import INTERPRETED
 from evac.jit.processor import host
@@ -37,21 +37,21 @@ if TYPE_CHECKING:
     from evac.registry import Registry
     from evac.scenario.case import Case
 
-#: Keys of a case that must stay as they are where a run goes on in a changed case: people, and the grid of time that
-#: their states stand on. Of ``building``, only ``closed`` may change.
+#: Keys of a case that must not change when a run is resumed in a changed case: the people, and the times of steps,
+#: ticks and recorded states. Of ``building``, only ``closed`` may change.
 FIXED = ("people", "presets", "simulation.seed", "simulation.step", "simulation.tick", "output.every")
 
 
 class Checkpoints:
-    """Keeps the last state of a run in its folder.
+    """Saves the last state of a run in its folder.
 
     Parameters
     ----------
     simulation : Simulation
     place : ResultFolder
-        Whose ``running`` is the folder of the simulation.
+        Its ``running`` is the folder of the simulation.
     every : float or None
-        Wall time between two checkpoints [s]; None keeps none but `save_last`.
+        Wall time between two checkpoints [s]; with None only `save_last` saves one.
     """
 
     def __init__(self, simulation: Simulation, place: ResultFolder, every: float | None) -> None:
@@ -62,12 +62,12 @@ class Checkpoints:
         self._has_warned = False
 
     def begin(self) -> None:
-        """Refuse plugins whose state cannot be kept, and keep the first state, if checkpoints are wanted.
+        """If checkpoints are wanted, check that all plugins can save their state, and save the first checkpoint.
 
         Raises
         ------
         PluginError
-            Naming every such plugin.
+            Plugins cannot save their state; names each of them.
         """
         if self._every is None:
             return
@@ -76,13 +76,13 @@ class Checkpoints:
         self._save()
 
     def save_if_due(self) -> None:
-        """Keep the state after a tick, if the last checkpoint is old enough; where it cannot be written, warn once."""
+        """Save the state after a tick if a checkpoint is due; if it cannot be written, warn once."""
         if self._every is None or time.monotonic() - self._saved_at < self._every:
             return
         self._save()
 
     def save_last(self) -> None:
-        """Keep the state after a tick at which the run is stopped; where a plugin has no state, warn instead."""
+        """Save the state after the tick at which the run is stopped; if a plugin cannot save its state, warn."""
         if missing := without_state(self._simulation):
             warnings.warn("; ".join(f"no checkpoint: {line}" for line in missing), FolderWarning, stacklevel=2)
         else:
@@ -90,7 +90,7 @@ class Checkpoints:
 
     @cached_property
     def _header(self) -> dict[str, Any]:
-        """What does not change during the run."""
+        """Return the part of a checkpoint that does not change during the run."""
         simulation = self._simulation
         case = simulation.case
         return {
@@ -124,16 +124,17 @@ class Checkpoints:
                 }
                 write_checkpoint(self._place.running / CHECKPOINT_NAME, header, arrays)
             except ResultError as error:
-                self._place.check()  # a folder that is gone is worse than a checkpoint that cannot be written
+                self._place.check()  # a missing folder ends the run; a checkpoint that cannot be written does not
                 if not self._has_warned:
-                    warnings.warn(f"t = {simulation.time:.3f} s: {error}; the run goes on", FolderWarning, stacklevel=3)
+                    text = f"t = {simulation.time:.3f} s: {error}; the run continues"
+                    warnings.warn(text, FolderWarning, stacklevel=3)
                 self._has_warned = True
             self._saved_at = time.monotonic()
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint as it was read.
+    """A checkpoint read from a file.
 
     Attributes
     ----------
@@ -153,7 +154,7 @@ class Checkpoint:
 
     @property
     def every(self) -> float | None:
-        """Wall time between two checkpoints that the run was asked for [s]."""
+        """Requested wall time between two checkpoints [s]."""
         every: float | None = self.header["every"]
         return every
 
@@ -164,12 +165,12 @@ class Checkpoint:
         Raises
         ------
         ResultError
-            One lies outside of the folder, or is a link, so that something else would be cut.
+            A file lies outside of the folder or is a link, so that truncating it would damage another file.
         """
         files: dict[str, int] = dict(self.header["files"])
         for name in files:
             if not is_within(name) or (self.path.parent / name).is_symlink():
-                raise ResultError(f"{self.path}: {name} is no file of this folder, so it is not cut and appended to")
+                raise ResultError(f"{self.path}: {name} is not a file of this folder; run the case from its start")
         return files
 
     def case(
@@ -177,21 +178,22 @@ class Checkpoint:
         overrides: Mapping[str, Any] | Iterable[str] = (),
         plugin_files: Iterable[str | Path] = (),
         registry: "Registry | None" = None,
-        tell: Callable[[Path], None] | None = None,
+        announce: Callable[[Path], None] | None = None,
     ) -> "Case":
-        """Return the case of the run, as it was when it started, or changed.
+        """Return the case of the run as it was at the start, with overrides applied.
 
         Parameters
         ----------
         overrides, plugin_files, registry
-            As for `evac.load`. Plugin files that the run was given beside those of its case are to be given again.
-        tell : callable, optional
+            As for `evac.load`. Plugin files that the run was given in addition to those of its case must be given
+            again.
+        announce : callable, optional
             Called with the path of each plugin file of the case before it is run.
 
         Raises
         ------
         ScenarioError
-            It cannot be loaded any more, or an override changes what must stay as it is.
+            The case cannot be loaded any more, or an override changes a key that must not change.
         """
         given = self.header["case"]
         source = Path(given["source"])
@@ -199,10 +201,10 @@ class Checkpoint:
         named = [(source.parent / name).resolve() for name in given["table"].get("plugins", {}).get("files", [])]
         if missing := [path for path in given["plugin_files"] if Path(path) not in (*files, *named)]:
             raise PluginError(
-                f"{self.path}: the run was given the plugin {', '.join(missing)} beside those of its case; give it "
-                "again (--plugin)"
+                f"{self.path}: the run was started with the plugin {', '.join(missing)} in addition to those of its "
+                "case; give it again (--plugin)"
             )
-        case = run_plugin_files(case_from(given["table"], source, (), files, registry), tell)
+        case = run_plugin_files(case_from(given["table"], source, (), files, registry), announce)
         changed = case.change(overrides)
         table, new = case.to_dict(), changed.to_dict()
         kept = [key for key in FIXED if _at(table, key) != _at(new, key)]
@@ -210,13 +212,13 @@ class Checkpoint:
         kept = [key for key in kept if key != "building.closed"]
         if kept:
             raise ScenarioError(
-                f"{self.path}: {', '.join(kept)} cannot change where a run goes on, for its people and its steps must "
-                "stay the same; run the changed case from its start"
+                f"{self.path}: {', '.join(kept)} cannot change when a run is resumed, because its people and time "
+                "steps must stay the same; run the changed case from its start"
             )
         return changed
 
     def differences(self, case: "Case") -> list[str]:
-        """Return what is not as it was when the checkpoint was written, of what can be told before a run, a line each.
+        """Return what has changed in versions and files since the checkpoint was written, one line per difference.
 
         Parameters
         ----------
@@ -226,34 +228,34 @@ class Checkpoint:
         return _differences(self.header["made_with"], inputs_of(case))
 
     def simulation_differences(self, simulation: Simulation) -> list[str]:
-        """As `differences`, of the building and the kernels of the simulation that is to go on."""
+        """Return what has changed in the building and the kernels, one line per difference."""
         before, now = self.header["made_with"], made_of(simulation)
         both = before["kernel"].keys() & now["kernel"].keys()  # a changed case may use others
         kept = {key: {name: now[key][name] for name in (both if key == "kernel" else now[key])} for key in now}
         return _differences({key: {name: before[key].get(name, "") for name in kept[key]} for key in kept}, kept)
 
     def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
-        """Restore the state, except that of the recorders.
+        """Restore the state of a simulation, except that of the recorders.
 
         Parameters
         ----------
         simulation : Simulation
-            Of the same case, or of a changed one.
+            A simulation of the same case, or of a changed one.
         case_before : Case, optional
-            The case as it was, if it has been changed: what it closes is open where the new one says so.
+            The case before it was changed, if it was: links that it closes and the new one does not are opened.
 
         Raises
         ------
         ScenarioError
             The changed case gives people other routes.
         ResultError
-            An array is missing, or not of the shape that the simulation needs.
+            An array is missing or has a wrong shape.
         """
         routes = [str(route) for route in simulation.fields.routes]
         if routes != self.header["routes"]:
             raise ScenarioError(
-                f"{self.path}: people can take the routes {'; '.join(routes)}, and in the checkpoint "
-                f"{'; '.join(self.header['routes'])}: the change is too great to go on; run the case from its start"
+                f"{self.path}: the routes of the changed case are {'; '.join(routes)}, those of the checkpoint "
+                f"{'; '.join(self.header['routes'])}; the run cannot be resumed, run the case from its start"
             )
         state = _part(self.arrays, "simulation.")
         if case_before is not None:
@@ -262,17 +264,18 @@ class Checkpoint:
             simulation.restore(state)
         except (KeyError, ValueError, IndexError) as error:
             raise ResultError(
-                f"{self.path}: the checkpoint does not fit the case: {error}; run the case from its start"
+                f"{self.path}: the state cannot be restored: {in_one_line(error)}; run the case from its start (in a "
+                "plugin, state() must return everything that restore() reads)"
             ) from error
         simulation.resumed = list(self.header["resumed"])
 
     def restore_recorders(self, simulation: Simulation) -> None:
-        """Cut the files of the recorders to their lengths and let them go on; wall times count on too.
+        """Truncate the files of the recorders to their lengths at the checkpoint and restore recorders and wall times.
 
         Raises
         ------
         ResultError
-            A file is missing or shorter than it was.
+            A file is missing or shorter than at the checkpoint.
         """
         state, made = _part(self.arrays, "recorder."), self.header["plugin_files"]
         simulation.recording.restore(simulation, state, self.files, made)
@@ -280,7 +283,7 @@ class Checkpoint:
 
 
 def find_checkpoint(folder: Path) -> Checkpoint:
-    """Return the checkpoint of a result folder: of the run that writes it or was stopped there.
+    """Return the checkpoint in a result folder, of a running, killed or stopped run.
 
     Raises
     ------
@@ -293,13 +296,13 @@ def find_checkpoint(folder: Path) -> Checkpoint:
     if not find_result(folder).exists():
         raise ResultError(f"{folder}: no such result folder; check the path")
     raise ResultError(
-        f"{folder}: has no checkpoint: the run has ended, or was killed without; evac run CASE --checkpoint 60 keeps "
-        "one"
+        f"{folder}: no checkpoint: the run has ended, or was killed and did not save checkpoints; "
+        "evac run CASE --checkpoint 60 saves one every 60 s"
     )
 
 
 def without_state(simulation: Simulation) -> list[str]:
-    """Return a line for each plugin of a run that has started whose state cannot be kept."""
+    """Return a line for each plugin of a started run whose state cannot be saved."""
     used: list[tuple[str, Configurable, type]] = [("behaviour", one, Behaviour) for one, _ in simulation.behaviours]
     used += [("recorder", one, Recorder) for one in simulation.recording.recorders]
     used.append(("contact model", simulation.contact, ContactModel))
@@ -310,14 +313,14 @@ def without_state(simulation: Simulation) -> list[str]:
             kept += simulation.engine.own_arrays()
         if kept and type(plugin).state is base.state:  # type: ignore[attr-defined]
             lines.append(
-                f"{kind} {plugin.name!r} keeps {', '.join(kept)} and has no state() to save it by; add state() and "
-                "restore() to the plugin (state() returns {} if all of that is written anew whenever it is used)"
+                f"{kind} {plugin.name!r} has the attributes {', '.join(kept)} but no state() that saves them; add "
+                "state() and restore() to the plugin (state() may return {} if they are recomputed before each use)"
             )
     return lines
 
 
 def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
-    """Return what the bits of a run depend on besides its case and kernels, that can be told from files."""
+    """Return versions, processor and file digests that the results depend on besides the case and the kernels."""
     files = {str(path): path for path in case.plugin_files}
     if case.mesh is not None:
         files[case.mesh.name] = case.mesh
@@ -330,13 +333,13 @@ def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
 
 
 def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
-    """Return digests of the building, whatever files it was read from, and of the kernels."""
+    """Return digests of the building, independent of its files, and of the kernels."""
     text = json.dumps({**building_to_json(simulation.building), "closed": []}, sort_keys=True)
     return {"building": {"": hashlib.sha256(text.encode()).hexdigest()}, "kernel": kernels_of(simulation)}
 
 
 def kernels_of(simulation: Simulation) -> dict[str, str]:
-    """Return digests of the kernels that a run uses or may come to use, by name."""
+    """Return digests of the kernels that a run uses or may need later, by name."""
     behaviours = [behaviour for behaviour, _ in simulation.behaviours]
     parts = simulation.case, simulation.building, simulation.contact, simulation.forces, behaviours
     entries = [*plan.set_up_kernels(), *plan.run_kernels(*parts, full=True)]
@@ -351,14 +354,14 @@ def _differences(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapp
             old, new = before.get(kind, {}).get(name), values.get(name)
             if old != new:
                 what = f"{kind} {name}".strip()
-                lines.append(f"{what}: {old or 'not there'} when it was written, {new or 'not there'} now")
+                lines.append(f"{what}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now")
     return lines
 
 
 def _closed_now(
     state: Mapping[str, NDArray[Any]], building: "Building", before: "Case", after: "Case"
 ) -> dict[str, NDArray[Any]]:
-    """Return the state of the scene with what the changed case closes or opens, as a change after the checkpoint."""
+    """Return the scene's state with the links that the changed case closes or opens; empty if none changes."""
     closed, opened = (
         frozenset().union(*(links_named(building, name) for name in case.building.closed)) for case in (after, before)
     )

@@ -1,4 +1,4 @@
-"""The contract of plugins: what a module and a class must fulfil to be registered."""
+"""The plugin contract: requirements that a module and a class must meet to be registered."""
 
 import inspect
 from types import ModuleType
@@ -10,7 +10,7 @@ from evac import hookspecs
 from evac.errors import PluginError
 from evac.parameters import did_you_mean
 
-#: Module and name of the class that each kind derives from.
+#: Module and name of the base class of each kind.
 BASES = {
     "contact_model": ("evac.physics.contact_model", "ContactModel"),
     "solver": ("evac.physics.solver", "Solver"),
@@ -26,49 +26,49 @@ RESERVED = {("contact_model", "model")}
 
 
 def check_module(manager: pluggy.PluginManager, module: ModuleType, plugin: str) -> None:
-    """Refuse a module without hooks, of another version of the interface, or with hooks that are not as they should be.
+    """Check that a module has hooks, all of them valid, and was written for this version of the interface.
 
     Parameters
     ----------
     manager : pluggy.PluginManager
     module : module
     plugin : str
-        Where it comes from, for the message.
+        Name of the plugin, for the message.
 
     Raises
     ------
     PluginError
-        Naming the plugin and what to change.
+        It does not; names the plugin and what to change.
     """
     known = [name for name in vars(hookspecs) if name.startswith("evac_")]
     marked = {name: found for name in vars(module) if (found := manager.parse_hookimpl_opts(module, name)) is not None}
     unmarked = [name for name in known if name not in marked and inspect.isfunction(getattr(module, name, None))]
     if not marked and not unmarked:
-        raise PluginError(f"plugin {plugin}: has no hook and would change nothing; it may have {', '.join(known)}")
+        raise PluginError(f"plugin {plugin}: defines no hook; define at least one of {', '.join(known)}")
     check_interface(module, plugin)
     if unmarked:
-        raise PluginError(f"plugin {plugin}: {unmarked[0]} is not marked; put @hookimpl of evac.hookspecs above it")
+        raise PluginError(f"plugin {plugin}: {unmarked[0]} is not marked as a hook; decorate it with @hookimpl")
     for name, options in marked.items():
         if name not in known:
             raise PluginError(f"plugin {plugin}: there is no hook {name!r}; {did_you_mean(name, known)}")
         if options.get("wrapper") or options.get("hookwrapper"):
-            raise PluginError(f"plugin {plugin}: {name} is a wrapper of hooks; evac calls none, take it off")
+            raise PluginError(f"plugin {plugin}: {name} is a hook wrapper; make it an ordinary hook")
 
 
 def check_interface(module: ModuleType, plugin: str) -> None:
-    """Refuse a module that was written for another version of the plugin interface, or does not say for which.
+    """Check that a module states the version of the plugin interface, and that it is this one.
 
     Parameters
     ----------
     module : module
-        With hooks.
+        A module with hooks.
     plugin : str
-        Where it comes from, for the message.
+        Name of the plugin, for the message.
 
     Raises
     ------
     PluginError
-        Naming the plugin, both versions, and what to change.
+        The version is missing, invalid or another one; names the plugin, both versions, and what to change.
     """
     stated, own = getattr(module, "evac_interface", None), hookspecs.INTERFACE
     if stated == own and isinstance(stated, int):
@@ -93,26 +93,33 @@ def check_interface(module: ModuleType, plugin: str) -> None:
 
 
 def check_class(cls: Any, plugin: str) -> str:
-    """Refuse a class that is of no kind, is not finished, or has no name that a case could use; return its kind.
+    """Check that a class is a complete plugin class with a valid name, and return its kind.
 
     Parameters
     ----------
     cls : type
     plugin : str
-        Where it comes from, for the message.
+        Name of the plugin, for the message.
+
+    Returns
+    -------
+    str
+        The kind, a key of `BASES`.
 
     Raises
     ------
     PluginError
-        Naming the class and what it lacks.
+        It is not; names the class and what is missing.
     """
     kind = kind_of(cls)
     if not kind:
         bases = ", ".join(base for _, base in BASES.values())
-        raise PluginError(f"plugin {plugin}: {cls!r} is none of {bases}; derive it from one")
+        raise PluginError(f"plugin {plugin}: {cls!r} must be derived from one of {bases}")
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
-        raise PluginError(f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs")
+        raise PluginError(
+            f"plugin {plugin}: {cls.__name__} has no {missing[0]}(), which every {BASES[kind][1]} needs; add it"
+        )
     name = getattr(cls, "name", "")
     if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
         raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")
@@ -127,7 +134,7 @@ def check_class(cls: Any, plugin: str) -> str:
             f"folder, not {cls.suffix!r}"
         )
     if (kind, name) in RESERVED:
-        raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; take another")
+        raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; choose another name")
     return kind
 
 
@@ -140,10 +147,10 @@ def _are_suffixes(value: Any) -> bool:
 
 
 def kind_of(cls: Any) -> str:
-    """Return the kind of a class of a plugin, or nothing if it is of none."""
+    """Return the kind of a plugin class, or an empty string if it has none."""
     return next((kind for kind in BASES if is_a(kind, cls)), "")
 
 
 def is_a(kind: str, item: Any) -> bool:
-    """Return whether something is a class of a kind; the base class is not imported for the question."""
+    """Return whether an object is a plugin class of a kind, without importing the base class."""
     return isinstance(item, type) and any((base.__module__, base.__qualname__) == BASES[kind] for base in item.__mro__)

@@ -1,8 +1,8 @@
-"""Defaults and bounds that the schema of case.toml and the functions called from Python share; cheap to import."""
+"""Defaults and bounds shared by the schema of case.toml and the Python functions; cheap to import."""
 
-#: Vertices of a mesh that are closer than this become one [m].
+#: Vertices of a mesh that are closer than this are merged [m].
 WELD = 0.001
-#: Cells less steep than the first are floors and landings, steeper than the second cannot be walked on [degrees].
+#: Cells less steep than the first angle are floors and landings; those steeper than the second are not walkable [deg].
 FLAT_ANGLE = 3.0
 WALKABLE_ANGLE = 50.0
 #: Metres per unit of a building's file.
@@ -19,7 +19,7 @@ COMFORT = 3.0
 #: Order of the fast marching scheme.
 ORDER = 2
 
-#: Radius of a body [m]: a centimetre is less than any, and finer ones would need more memory than there is.
+#: Least radius of a body [m]: below that of any person; smaller ones would need too much memory.
 LEAST_RADIUS = 0.01
-#: Radius [m], mass [kg], relaxation time [s] and speed [m/s]: beyond any person, far from overflow.
+#: Greatest radius [m], mass [kg], relaxation time [s] and speed [m/s]: beyond any person, far from overflow.
 MOST_RADIUS, MOST_MASS, MOST_TAU, MOST_SPEED = 10.0, 1e5, 1e4, 100.0

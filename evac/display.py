@@ -1,4 +1,4 @@
-"""The progress of a run: a bar on a terminal, a line that changes in a notebook, a line now and then elsewhere."""
+"""The progress of a run: a bar on a terminal, an updated line in a notebook, occasional lines elsewhere."""
 
 import sys
 import time
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Self
 
 from rich import progress as bars
 from rich.console import Console
+
+from evac.errors import counted
 
 if TYPE_CHECKING:
     from evac.phases import Progress
@@ -23,21 +25,21 @@ NOTEBOOK_EVERY = 0.5
 
 
 class Display:
-    """Shows people out, simulated time, speed against real time and the time that is left.
+    """Shows people out, simulated time, speed relative to real time and the estimated time left.
 
-    A context manager; call `phase` with what is going on before the loop, and the display itself with a
+    A context manager; call `phase` with a description of each phase before the loop, and the display itself with a
     `Progress` at every tick.
 
     Parameters
     ----------
     has_lines : bool
-        Whether lines are printed where there is no terminal.
+        Whether lines are printed if there is no terminal.
     """
 
     def __init__(self, has_lines: bool = True) -> None:
         self._has_lines = has_lines
         self._console = Console(stderr=True, highlight=False, markup=False, emoji=False)
-        # Variables such as FORCE_COLOR make rich take any file for a terminal.
+        # Variables such as FORCE_COLOR make rich treat any file as a terminal.
         self._is_bar = self._console.is_terminal and sys.stderr.isatty() and not self._console.is_dumb_terminal
         self._bar = bars.Progress(
             bars.SpinnerColumn("line" if self._console.options.ascii_only else "dots"),
@@ -63,16 +65,16 @@ class Display:
         self._bar.stop()
 
     def phase(self, what: str) -> None:
-        """Say what is going on."""
+        """Show the name of the current phase."""
         self._bar.reset(self._task, total=None, description=what, numbers="")
 
     def compiling(self, done: int, kernels: int) -> None:
-        """Show how many kernels have been compiled, and for how long; what follows the last one is set-up."""
+        """Show how many kernels have been compiled, and for how long; the directions are computed after the last."""
         now = time.perf_counter()
         if self._compiling_since is None:
             self._compiling_since = self._shown = now
             if not self._is_bar:
-                self._print(f"compiling kernels: {kernels} of them, which are kept for later runs")
+                self._print(f"compiling {counted(kernels, 'kernel')}, kept for later runs")
         numbers = f"{done}/{kernels} kernels, {now - self._compiling_since:.0f} s"
         if done == kernels:
             self._compiling_since = None
@@ -84,7 +86,7 @@ class Display:
             self._print(numbers)
 
     def line(self, text: str) -> None:
-        """Print a line for good, above the bar."""
+        """Print a permanent line above the bar."""
         self._console.print(text, soft_wrap=True)
 
     def _print(self, line: str) -> None:
@@ -92,7 +94,7 @@ class Display:
             print(line, file=sys.stderr, flush=True)
 
     def __call__(self, state: "Progress") -> None:
-        """Show a tick, unless one was shown just now; the speed counts from the first tick, which may load parts."""
+        """Show a tick unless the last update is recent; speed is measured after the first tick, which may load code."""
         now = time.perf_counter()
         if self._first is None:
             self._first, self._start, self._shown = state, now, now
@@ -108,7 +110,7 @@ class Display:
             self._print(numbers)
 
     def runs(self, done: int, runs: int) -> None:
-        """Show how many of several runs are done; where there is no terminal a line for the first, and now and then."""
+        """Show how many of several runs are done; without a terminal, occasional lines are printed."""
         if self._is_bar:
             self._bar.update(
                 self._task, description="running", total=runs, completed=done, numbers=f"{done}/{runs} runs"
@@ -120,13 +122,13 @@ class Display:
 
 @contextmanager
 def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator[Callable[[Progress], None] | None]":
-    """Enter the display of a run from Python, and return what is to be called at every tick.
+    """Enter the display of a run started from Python, and return the function to call at every tick.
 
     Parameters
     ----------
     progress : callable, bool or None
-        What is called; None: a bar on a terminal or a line in a notebook if there is one, and nothing elsewhere;
-        True: lines where there is neither; False: nothing.
+        A function is returned as it is. None: a bar on a terminal, a line in a notebook, nothing elsewhere; True: as
+        None, with lines elsewhere; False: nothing.
     """
     if callable(progress):
         yield progress
@@ -142,7 +144,7 @@ def displayed(progress: "Callable[[Progress], None] | bool | None") -> "Iterator
 
 
 class NotebookLine:
-    """Shows the progress of a run in a notebook, as a line below the cell that changes."""
+    """Shows the progress of a run in a notebook, as an updated line below the cell."""
 
     def __init__(self) -> None:
         from IPython.display import display
@@ -152,7 +154,7 @@ class NotebookLine:
         self._handle = display({"text/plain": "first tick"}, raw=True, display_id=True)
 
     def __call__(self, state: "Progress") -> None:
-        """Show a tick, unless one was shown just now; the last one always."""
+        """Show a tick unless the last update is recent; the last tick is always shown."""
         now = time.perf_counter()
         if self._first is None:
             self._first, self._start = state, now
@@ -163,7 +165,7 @@ class NotebookLine:
 
 
 def _is_notebook() -> bool:
-    """Return whether this is a kernel of Jupyter, which shows what is displayed."""
+    """Return whether this process is a Jupyter kernel, which can display output."""
     if "IPython" not in sys.modules:
         return False
     from IPython import get_ipython
@@ -172,14 +174,14 @@ def _is_notebook() -> bool:
 
 
 def numbers_of(first: "Progress", state: "Progress", wall: float) -> str:
-    """Return people out, simulated time, speed against real time and the time left, in words.
+    """Return people out, simulated time, speed relative to real time and the estimated time left as a text.
 
-    The time left is that to the end of ``simulation.duration``, or less where people leave fast enough.
+    The time left is that until ``simulation.duration``, or less if people leave fast enough.
 
     Parameters
     ----------
     first, state : Progress
-        Then and now.
+        At the start of the measurement and now.
     wall : float [s]
         Wall time between them.
     """

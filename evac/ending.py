@@ -16,7 +16,7 @@ DURATION_OVER = "duration over"
 NO_PROGRESS = "no progress"
 INTERRUPTED = "interrupted"
 
-#: Of a run that could not go on, in the tables that it leaves.
+#: Reason in the tables of a run that failed.
 FAILED = "failed"
 
 #: A person makes progress when its least remaining travel time has fallen by this much since its last progress [s].
@@ -25,23 +25,23 @@ PROGRESS = 0.25
 #: People inside when a run ends who have made no progress for this long are stuck [s].
 STANDING = 10.0
 
-#: Time between two checks of the progress [s].
+#: Simulated time between two checks of the progress [s].
 PROGRESS_EVERY = 1.0
 
 
 class Stopped(KeyboardInterrupt):
-    """To be raised by a progress display that wants the run to end at this tick, with its results."""
+    """Raised by a progress display to end the run at this tick, with its results."""
 
 
 class Ending:
-    """Decides after each tick whether it was the last one; notes when each person last made progress.
+    """Decides after each tick whether it was the last one; records when each person last made progress.
 
-    Progress is progress towards an exit. What counts is the least remaining travel time that a person has reached on
-    its route: being pushed back and returning is no progress. Each route has a least time of its own, which is kept
-    while another route is followed, so that alternating between routes counts only until each has been tried. Gains
-    below the least time are added up, and their sum counts once it exceeds `PROGRESS`; `PROGRESS` is taken from the
-    sum in every `no_progress` (or `STANDING`, where that is longer), so that the creep of a blocked crowd does not
-    count. People who have not started count as making progress, and are measured from where they start.
+    Progress means progress towards an exit: the least remaining travel time that a person has reached on its route
+    decreases, so that being pushed back and returning is not progress. Each route has its own least time, which is
+    kept while another route is followed, so that alternating between routes counts only until each has been tried.
+    Decreases of the least time are added up, and the sum counts once it exceeds `PROGRESS`; `PROGRESS` is subtracted
+    from the sum in every `no_progress` (or `STANDING`, if that is longer), so that the creep of a blocked crowd does
+    not count. People who have not started count as making progress.
 
     Parameters
     ----------
@@ -59,19 +59,19 @@ class Ending:
         self._progress_at = np.zeros(people)  # time of the last progress [s]
 
     def reason(self, step: int, crowd: Crowd, fields: Fields) -> str:
-        """Return how the run ends with this tick; nothing where it goes on.
+        """Return why the run ends with this tick; an empty string if it continues.
 
         Parameters
         ----------
         step : int
-            Steps made.
+            Number of steps made.
         crowd : Crowd
         fields : Fields
 
         Returns
         -------
         str
-            `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or nothing.
+            `EVERYBODY_OUT`, `DURATION_OVER`, `NO_PROGRESS` or an empty string.
         """
         over = self.over(step, crowd)
         if over:
@@ -81,21 +81,20 @@ class Ending:
         return ""
 
     def over(self, step: int, crowd: Crowd) -> str:
-        """Return why no step is left to make, as `reason` does but for progress; nothing where there is one."""
+        """Return why no step is left, as `reason` but without the check of progress; an empty string if one is left."""
         if not (crowd.level >= 0).any():
             return EVERYBODY_OUT
         return DURATION_OVER if step >= self._settings.last_step else ""
 
     def stuck(self, step: int, crowd: Crowd) -> NDArray[np.intp]:
-        """Return the rows of people who are inside and make no progress.
+        """Return the rows of people inside who have made no progress for `STANDING`, or `no_progress` if that is less.
 
-        That is, who have made none for `STANDING`, or for `no_progress` where that is less. People who have not started
-        are not stuck.
+        People who have not started are not stuck.
 
         Parameters
         ----------
         step : int
-            Steps made.
+            Number of steps made.
         crowd : Crowd
         """
         time = step * self._settings.step
@@ -103,20 +102,20 @@ class Ending:
         return np.flatnonzero(standing & (crowd.level >= 0) & (crowd.start_time <= time))
 
     def state(self) -> NDArray[np.float64]:
-        """Return what the next answer depends on, (routes + 2, people) [s]."""
+        """Return the state of the checks: a (routes + 2, people) float64 array [s]."""
         return np.vstack([self._least, self._gained, self._progress_at])
 
     def restore(self, state: NDArray[np.float64]) -> None:
-        """Restore what `state` returned."""
+        """Restore the array that `state` returned."""
         self._least[:], self._gained[:], self._progress_at[:] = state[:-2], state[-2], state[-1]
 
     def _is_stuck(self, time: float, crowd: Crowd, fields: Fields) -> bool:
-        """Return whether nobody has made progress or got out for `no_progress`."""
+        """Return whether nobody has made progress or left for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
         place = crowd.route[inside], inside
         remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
         waits = crowd.start_time[inside] > time
-        with np.errstate(invalid="ignore"):  # inf less inf where no way leads out: no gain
+        with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
             gain = np.fmax(self._least[place] - remaining, 0.0)
         gained = np.maximum(self._gained[inside] - self._decay, 0.0) + gain
         progresses = waits | (gained > PROGRESS)

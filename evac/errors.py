@@ -1,19 +1,21 @@
 """The exceptions of evac: one root, one class for each kind of cause."""
 
+import re
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-#: Characters of an error's text that are shown.
+#: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
+LONGEST_QUOTED = 120
 
 
 class EvacError(Exception):
-    """Root of every exception that evac raises on purpose."""
+    """Root of the exceptions of evac."""
 
 
 class BuildingError(EvacError):
-    """A mesh file or the building read from it cannot be used; names the file and the place."""
+    """A building file or the building read from it cannot be used; names the file and the place."""
 
 
 class ScenarioError(EvacError):
@@ -25,7 +27,7 @@ class PluginError(EvacError):
 
 
 class SimulationError(EvacError):
-    """A run cannot go on; names time, people, place and what to change."""
+    """A run cannot continue; names time, people, place and what to change."""
 
 
 class ResultError(EvacError):
@@ -33,7 +35,7 @@ class ResultError(EvacError):
 
 
 class EvacWarning(UserWarning):
-    """Root of the warnings that evac issues while it works; what it warns of in a case is in the results."""
+    """Root of the Python warnings of evac; warnings about a case or a run are part of the results instead."""
 
 
 class FolderWarning(EvacWarning):
@@ -44,8 +46,35 @@ class CacheWarning(EvacWarning):
     """Compiled kernels cannot be read or kept; they are compiled again, and nothing else is affected."""
 
 
+class ConformanceWarning(EvacWarning):
+    """Lines of a plugin were not executed by `evac.conformance.check_plugin`, and are therefore not checked."""
+
+
+def counted(number: int, one: str, several: str = "") -> str:
+    """Return a number with its noun in the singular or plural; the plural is `one` with an s if not given."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
+def quoted_line(text: str, error: str) -> str:
+    """Return the line of a TOML text that a parser's error names, with a hint if the mistake is a frequent one."""
+    found = re.search(r"at line (\d+)", error)
+    lines = text.split("\n")
+    if not found or int(found[1]) > len(lines):
+        return "; correct the file"
+    line = lines[int(found[1]) - 1].strip()
+    quoted = f": {line[:LONGEST_QUOTED]}{'...' if len(line) > LONGEST_QUOTED else ''}"
+    bare = re.fullmatch(r"([\w.-]+)\s*=\s*([A-Za-z][^\"'#\[\]{}]*?)\s*", line)
+    if bare and bare[2].lower() in ("true", "false"):
+        return f"{quoted}; write {bare[1]} = {bare[2].lower()}"
+    if bare:
+        return f'{quoted}; text needs quotes: {bare[1]} = "{bare[2]}"'
+    if re.search(r'"[^"]*\\', line):
+        return f"{quoted}; a backslash has a special meaning within double quotes: use forward slashes or single quotes"
+    return f"{quoted}; correct the file there"
+
+
 def text_of(error: BaseException) -> str:
-    """Return the text of an error in one line that is not too long."""
+    """Return the text of an error in one line of at most `LONGEST` characters and an ellipsis."""
     try:
         text = " ".join(str(error).split()).encode("utf-8", "backslashreplace").decode()
     except Exception:
@@ -54,16 +83,17 @@ def text_of(error: BaseException) -> str:
 
 
 def in_one_line(error: BaseException) -> str:
-    """Return class and text of an error in one line that is not too long."""
+    """Return class and text of an error in one line, shortened as by `text_of`."""
     text = text_of(error)
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 @contextmanager
 def plugin_code(what: str) -> Iterator[None]:
-    """Run code of a plugin; what it raises on its own becomes a PluginError that names plugin, file and line.
+    """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
 
-    So does a SystemExit: no plugin ends the process. A KeyboardInterrupt is passed on, since it is the user's.
+    This includes SystemExit, since no plugin may end the process. A KeyboardInterrupt comes from the user and is
+    passed on.
     """
     try:
         yield
@@ -72,15 +102,15 @@ def plugin_code(what: str) -> Iterator[None]:
     except BaseException as error:
         trace = traceback.extract_tb(error.__traceback__)
         place = next((frame for frame in reversed(trace) if not frame.filename.startswith("<")), trace[-1])
-        advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "repair the plugin"
+        advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "correct the plugin"
         raise PluginError(
-            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or leave it out"
+            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or remove it"
         ) from error
 
 
 @contextmanager
 def noting(warnings: Iterable[str]) -> Iterator[None]:
-    """Add warnings to an error that may come of what they warn of, as notes."""
+    """Add warnings that may explain an error raised within to it, as notes."""
     try:
         yield
     except EvacError as error:

@@ -69,12 +69,12 @@ def evac_building_cases() -> Sequence[Path]:  # type: ignore[empty-body]
 
 @hookspec
 def evac_configure(case: "Case", registry: "Registry") -> None:
-    """Look at, or refuse, a checked case before anything is built from it."""
+    """Inspect a checked case before anything is built from it; raise an error to reject it."""
 
 
 @hookspec
 def evac_prepare(simulation: "Simulation") -> None:
-    """Act once on a simulation that is ready to run."""
+    """Act once on a simulation before its first step."""
 
 
 @hookspec
@@ -84,4 +84,4 @@ def evac_finish(simulation: "Simulation", results: "Results | None", error: Base
 
 @hookspec
 def evac_metrics(results: "Results") -> Mapping[str, Any]:  # type: ignore[empty-body]
-    """Return numbers to add to summary.json under the plugin's name."""
+    """Return values to add to summary.json under the plugin's name."""

@@ -1,4 +1,4 @@
-"""Declared parameters: what a plugin can be set to, with unit, range and default, checked once."""
+"""Declared parameters of plugins, with unit, range and default, checked once."""
 
 import difflib
 import math
@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from evac.errors import PluginError, ScenarioError
 
-#: Of the numbers that plugins take: far beyond any quantity in SI units, and exact as a whole number.
+#: Greatest absolute value of a parameter: far beyond any quantity in SI units, and exact as a whole number.
 GREATEST = 1e15
 
 
@@ -28,20 +28,20 @@ class Parameter:
     Parameters
     ----------
     default : object
-        Its value where the case says nothing. Its type is the type asked for; an int is taken for a float.
+        Value used if the case does not set it. Its type is the required type; an int is accepted for a float.
     doc : str
         One sentence, shown by ``evac plugins`` and in the reference.
     unit : str
-        SI unit, empty for a pure number or a word.
+        SI unit, empty for a dimensionless number or a word.
     minimum, maximum : float
-        Closed bounds of a number; ``above`` is an open lower bound. Without them numbers lie within `GREATEST` of
-        zero: state those beyond which memory or time run out, or the model overflows.
+        Closed bounds of a number; ``above`` is an open lower bound. Without bounds, numbers must lie within
+        `GREATEST` of zero: state bounds beyond which memory or time run out, or the model overflows.
     choices : tuple of str
-        The words allowed.
+        The allowed words.
     infinite : bool
-        Whether infinity is a legal value.
+        Whether infinity is allowed.
     distribution : bool
-        Whether it is a distribution, given as a number or a table, which the bounds hold for; `check`
+        Whether it is a distribution, given as a number or a table, whose values must satisfy the bounds; `check`
         then returns an ``evac.people.distributions.Distribution``.
     """
 
@@ -57,7 +57,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """Description of the values that are allowed: the choices, or the bounds; empty for anything of the type."""
+        """Description of the allowed values: the choices, or the bounds; empty if there are none."""
         if self.choices:
             return ", ".join(self.choices)
         low = (
@@ -71,7 +71,7 @@ class Parameter:
         return ", ".join(part for part in (low, high, "or inf" if self.infinite else "") if part)
 
     def __get__(self, instance: Any, owner: Any = None) -> Any:
-        """Return the declaration itself, on the class; on an instance its own value stands before it."""
+        """Return the declaration, on the class; the attribute of an instance takes precedence."""
         return self
 
     def check(self, key: str, value: Any) -> Any:
@@ -152,5 +152,5 @@ class Configurable:
         return found
 
     def values(self) -> dict[str, Any]:
-        """Return the parameters as they are set."""
+        """Return the values of the parameters by name."""
         return {key: getattr(self, key) for key in self.declared()}

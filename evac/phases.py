@@ -1,12 +1,12 @@
-"""How far a run is, and the wall time that it takes, phase by phase."""
+"""Progress of a run, and its wall time by phase."""
 
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-#: Phases in the order in which they begin. A run spends in "preparation" what is none of the stations that follow, in
-#: "kernels" the time in which compiled code is loaded or compiled, and in "output" everything that is shown or written.
+#: Phases in the order in which they begin. "preparation" is the time before the run that belongs to no other phase,
+#: "kernels" the time for loading and compiling code, "output" the time for everything that is shown or written.
 PHASES = (
     "preparation",
     "building",
@@ -22,7 +22,7 @@ PHASES = (
 
 @dataclass(frozen=True)
 class Progress:
-    """What a progress display needs, once a tick."""
+    """The state of a run that a progress display gets at every tick."""
 
     time: float  # simulated [s]
     duration: float  # [s]
@@ -31,16 +31,16 @@ class Progress:
 
 
 class Phases:
-    """A clock that charges every moment to one phase: to the one that was entered last and is not left yet."""
+    """A clock that assigns wall time to phases: always to the innermost phase that has been entered."""
 
     def __init__(self) -> None:
         self._seconds = dict.fromkeys(PHASES, 0.0)
         self._entered: list[str] = []
-        self._charged = 0.0  # time up to which everything is charged [s]
+        self._charged = 0.0  # time up to which everything is assigned [s]
 
     @contextmanager
     def enter(self, name: str) -> Iterator[None]:
-        """Charge what follows to the phase `name`, one of `PHASES`, but for the phases entered within."""
+        """Assign the time within the context to the phase `name` of `PHASES`, except that of phases entered within."""
         self._charge()
         self._entered.append(name)
         try:

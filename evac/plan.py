@@ -1,4 +1,4 @@
-"""What a scene needs: each part that can be left out, in or out, and why. Leaving out changes no bit."""
+"""Which optional parts a scene needs, and why. Leaving out the others does not change results in any bit."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.directions.build import build_fields
-from evac.directions.descent import add_lengths, descend
+from evac.directions.descent import add_lengths, descend, find_lowest
 from evac.directions.fields import Fields
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.sampling import sample_travel_times
-from evac.errors import plugin_code
+from evac.errors import counted, plugin_code
 from evac.jit import Entry
 from evac.jit.kernels import entries_of
 from evac.people.groups import default_clearance, narrowest_body, reference_speeds, routes_of
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of the framework and whether the scene needs it."""
+    """An optional part of the framework, and whether the scene needs it."""
 
     name: str
     is_in: bool
@@ -40,7 +40,7 @@ class Part:
 
 
 def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> tuple[Route, ...]:
-    """Return the routes that somebody can take, each once; `full` adds one of every strategy."""
+    """Return the routes that people can take, each once; `full` adds one of every strategy."""
     wanted = list(routes_of(case))
     for behaviour in behaviours:
         with plugin_code(f"behaviour {behaviour.name!r}: routes"):
@@ -51,7 +51,7 @@ def needed_routes(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> 
 
 
 def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) -> dict[str, Any]:
-    """Return what the directions of a case depend on beside its building: the arguments of `build_fields`."""
+    """Return the arguments of `build_fields` other than the building."""
     settings = case.directions
     return {
         "routes": needed_routes(case, behaviours, full),
@@ -65,12 +65,12 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
 
 
 def solve_fields(case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool) -> Fields:
-    """Return the directions of a building for the routes that somebody can take, as the case wants them."""
+    """Return the directions of a building for the routes that people can take, with the settings of the case."""
     return build_fields(building, **field_settings(case, behaviours, full))
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
-    """Return the forces that push anybody."""
+    """Return the forces that are not zero everywhere; with `full`, all of them."""
     needed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}: is_needed"):
@@ -82,7 +82,7 @@ def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:
 def needed_behaviours(
     scenes: Sequence[tuple[Behaviour, BehaviourScene]], full: bool
 ) -> list[tuple[Behaviour, BehaviourScene]]:
-    """Return the behaviours that change anything in their scenes."""
+    """Return the behaviours that have an effect in their scenes; with `full`, all of them."""
     needed = []
     for behaviour, scene in scenes:
         with plugin_code(f"behaviour {behaviour.name!r}: is_needed"):
@@ -93,7 +93,7 @@ def needed_behaviours(
 
 def set_up_kernels() -> list[Entry]:
     """Return the kernels that the directions and people of a scene need."""
-    return [descend, add_lengths, sample_travel_times, add_discs, walk_all]
+    return [descend, sample_travel_times, add_discs, walk_all]
 
 
 def run_kernels(
@@ -104,11 +104,13 @@ def run_kernels(
     behaviours: Sequence[Behaviour],
     full: bool,
 ) -> list[Entry]:
-    """Return the kernels of the step loop and of behaviours that a run will need, as far as is known at its start."""
+    """Return the kernels of the step loop and of behaviours that are known to be needed at the start of a run."""
     has_seams = full or len(building.levels) > 1
     found = entries_of_loop(model, forces, case.registry.solvers, has_seams, full)
     for behaviour in behaviours:
         found += entries_of(sys.modules[type(behaviour).__module__])
+    if len(needed_routes(case, behaviours, full)) > len(routes_of(case)):  # they are compared by their lengths
+        found += [add_lengths, find_lowest]
     return found
 
 
@@ -118,48 +120,47 @@ def explain(
     routes: Sequence[Route],
     model: "ContactModel",
     loop: Sequence[tuple[str, bool, str]],
-    forces: Mapping[str, float | None],
+    forces: Mapping[str, str | None],
     behaviours: Mapping[str, bool | None],
 ) -> list[Part]:
-    """Return every part that can be left out, in or out, and why.
+    """Return every optional part, whether it is used, and why.
 
     Parameters
     ----------
     case : Case
     building : Building
     routes : sequence of Route
-        Those with a field.
+        Routes that have a field.
     model : ContactModel
     loop : sequence of (str, bool, str)
         Parts of the step loop, see `Engine.explain`.
-    forces : mapping of str to float or None
-        For each force that the case names the gap up to which it is felt [m], None if it is left out.
+    forces : mapping of str to str or None
+        For each force in the case, how it acts, see `Engine.explain_forces`; None if it is left out.
     behaviours : mapping of str to bool or None
-        For each behaviour that the case names whether it acts at ticks, None if it is left out.
+        For each behaviour in the case, whether it acts at ticks; None if it is left out.
     """
     portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
-        Part("portals", portals > 0, f"{portals} portals between {len(building.levels)} levels"),
+        Part("portals", portals > 0, f"{counted(portals, 'portal')}, {counted(len(building.levels), 'level')}"),
         Part("stair speeds", flights > 0, f"{flights} sloped levels"),
     ]
     for strategy in STRATEGIES:
         ways = ", ".join(f"to {route.destination}" for route in routes if route.strategy == strategy)
-        why = f"somebody can go {ways}" if ways else "nobody can take such a route"
+        why = f"people can go {ways}" if ways else "nobody can take such a route"
         parts.append(Part(f"fields: {strategy}", bool(ways), why))
-    for name, cutoff in forces.items():
-        why = "it is zero everywhere" if cutoff is None else f"felt up to a gap of {cutoff:.2f} m"
-        parts.append(Part(f"force: {name}", cutoff is not None, why))
+    for name, effect in forces.items():
+        parts.append(Part(f"force: {name}", effect is not None, effect or "it is zero everywhere"))
     if not forces:
         parts.append(Part("forces at a distance", False, "none named in [forces]"))
     for name, acts in behaviours.items():
-        why = "nobody is concerned" if acts is None else "at every tick" if acts else "once, before the first step"
+        why = "it affects nobody" if acts is None else "at every tick" if acts else "once, before the first step"
         parts.append(Part(f"behaviour: {name}", acts is not None, why))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
     with plugin_code(f"contact model {model.name!r}: parts"):
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)
-    parts.append(Part("contact solves", True, "only in steps that have contacts in reach"))
+    parts.append(Part("contact solves", True, "only in steps with contacts in reach"))
     for name in ("tables", "picture", "replay", "trajectory", "animation"):
         is_wanted = getattr(case.output, name)
         parts.append(Part(name, is_wanted, f"output.{name} = {str(is_wanted).lower()}"))

@@ -1,4 +1,4 @@
-"""The table of everything registered: plugins found, checked against the contract, and sorted by name."""
+"""The registry: finds plugins, checks them against the contract, and lists what they provide by name."""
 
 import hashlib
 import importlib
@@ -23,7 +23,7 @@ from evac.parameters import Configurable, did_you_mean
 if TYPE_CHECKING:
     from evac.building.importer import Importer
 
-#: Modules of the built-in importers; enough to read a building alone.
+#: Modules of the built-in importers, sufficient to read a building without a case.
 BUILTIN_IMPORTERS = (
     "evac_plugins.import_dxf",
     "evac_plugins.import_geojson",
@@ -36,7 +36,7 @@ BUILTIN_IMPORTERS = (
     "evac_plugins.import_wkt",
 )
 
-#: Modules of the built-in exporters; enough to export a recorded run.
+#: Modules of the built-in exporters, sufficient to export a recorded run.
 BUILTIN_EXPORTERS = (
     "evac_plugins.export_csv",
     "evac_plugins.export_geojson",
@@ -45,7 +45,7 @@ BUILTIN_EXPORTERS = (
     "evac_plugins.export_vtk",
 )
 
-#: Modules of the built-in plugins; loaded by `Registry`, never imported by the core.
+#: Modules of all built-in plugins; loaded by `Registry`, never imported by the core.
 BUILTIN_PLUGINS = (
     "evac_plugins.contact_dem",
     "evac_plugins.contact_nsm1",
@@ -65,7 +65,7 @@ BUILTIN_PLUGINS = (
     "evac_plugins.cases",
 )
 
-#: What can be registered, and the hook that returns it.
+#: Kinds of plugins, and the hook that returns each.
 KINDS = {
     "contact_model": "evac_contact_models",
     "solver": "evac_solvers",
@@ -77,24 +77,27 @@ KINDS = {
     "case": "evac_building_cases",
 }
 
-#: Modules of plugin files have names that start so.
+#: Hooks that return plugins; the other hooks are called in every run.
+HOOKS = frozenset(KINDS.values())
+
+#: Prefix of the names of modules made from plugin files.
 FILE_PREFIX = "evac_plugin_"
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a plugin came from.
+    """The origin of a plugin.
 
     Attributes
     ----------
     plugin : str
-        Its module name, the path of its file, or module and name of a class.
+        Name of its module, path of its file, or module and name of its class.
     source : str
         ``"built-in"``, ``"distribution"``, ``"file"`` or ``"class"``.
     origin : str
         The distribution's name, the file's path, or the class's module.
     version : str
-        Of the distribution; of a file the digest of its text; of a class empty.
+        Version of the distribution; digest of the file's text; empty for a class.
     """
 
     plugin: str
@@ -104,7 +107,7 @@ class Provenance:
 
 
 class Registry:
-    """Everything that plugins provide: contact models, forces, behaviours, importers, exporters, shipped cases, ...
+    """All registered contact models, solvers, forces, behaviours, recorders, importers, exporters and shipped cases.
 
     Parameters
     ----------
@@ -118,7 +121,7 @@ class Registry:
     hook
         pluggy's caller of the hooks in `evac.hookspecs`.
     contact_models, solvers, forces, behaviours, recorders, importers, exporters : dict of str to class
-        By name; to be read only.
+        Classes by name; do not modify.
     cases : dict of str to Path
         Folder of each shipped case.
     provenance : list of Provenance
@@ -223,7 +226,7 @@ class Registry:
         Raises
         ------
         BuildingError
-            None reads such files; the message lists the endings that are read.
+            No importer reads such files; the message lists the known endings.
         """
         used: list[type[Importer]] = [cls for name, cls in self.importers.items() if name not in without]
         for cls in reversed(used):
@@ -231,30 +234,30 @@ class Registry:
                 return cls
         known = sorted({suffix for cls in used for suffix in cls.suffixes})
         raise BuildingError(
-            f"{path}: cannot read files ending in {path.suffix.lower()!r}; use one of {', '.join(known)}, or a plugin "
-            "with an importer"
+            f"{path}: no importer reads files ending in {path.suffix.lower()!r}; use one of {', '.join(known)}, or a "
+            "plugin with an importer"
         )
 
     def calls(self, hook: str, **given: Any) -> list[tuple[str, Callable[[], Any]]]:
-        """Return each plugin that has a hook, and the call of it, for hooks that fail one by one.
+        """Return a call of a hook for each plugin that has it, so that the caller can handle failures one by one.
 
         Parameters
         ----------
         hook : str
-            Its name.
+            Name of the hook.
         **given
-            All its arguments.
+            All arguments of the hook.
 
         Returns
         -------
         list of (str, callable)
-            Name of the plugin, and its function with the arguments that it asks for; in the order of registration.
+            Name of the plugin, and its function with its arguments bound; in the order of registration.
         """
         found = getattr(self.hook, hook).get_hookimpls()
         return [(one.plugin_name, partial(one.function, *(given[name] for name in one.argnames))) for one in found]
 
     def call_all(self, hook: str, **given: Any) -> None:
-        """Call a hook of every plugin that has it, the last registered first; what one raises names it.
+        """Call a hook of every plugin that has it, the last registered first.
 
         Parameters
         ----------
@@ -264,25 +267,32 @@ class Registry:
         Raises
         ------
         PluginError
-            A plugin fails.
+            A plugin fails; names it.
         """
         for plugin, call in reversed(self.calls(hook, **given)):
             with plugin_code(f"{plugin}: {hook}"):
                 call()
 
     def providers(self, used: Iterable[Configurable]) -> list[str]:
-        """Return name and version of the plugins that what is used comes from, and of those that hook into every run.
+        """Return name and version of the plugins that provide some objects, and of those with hooks in every run.
 
         Parameters
         ----------
         used : iterable of Configurable
-            Contact model, forces, behaviours, recorders, importer.
+            Contact model, forces, behaviours, recorders and importer in use.
         """
         owners = {self._owners[kind_of(type(one)), one.name] for one in used}
-        always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - set(KINDS.values())
+        always = {hook for hook in vars(hookspecs) if hook.startswith("evac_")} - HOOKS
         for hook in always:
             owners.update(implementation.plugin_name for implementation in getattr(self.hook, hook).get_hookimpls())
         return [f"{entry.plugin} {entry.version}" for entry in self.provenance if entry.plugin in owners]
+
+    def provided_by(self, path: Path) -> list[tuple[str, str]]:
+        """Return kind and name of all that a plugin file (resolved) provides; nothing if it has hooks of every run."""
+        module = self._manager.get_plugin(str(path))
+        if any(hasattr(module, hook) for hook in vars(hookspecs) if hook.startswith("evac_") and hook not in HOOKS):
+            return []
+        return [key for key, owner in self._owners.items() if owner == str(path)]
 
     def describe(self) -> list[dict[str, Any]]:
         """Return one dict per plugin: plugin, source, origin, version, and what it provides with its parameters."""
@@ -329,7 +339,7 @@ class Registry:
         if kind == "case":
             item = Path(item)
             if not (item / "case.toml").is_file():
-                raise PluginError(f"plugin {plugin}: folder {item} of a case has no case.toml")
+                raise PluginError(f"plugin {plugin}: {item}, the folder of a case, has no case.toml; add it")
             name = item.name
         else:
             if not is_a(kind, item):
@@ -348,14 +358,14 @@ class Registry:
 
 
 def _module_of(path: Path, text: bytes) -> ModuleType:
-    """Import a file under a name of its own, kept in `sys.modules` as numba's cache asks for."""
+    """Import a file under a unique name, which stays in `sys.modules` because numba's cache requires it."""
     digest = hashlib.sha256(str(path).encode() + text).hexdigest()[:16]
     name = f"{FILE_PREFIX}{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise PluginError(f"plugin file {path}: not a Python file; its name must end in .py")
+        raise PluginError(f"plugin file {path}: not a Python file; use a file whose name ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
@@ -373,7 +383,7 @@ def is_plugin_file(path: str) -> bool:
 
 
 def _description(kind: str, name: str, item: Any) -> dict[str, Any]:
-    """Return kind, name, first line of the docstring and parameters of one registered thing."""
+    """Return kind, name, first line of the docstring and parameters of a registered class or case."""
     if kind == "case":
         return {"kind": kind, "name": name, "doc": str(item), "parameters": {}}
     parameters = {

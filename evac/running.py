@@ -1,5 +1,6 @@
-"""From a case to a result folder: run, then write everything that is written; and go on from a checkpoint."""
+"""Run a case, or resume a run, and write its result folder."""
 
+import signal
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -10,6 +11,7 @@ from evac.checkpoints import Checkpoints, find_checkpoint
 from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
 from evac.errors import EvacError, ResultError, ScenarioError, note
+from evac.interrupt import Interrupt
 from evac.output.files import (
     CHECKPOINT_NAME,
     EGRESS_NAME,
@@ -46,20 +48,20 @@ def run(
     Parameters
     ----------
     case : Case, str, Path or mapping
-        From `evac.load`, or what `evac.load` takes.
+        A case from `evac.load`, or an argument of `evac.load`.
     folder : str or Path, optional
-        Result folder: new, empty, or that of an earlier run, which is replaced once this one has ended. None writes
-        nothing.
+        Result folder: new, empty, or that of an earlier run, which is replaced when this run has ended. None writes
+        no files.
     full : bool
-        Do even what the scene does not need; gives the same bits, slower.
+        Include the parts that the scene does not need: identical results, slower.
     checkpoint : float, optional
-        Wall time between two checkpoints [s], from which `resume` goes on after a kill. None keeps none.
+        Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
     threads : int, optional
-        Threads that share the steps, no more than there are cores; None lets the number of people decide. The results
-        are the same to the last bit.
+        Number of threads that share the steps, at most one per core; None chooses it by the number of people. The
+        results are identical.
     progress : callable or bool, optional
-        Called with a `Progress` at every tick. None shows a bar on a terminal and a line in a notebook; True shows
-        lines elsewhere too, and False nothing.
+        Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
+        notebook, True also prints lines elsewhere, False shows nothing.
 
     Returns
     -------
@@ -68,8 +70,11 @@ def run(
     Raises
     ------
     EvacError
-        The case, the building, the people or the plugins do not fit together, a step cannot be made, or the folder
-        cannot be written or is being written by another run.
+        The case, the building or a plugin is not valid, a step fails, or the folder cannot be written or is in use
+        by another run.
+    KeyboardInterrupt
+        Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
+        `resume` continues. A second Ctrl-C stops at once, without them.
 
     Examples
     --------
@@ -78,13 +83,13 @@ def run(
     case = as_case(case)
     if folder is None:
         if checkpoint is not None:
-            raise ScenarioError("checkpoints need a result folder; give one")
+            raise ScenarioError("checkpoint: needs a result folder; give `folder`")
         with displayed(progress) as shown:
             return Simulation(case, None, full, threads=threads).run(shown)
     with ResultFolder(folder) as place, displayed(progress) as shown:
         simulation = Simulation(case, place.running, full, threads=threads)
         place.start()
-        return run_into(simulation, place, shown, checkpoint=checkpoint)
+        return _run_interruptible(simulation, place, shown, checkpoint)
 
 
 def resume(
@@ -99,26 +104,26 @@ def resume(
     allow_differences: bool = False,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
-    """Go on with a run that was killed or stopped, from its last checkpoint; to the same bits as if it had not been.
+    """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
 
     Parameters
     ----------
     folder : str or Path
-        Result folder that the run was given.
+        Result folder of the interrupted run.
     overrides : mapping, or iterable of str
-        Keys of the case to change from here on, as for `evac.load`; needs `out`. Of the building only ``closed`` may
-        change, and people, seed, step, tick and ``output.every`` may not.
+        Keys of the case to change from the checkpoint on, as for `evac.load`; requires `out`. Of the building only
+        ``closed`` may change, and people, seed, step, tick and ``output.every`` may not.
     out : str or Path, optional
-        Another result folder. The run there records from the checkpoint on, and `folder` stays as it is.
+        Another result folder. It contains records from the checkpoint on, and `folder` is left unchanged.
     plugin_files, registry
-        As for `evac.load`: those that the run was given beside those of its case.
+        As for `evac.load`: those that the run was given in addition to those of its case.
     checkpoint : float, optional
-        Wall time between two checkpoints [s]; by default as before.
+        Wall time between two checkpoints [s]; by default that of the interrupted run.
     threads : int, optional
         As for `run`.
     allow_differences : bool
-        Go on even where versions, kernels, plugins or the building's file are not as they were; the results then
-        may not be those of a run that was never stopped, and the summary says so.
+        Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
+        from those of a run without interruption, and the summary lists the differences.
     progress : callable or bool, optional
         As for `run`.
 
@@ -129,7 +134,7 @@ def resume(
     Raises
     ------
     ResultError
-        There is no checkpoint, it is damaged, or something is not as it was when it was written.
+        There is no checkpoint, it is damaged, or something has changed since it was written.
     EvacError
         As `run`.
 
@@ -140,7 +145,7 @@ def resume(
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
         simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
-        return run_into(simulation, place, shown, checkpoint=every if checkpoint is None else checkpoint)
+        return _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
 
 
 def resumed(
@@ -152,28 +157,28 @@ def resumed(
     allow_differences: bool = False,
     threads: int | None = None,
     compiling: Callable[[int, int], None] | None = None,
-    tell: Callable[[Path], None] | None = None,
+    announce: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
-    """Return a simulation at the checkpoint of a folder, ready to go on in `place`, and its time between checkpoints.
+    """Return a simulation restored from the checkpoint of a folder, and its wall time between checkpoints [s].
 
-    Parameters and errors are those of `resume` and of `Simulation`; `place` is held, and `tell` is called with the path
-    of each plugin file of the case before it is run.
+    Parameters and errors are those of `resume` and of `Simulation`. `place` must be locked; `announce` is called with
+    the path of each plugin file of the case before it is executed.
     """
     folder, overrides = Path(folder), _listed(overrides)
     is_branch = folder.resolve() != place.path.resolve()
     if overrides and not is_branch:
         raise ScenarioError(
-            f"{folder}: a run that goes on in a changed case needs a folder of its own, so that the results of the two "
-            "never mix; name one (--out)"
+            f"{folder}: a run that is resumed in a changed case needs another result folder, so that results are not "
+            "mixed; give one (--out)"
         )
     found = find_checkpoint(folder)
-    before = found.case((), plugin_files, registry, tell)
+    before = found.case((), plugin_files, registry, announce)
     case = found.case(overrides, plugin_files, before.registry) if overrides else before
     differences = found.differences(before)
-    _refuse(found.path, differences, allow_differences)
+    _check_differences(found.path, differences, allow_differences)
     simulation = Simulation(case, place.running, bool(found.header["full"]), threads=threads, compiling=compiling)
     differences += found.simulation_differences(simulation)
-    _refuse(found.path, differences, allow_differences)
+    _check_differences(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)
     simulation.resumed.append(
         {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
@@ -186,6 +191,28 @@ def resumed(
     return simulation, found.every
 
 
+def _run_interruptible(
+    simulation: Simulation,
+    place: ResultFolder,
+    progress: Callable[[Progress], None] | None,
+    checkpoint: float | None,
+) -> Results:
+    """Run a simulation as `run_into` does; the first Ctrl-C ends it at the end of its tick."""
+    with Interrupt(progress) as interrupt:
+        results = run_into(
+            simulation,
+            place,
+            interrupt,
+            checkpoint=checkpoint,
+            writing=lambda: interrupt.release(signal.SIGINT),
+        )
+    if interrupt.wanted and results.ended == INTERRUPTED:
+        raise KeyboardInterrupt(
+            f"stopped at {results.time:.2f} s; tables and state are in {results.folder}, evac.resume goes on from them"
+        )
+    return results
+
+
 def run_into(
     simulation: Simulation,
     place: ResultFolder,
@@ -194,16 +221,16 @@ def run_into(
     checkpoint: float | None = None,
     writing: Callable[[], None] | None = None,
 ) -> Results:
-    """Run a simulation, write its folder, and put that in its place; a run that fails leaves what it has done.
+    """Run a simulation, write its folder, and publish it; if the run fails, the tables until then are written.
 
     Parameters
     ----------
     simulation : Simulation
-        Made for ``place.running``.
+        Created with the folder ``place.running``.
     place : ResultFolder
-        Held, and started or reopened.
+        Locked, and started or reopened.
     progress : callable, optional
-        Called with a `Progress` at every tick. If it raises `Stopped`, the state is kept, to go on from.
+        Called with a `Progress` at every tick. If it raises `Stopped`, a checkpoint is saved.
     checkpoint : float, optional
         As for `run`.
     writing : callable, optional
@@ -212,8 +239,7 @@ def run_into(
     Returns
     -------
     Results
-        Their ``folder`` is where they are: RESULT, or for a run that was stopped beside an earlier result
-        RESULT.running.
+        Their ``folder`` is RESULT, or RESULT.running if the run was stopped and RESULT holds an earlier result.
 
     Raises
     ------
@@ -232,7 +258,7 @@ def run_into(
             if not simulation.ended:
                 checkpoints.save_last()
             raise
-        if not simulation.ended:  # a run goes on from a tick that is not its last
+        if not simulation.ended:  # a run that has ended cannot be resumed
             checkpoints.save_if_due()
 
     with simulation.phases.enter("output"):
@@ -242,10 +268,10 @@ def run_into(
             if writing is not None:
                 writing()
             results = write_outputs(results, place.running, simulation.phases)
-            _look(simulation, place)
+            _check_files(simulation, place)
         except EvacError as error:
             note(error, simulation.warnings())
-            _leave(simulation, place, first, error)
+            _keep_failed_run(simulation, place, first, error)
             raise
         if results.ended == INTERRUPTED:
             return replace(results, folder=place.publish_if_new())
@@ -255,18 +281,18 @@ def run_into(
 
 
 def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
-    """Write everything but trajectory and replay, which the run has written, to its folder.
+    """Write all outputs except trajectory and replay, which are written during the run.
 
-    Always summary.json; egress.csv and people.csv where ``output.tables`` is true, egress.png where ``output.picture``
-    is, the VTK animation where ``output.animation`` is.
+    Always summary.json; egress.csv and people.csv if ``output.tables`` is true, egress.png if ``output.picture`` is,
+    the VTK animation if ``output.animation`` is.
 
     Parameters
     ----------
     results : Results
     folder : Path
-        There already.
+        An existing folder.
     phases : Phases
-        The clock of the run, in its phase "output".
+        Clock of the run, in its phase "output".
 
     Returns
     -------
@@ -289,23 +315,23 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
             from evac.output.vtk_export import export_vtk
 
             export_vtk(read_trajectory(folder), folder)
-    finally:  # the summary tells how long the other files took, and is there even if one of them fails
+    finally:  # the summary includes the time for the other files, and is written even if one of them fails
         results = replace(results, phases=phases.seconds())
         results.write_summary(folder)
     return results
 
 
-def _look(simulation: Simulation, place: ResultFolder) -> None:
-    """See that all that was written is there."""
+def _check_files(simulation: Simulation, place: ResultFolder) -> None:
+    """Check that all files of the run exist."""
     place.check()
     simulation.recording.check_files()
     tables = (EGRESS_NAME, PEOPLE_NAME) if simulation.case.output.tables else ()
     check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
 
 
-def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
+def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
     """Write the tables of a run that has failed, or remove its folder if it has not made a step since `first`."""
-    with suppress(ResultError, OSError):  # the first failure is the one to tell
+    with suppress(ResultError, OSError):  # the first failure is reported, not a later one
         place.check()
         if simulation.step > first:
             simulation.ended = simulation.ended or FAILED
@@ -314,18 +340,18 @@ def _leave(simulation: Simulation, place: ResultFolder, first: int, error: EvacE
                 if results.case.output.tables:
                     results.write_tables(place.running)
                 results.write_summary(place.running)
-            error.add_note(f"what the run has done until then is in {place.publish_if_new()}")
+            error.add_note(f"the results until then are in {place.publish_if_new()}")
         elif not first:
             place.discard(simulation.recording.plugin_files())
 
 
-def _refuse(path: Path, differences: list[str], is_allowed: bool) -> None:
-    """Refuse to go on where something is not as it was."""
+def _check_differences(path: Path, differences: list[str], is_allowed: bool) -> None:
+    """Raise an error that lists the differences, if there are any and they are not allowed."""
     if differences and not is_allowed:
         raise ResultError(
-            f"{path}: the run cannot go on to the same bits, for not all is as it was at the checkpoint:\n"
+            f"{path}: the run cannot be resumed with the same results, because of changes since the checkpoint:\n"
             + "\n".join(f"  {line}" for line in differences)
-            + "\nput that right, run the case again, or go on all the same (--allow-differences)"
+            + "\nundo the changes, run the case again, or accept them (--allow-differences)"
         )
 
 

@@ -1,4 +1,4 @@
-"""The scene: the one owner of building, fields and world, which may change during a run."""
+"""The scene: owner of building, fields and world, which may change during a run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,15 +17,15 @@ from evac.physics.world import make_world, set_open
 
 @dataclass(frozen=True)
 class Ground:
-    """What scenes begin with, and what runs can have in common: it does not depend on the seed, and never changes.
+    """The initial building and directions, which runs can share: independent of the seed and never changed.
 
     Attributes
     ----------
     building : Building
     fields : Fields
-        Of the building as it is.
+        Directions of the building.
     world : World
-        Both as kernels read them.
+        Both in the form that kernels read.
     """
 
     building: Building
@@ -39,24 +39,24 @@ def make_ground(building: Building, fields: Fields) -> Ground:
 
 
 class Scene:
-    """What people walk in. Portals and exits open and close, after which directions are solved again.
+    """The building in which people walk. If portals or exits open or close, the directions are solved again.
 
     Parameters
     ----------
     ground : Ground
-        What it begins with, which it leaves as it is: many scenes, one after another or at once, may have it in common.
+        The initial state. It is not modified, so that several scenes may share it.
     solve : callable, optional
         ``solve(building) -> Fields``, called when a portal or exit has opened or closed.
 
     Attributes
     ----------
     ground : Ground
-        What it began with.
+        The initial state.
     building : Building
-        With the portals and exits that are closed now.
+        The building with its currently closed portals and exits.
     fields : Fields
     version : int
-        How often the scene has changed. Whoever keeps something derived from it compares versions at the tick.
+        Number of changes of the scene so far. Code that caches derived data must compare versions at each tick.
     """
 
     def __init__(self, ground: Ground, solve: Callable[[Building], Fields] | None = None) -> None:
@@ -68,36 +68,36 @@ class Scene:
 
     @cached_property
     def world(self) -> World:
-        """The scene as kernels read it; it changes with the scene."""
-        world = self.ground.world  # all but its open flags, which alone are written, stays common to many scenes
+        """The scene in the form that kernels read; updated when the scene changes."""
+        world = self.ground.world  # scenes share all arrays except the open flags, the only ones that are written
         return world.replace(link_open=world.link_open.copy(), wall_open=world.wall_open.copy())
 
     def set_open(self, name: str, is_open: bool) -> None:
         """Open or close an exit, a portal, or the portals of a stair: closed ones are walls on both sides.
 
-        Directions are solved again, and the version rises, unless nothing changes.
+        If this is a change, directions are solved again and `version` increases.
 
         Parameters
         ----------
         name : str
-            As ``building.closed`` of a case takes it.
+            Name of an exit, portal or stair, as in the key ``building.closed`` of a case.
         is_open : bool
 
         Raises
         ------
         BuildingError
-            Nothing has such a name.
+            No exit, portal or stair has this name.
         """
         links = links_named(self.building, name)
         closed = self.building.closed - links if is_open else self.building.closed | links
         self._close(frozenset(closed))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the links that are closed, and the version."""
+        """Return the indices of the closed links, and the version."""
         return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), "version": np.array([self.version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
+        """Restore the arrays that `state` returned."""
         self._close(frozenset(state["closed"].tolist()))
         self.version = int(state["version"][0])
 

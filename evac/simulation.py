@@ -1,4 +1,4 @@
-"""The simulation: everything put together, and the loop."""
+"""The simulation: all parts of a run, and its loop."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +25,7 @@ from evac.output.watch import Watch
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
 from evac.people.population import build_population
-from evac.people.unusual import unusual
+from evac.people.unusual import late_starts, unusual
 from evac.people.ways import check_ways
 from evac.phases import Phases, Progress
 from evac.physics.contact_model import border_scene
@@ -42,49 +42,49 @@ if TYPE_CHECKING:
 
 
 class Simulation:
-    """A case made ready to run.
+    """A case that is ready to run.
 
     Parameters
     ----------
     case : Case
-        Checked; see `evac.load`.
+        A checked case; see `evac.load`.
     folder : Path, optional
-        Result folder for the recorders; None keeps nothing on disk.
+        Result folder for the recorders; None writes no files.
     full : bool
-        Do even what the scene does not need; gives the same bits, slower.
+        Include the parts that the scene does not need: identical results, slower.
     ground : Ground, optional
-        That of a simulation whose case has the same `evac.assembly.ground_key`; made here if not given.
+        Ground of a simulation whose case has the same `evac.assembly.ground_key`; computed if not given.
     will_run : bool
-        False for a look at what is ready before the first step: kernels of the step loop are then not loaded yet.
+        False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     threads : int, optional
-        Threads that share the step loop, as for `evac.run`.
+        Number of threads that share the step loop, as for `evac.run`.
     compiling : callable, optional
-        Called with the number of kernels that have been compiled and of all that must be, if any.
+        Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
     Raises
     ------
     EvacError
-        Where building, directions, people or plugins do not fit together.
+        The building, the directions, the people or a plugin are not valid for this case.
 
     Attributes
     ----------
     registry, scene, building, fields, population, contact, forces, engine, recording
-        The stations of the main path.
+        The parts of the simulation, see docs/architecture.md.
     behaviours : list of (Behaviour, BehaviourScene)
-        Those in use, each with what it sees.
+        The behaviours in use, each with the scene that it can access.
     plan : list of Part
-        What the scene needs and what was left out, see `evac.plan.explain`.
+        The parts that the scene needs and those that are left out, see `evac.plan.explain`.
     step, time : int, float
-        Steps made, and the time reached [s].
+        Number of steps made, and simulated time [s].
     displacement_velocity : (n, 2) float64
-        Displacement of each person over the last tick, over the length of that tick, in plan [m/s]; before the first
-        tick the initial velocity. The velocity that is recorded: that of the crowd is the contact model's own.
+        Displacement of each person in the last tick divided by the length of the tick, in plan [m/s]; before the
+        first tick the initial velocity. This velocity is recorded; that of the crowd belongs to the contact model.
     phases : Phases
         Wall time of each phase.
     ended : str
-        Why the run has ended; empty while it goes on.
+        Why the run has ended; empty during the run.
     resumed : list of dict
-        From which checkpoints it has gone on, see docs/results.md.
+        The checkpoints from which the run was resumed, see docs/results.md.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Simulation:
             self._make(ground, will_run, compiling)
 
     def _make(self, ground: Ground | None, will_run: bool, compiling: Compiling | None) -> None:
-        """Make everything that the case names, and let the plugins prepare."""
+        """Create all parts of the run and call the hooks and `prepare` methods of the plugins."""
         case, full = self.case, self.full
         self.registry.call_all("evac_configure", case=case, registry=self.registry)
         self.contact = assembly.make_contact_model(case)
@@ -127,7 +127,7 @@ class Simulation:
         self.registry.call_all("evac_prepare", simulation=self)
 
     def _build(self, building: Building, ground: Ground | None, behaviours: list[Behaviour]) -> None:
-        """Make the stations of the main path that follow the building, one from the other."""
+        """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
             solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
@@ -149,7 +149,7 @@ class Simulation:
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:
-        """Note how everybody starts, and let the behaviours prepare."""
+        """Record the initial state of people and call `prepare` of the behaviours."""
         crowd = self.population.crowd
         self._start = (crowd.position.copy(), crowd.level.copy())
         self.displacement_velocity = crowd.velocity.copy()
@@ -166,22 +166,21 @@ class Simulation:
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
     def _plan(self, forces: list[Force], behaviours: list[Behaviour]) -> list[plan.Part]:
-        """Explain what has been decided about the forces and behaviours that the case names."""
-        names = [force.name for force in self.forces]
-        cutoffs = dict(zip(names, self.engine.state.forces.cutoff.tolist(), strict=True))
-        felt = {force.name: cutoffs.get(force.name) for force in forces}
+        """Return the plan, with the decisions on the forces and behaviours of the case."""
+        effects = self.engine.explain_forces()
+        acting = {force.name: effects.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
         loop = self.engine.explain(self.contact)
-        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, felt, acts)
+        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts)
 
     @property
     def building(self) -> Building:
-        """The building, with what is closed now."""
+        """The building with its current open and closed links."""
         return self.scene.building
 
     @property
     def fields(self) -> Fields:
-        """The directions as they are now."""
+        """The current directions."""
         return self.scene.fields
 
     @property
@@ -191,21 +190,23 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]: step times h."""
+        """Simulated time [s]: the number of steps times h."""
         return self.step * self.case.simulation.step
 
     def warnings(self) -> tuple[str, ...]:
-        """Return what is worth a look before a run is believed, a line each.
+        """Return warnings that should be read before a run, one line each.
 
         Returns
         -------
         tuple of str
-            Of the building, of places too narrow for the widest person, and of unusual people as they start.
+            About the building, places that are too narrow for the widest person, unusual properties of people, and
+            people who start only after the end of the run.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
-        return (*self.building.warnings, *map(str, narrow), *unusual(start, self.population.groups))
+        people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
+        return (*self.building.warnings, *map(str, narrow), *people)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None
@@ -231,9 +232,9 @@ class Simulation:
         Raises
         ------
         SimulationError
-            A step cannot be made; names time, person and place.
+            A step fails; names time, person and place.
         PluginError
-            A plugin has failed; `results` knows what has been run.
+            A plugin fails; `results` returns the results until then.
         """
         results = None
         error: BaseException | None = None
@@ -261,7 +262,7 @@ class Simulation:
         return replace(results, phases=self.phases.seconds())
 
     def advance_tick(self) -> None:
-        """Make one tick: behaviours, k steps, settling, recording; sets ``ended`` when it was the last.
+        """Advance by one tick: behaviours, k steps, exits and crossings, recording; set `ended` after the last tick.
 
         Raises
         ------
@@ -294,7 +295,7 @@ class Simulation:
             self.ended = self._ending.reason(self.step, crowd, self.fields)
 
     def results(self) -> Results:
-        """Return the results of what has been run so far."""
+        """Return the results up to the present step."""
         results = Results(
             case=self.case,
             building=self.building,
@@ -322,11 +323,11 @@ class Simulation:
         return replace(results, metrics=dict(metrics(self.registry, results)))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of everything that a run needs to go on from this tick to the same bits.
+        """Return copies of all data that are needed to continue a run from this tick with identical results.
 
-        What recorders keep is not part of it, see `Recording.state`.
+        The state of recorders is not part of it, see `Recording.state`.
         """
-        self.engine.load(self.contact)  # with which a contact model is ready
+        self.engine.load(self.contact)  # prepares the contact model, so that it has a state
         state = {f"population.{key}": value for key, value in self.population.state().items()}
         state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
@@ -343,13 +344,13 @@ class Simulation:
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned, in a simulation of the same case."""
+        """Restore the arrays that `state` returned in a simulation of the same case."""
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
         self.scene.restore(_part(state, "scene."))
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
-            if f"generator.{behaviour.name}" in state:  # else it is new in this case, and has prepared
+            if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
                 behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
                 restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
         self.contact.restore(_part(state, f"contact.{self.contact.name}."))
@@ -362,19 +363,19 @@ class Simulation:
         self.ended = self._ending.over(self.step, self.population.crowd)
 
     def _start_recording(self) -> None:
-        """Load the kernels, start the recorders and record the start."""
+        """Load the kernels, start the recorders and record the initial state."""
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
         with self.phases.enter("recording"):
             self.recording.start(self)
 
     def _plugins(self) -> list[str]:
-        """Return name and version of each plugin that has a part in this run."""
+        """Return name and version of each plugin used in this run."""
         used = [*assembly.make_importers(self.case), self.contact, *self.forces, *self.recorders]
         return self.registry.providers([*used, *(behaviour for behaviour, _ in self.behaviours)])
 
     def _act(self) -> None:
-        """Let the behaviours act on factors set back to neutral; after a change of the scene, all of them."""
+        """Reset speed factors and extra directions, then call the behaviours; after a change of the scene, all."""
         changed, self._version = self.scene.version != self._version, self.scene.version
         acting = [one for one in self.behaviours if self._acts[one[0].name] or changed]
         renewed = {name for behaviour, _ in acting for name in behaviour.writes}

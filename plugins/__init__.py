@@ -1,1 +1,1 @@
-"""The built-in plugins of evac, registered exactly as a third party's."""
+"""The built-in plugins of evac, which are registered in the same way as third-party plugins."""

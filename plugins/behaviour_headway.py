@@ -1,4 +1,4 @@
-"""Headway: people steer clear of others and slow down behind those ahead, before bodies touch."""
+"""Headway: people avoid others and slow down behind people ahead, before bodies touch."""
 
 import math
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from evac.physics.seams import reaches
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
 
-#: A repulsion below this share of the desired direction is left out.
+#: Repulsions below this share of the desired direction are neglected.
 FAINT = 0.01
 
-#: Size of the cells in which people are looked for [m].
+#: Size of the cells of the neighbour search [m].
 CELL = 1.0
 
 
 class Rule(Struct):
-    """The parameters of `Headway`, and the distance from which on a repulsion is faint [m]."""
+    """The parameters of `Headway`, and the distance beyond which repulsions are neglected [m]."""
 
     time_gap: float
     length: float
@@ -36,47 +36,47 @@ class Rule(Struct):
 
 
 class Sights(Struct):
-    """What everybody is about to do at a tick, and who stands in which cell of the plan."""
+    """Desired motion of all people at a tick, and the cells of the plan that they are in."""
 
     direction: Pairs  # (n, 2) unit desired direction
-    wanted: Floats  # (n,) desired plan speed, 0 before the response time and once out [m/s]
-    remaining: Floats  # (n,) travel time left [s]
-    start: Ints  # cells, as `fill_cells` leaves them
+    wanted: Floats  # (n,) desired plan speed, 0 before the response time and after leaving [m/s]
+    remaining: Floats  # (n,) remaining travel time [s]
+    start: Ints  # cell lists of `fill_cells`
     cell_of: Ints
     slots: Ints
     cells_x: int  # numbers of cells along x and y
     cells_y: int
-    open_to: Floats  # (n,) distance to which no wall hides anybody on the own level [m]
+    open_to: Floats  # (n,) distance within which no wall hides people on the same level [m]
 
 
 class Headway(Behaviour):
-    """Decides as the collision-free speed model does (Tordeux, Chraibi and Seyfried, 2016).
+    """Directions and speeds of the collision-free speed model (Tordeux, Chraibi and Seyfried, 2016).
 
-    Without it people walk at full speed until bodies touch, and crowds pass doors faster than measured ones,
-    and stairs several times faster. To the desired direction is added, for each person in sight at a distance s,
+    Without this behaviour, people walk at full speed until bodies touch, so that flows through doors are larger than
+    measured ones, and flows on stairs several times larger. For each visible person at a distance s, a repulsion
 
-        a exp((l - s) / D)    away from that person,
+        a exp((l - s) / D)    away from that person
 
-    and the speed that a person wants becomes
+    is added to the desired direction. The desired speed becomes
 
         min(v, max(0, (s - l) / T))
 
-    v being what it wanted before, and s the distance of centres to the nearest person who
+    with the previous desired speed v and the distance s of centres to the nearest person who
 
-    - stands ahead, no farther than l beside the line on which it walks, in sight, also through portals;
-    - has set off and wants to walk;
-    - where the angle between their desired directions is below 90 degrees, is farther on: has less travel time left on
-      the same route, or, on another route, is ahead along the sum of both directions too. So of two side by side at a
-      door one goes first, and nobody waits for whom it holds up.
+    - is ahead, at most l beside the line of walking, and visible, also through portals;
+    - has started and wants to walk;
+    - is farther ahead on the way, if the angle between both desired directions is below 90 degrees: has a smaller
+      remaining travel time on the same route, or, on another route, is also ahead along the sum of both directions.
+      Therefore, of two people side by side at a door one goes first, and nobody waits for a person who waits for it.
 
-    Bodies wider than l still touch, at (2 r - l) / T. It takes speeds and directions as the other behaviours have left
-    them.
+    Bodies wider than l still touch, at a speed of (2 r - l) / T. The behaviour is applied to the speeds and directions
+    that other behaviours have set.
 
     References
     ----------
     Tordeux, Chraibi, Seyfried: Collision-free speed model for pedestrian dynamics. Traffic and Granular Flow '15
-    (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of the same model in JuPedSim. There one
-    brakes for whoever is nearest ahead; the last two rules, sight and contact are ours.
+    (2016), 225-232, with T = 1 s and l = 0.3 m; a and D are the defaults of this model in JuPedSim. In the published
+    model, people slow down for the nearest person ahead; the last two rules, visibility and contacts are additions.
     """
 
     name = "headway"
@@ -84,15 +84,13 @@ class Headway(Behaviour):
     writes = ("speed_factor", "extra_direction")
     acts_last = True
 
-    time_gap = Parameter(1.0, "time in which the distance beyond `length` is walked, T", "s", above=0.0, maximum=60.0)
-    length = Parameter(0.3, "distance of centres at which one stands behind another, l", "m", minimum=0.0, maximum=2.0)
-    repulsion = Parameter(
-        8.0, "how much people who are `length` apart turn from each other, a", minimum=0.0, maximum=1000.0
-    )
-    range = Parameter(0.1, "range of that, D", "m", minimum=0.01, maximum=10.0)
+    time_gap = Parameter(1.0, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
+    length = Parameter(0.3, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
+    repulsion = Parameter(8.0, "strength a of the repulsion at a distance of `length`", minimum=0.0, maximum=1000.0)
+    range = Parameter(0.1, "range D of the repulsion", "m", minimum=0.01, maximum=10.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
-        """Make room for what is seen at a tick."""
+        """Allocate the arrays of a tick."""
         n = len(scene.crowd.level)
         self._world = scene.world
         self._sights = Sights(
@@ -113,21 +111,21 @@ class Headway(Behaviour):
         )
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Turn everybody from who is near, and slow down who is too near to somebody ahead."""
-        keep_clear(self._world, crowd, self._sights, self._rule, time)
+        """Add repulsions to the directions, and reduce the speeds of people close to a person ahead."""
+        apply_rules(self._world, crowd, self._sights, self._rule, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False for a single person."""
         return len(scene.crowd.level) > 1
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return nothing: what it has seen is written anew at every tick."""
+        """Return nothing, since all arrays are overwritten at every tick."""
         return {}
 
 
 @kernel
-def keep_clear(world: World, crowd: Crowd, sights: Sights, rule: Rule, time: float) -> None:
-    """Apply the rules of `Headway` to everybody inside who has set off."""
+def apply_rules(world: World, crowd: Crowd, sights: Sights, rule: Rule, time: float) -> None:
+    """Apply the rules of `Headway` to all people inside who have started."""
     n = crowd.level.shape[0]
     inside = 0
     for i in range(n):
@@ -138,15 +136,15 @@ def keep_clear(world: World, crowd: Crowd, sights: Sights, rule: Rule, time: flo
     nx, ny = fill_cells(n, crowd.position, crowd.level, CELL, sights.start, sights.cell_of, sights.slots)
     sights.cells_x = nx
     sights.cells_y = ny
-    look_for_walls(world, crowd, sights)
-    turn_away(world, crowd, sights, rule)
-    look_around(world, crowd, sights, time)
-    slow_down(world, crowd, sights, rule)
+    set_open_distances(world, crowd, sights)
+    add_repulsions(world, crowd, sights, rule)
+    set_desired_motion(world, crowd, sights, time)
+    reduce_speeds(world, crowd, sights, rule)
 
 
 @inner
 def block_of(sights, i, reach):  # type: ignore[no-untyped-def]
-    """Return columns and rows of the cells within a reach [m] of person i, as first and last + 1."""
+    """Return the ranges (first, last + 1) of columns and rows of the cells within a distance [m] of person i."""
     nx, ny = sights.cells_x, sights.cells_y
     column = sights.cell_of[i] // ny
     row = sights.cell_of[i] - column * ny
@@ -155,10 +153,10 @@ def block_of(sights, i, reach):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turn_away(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
-    """Add to the direction of everybody inside the sum of a exp((l - s) / D) away from who is near.
+def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
+    """Add the repulsions a exp((l - s) / D) from people nearby to the directions of all people inside.
 
-    The loops are in one piece, for a call that takes whole bundles costs as much as looking at ten people.
+    The loops are not divided into functions, since a call with structs costs as much as processing ten people.
     """
     for i in range(crowd.level.shape[0]):
         if crowd.level[i] < 0:
@@ -182,8 +180,8 @@ def turn_away(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
 
 
 @inner
-def look_around(world, crowd, sights, time):  # type: ignore[no-untyped-def]
-    """Set what everybody is about to do."""
+def set_desired_motion(world, crowd, sights, time):  # type: ignore[no-untyped-def]
+    """Set the desired directions and speeds and remaining travel times of all people."""
     for i in range(crowd.level.shape[0]):
         sights.wanted[i] = 0.0
         level = crowd.level[i]
@@ -198,8 +196,8 @@ def look_around(world, crowd, sights, time):  # type: ignore[no-untyped-def]
 
 
 @inner
-def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
-    """Lower the speed factors of those who are too near to the nearest of those for whom they brake."""
+def reduce_speeds(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
+    """Reduce the speed factors of people close to the nearest person for whom they slow down."""
     for i in range(crowd.level.shape[0]):
         full = rule.time_gap * sights.wanted[i]
         if full <= 0.0:
@@ -225,7 +223,7 @@ def slow_down(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
 
 @inner
 def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
-    """Say whether person i brakes for j, who is ahead at (dx, dy): not if j goes its way and is less far on."""
+    """Return whether person i slows down for j, who is ahead at (dx, dy): not if j is behind on the same way."""
     if sights.wanted[j] <= 0.0:
         return False
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
@@ -238,8 +236,8 @@ def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @inner
-def look_for_walls(world, crowd, sights):  # type: ignore[no-untyped-def]
-    """Set how far everybody inside sees without asking for walls: not at all where one is around."""
+def set_open_distances(world, crowd, sights):  # type: ignore[no-untyped-def]
+    """Set the distance within which visibility need not be tested: 0 for people with walls nearby."""
     for i in range(crowd.level.shape[0]):
         if crowd.level[i] >= 0:
             sights.open_to[i] = world.bucket_reach
@@ -252,15 +250,15 @@ def look_for_walls(world, crowd, sights):  # type: ignore[no-untyped-def]
 
 @inner
 def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
-    """Say whether the straight line from person i to j ends on the level of j and passes no wall of either level.
+    """Return whether the straight line from person i to j ends on the level of j and crosses no wall of either level.
 
-    It follows at most two portals, as `reaches` does; of a level between them the walls do not count.
+    The line follows at most two portals, as in `reaches`; walls of a level between two portals are ignored.
     """
     a, b = crowd.level[i], crowd.level[j]
     ax, ay, bx, by = crowd.position[i, 0], crowd.position[i, 1], crowd.position[j, 0], crowd.position[j, 1]
     if not reaches(world, a, ax, ay, b, bx, by):
         return False
-    # A bucket lists the walls within a reach of it: so many buckets along the line list all that can cross it.
+    # A bucket lists the walls within its reach, so this number of buckets along the line covers all crossing walls.
     pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / (2.0 * world.bucket_reach)) + 1
     for k in range(pieces):
         share = (k + 0.5) / pieces

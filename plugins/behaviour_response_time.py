@@ -1,4 +1,4 @@
-"""Response time: how long people take from the alarm until they set off."""
+"""Response time: the delay between the alarm and the start of walking."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,18 +15,18 @@ from evac.people.distributions import Distribution, parse
 
 
 class ResponseTime(Behaviour):
-    """Draws the time at which each person sets off; until then a person wants to stand still.
+    """Draws the time at which each person starts to walk; before, the desired speed is zero.
 
-    All its work is done before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
-    is ``time`` with ``per = "person"``; occupants of one room who hear and see the same often react
-    together, which is ``"place"``, and so do families and classes, ``"group"``.
+    Times are drawn before the first step. The response time t_r of the paper (Tables 2, 4 and 5)
+    is ``time`` with ``per = "person"``. Occupants of one room often react together (``"place"``), and
+    so do families and classes (``"group"``).
 
     Raises
     ------
     PluginError
-        `time` is no distribution of times of at least 0 s.
+        `time` is not a distribution of times of at least 0 s.
     ScenarioError
-        A group's ``time`` is none, when the run is prepared.
+        From `prepare`: the ``time`` of a group is not such a distribution.
 
     Examples
     --------
@@ -41,15 +41,15 @@ class ResponseTime(Behaviour):
 
     time: Any = Parameter(
         {"constant": 0.0},
-        "distribution of the response time t_r; a group's own `time` replaces it",
+        "distribution of the response time t_r; `time` of a group overrides it",
         "s",
         minimum=0.0,
         distribution=True,
     )
     per: Any = Parameter(
         "person",
-        "who shares one draw: each person for itself, a group of people, or everybody who starts in the same area "
-        "(outside of all areas: on the same level)",
+        "people who share one value: each person, a group, or all people who start in the same area "
+        "(outside of areas: on the same level)",
         choices=("person", "group", "place"),
     )
 
@@ -62,15 +62,15 @@ class ResponseTime(Behaviour):
             scene.crowd.start_time[rows] = times[unit]
 
     def is_needed(self, scene: BehaviourScene) -> bool:
-        """Return False if everybody sets off at once."""
+        """Return False if everybody starts immediately."""
         return any(distribution.support() != (0.0, 0.0) for _, distribution, _ in self._draws(scene))
 
     def acts_at_ticks(self) -> bool:
-        """Return False: it only prepares."""
+        """Return False, since all work is done in `prepare`."""
         return False
 
     def _draws(self, scene: BehaviourScene) -> Iterator[tuple[str, Distribution, IntArray]]:
-        """Yield key, distribution and the people who draw from it: the shared one, then those of groups."""
+        """Yield the key, the distribution and the people of the common distribution and of those of groups."""
         own = [group for group in scene.groups if "time" in group.settings]
         shared = [group.rows for group in scene.groups if "time" not in group.settings and len(group.rows)]
         if shared:
@@ -82,7 +82,7 @@ class ResponseTime(Behaviour):
                 yield key, distribution, group.rows
 
     def _units(self, scene: BehaviourScene, rows: IntArray) -> IntArray:
-        """Return a number for each person, the same for those who share a draw."""
+        """Return an index for each person, equal for people who share one value."""
         if self.per == "person":
             return np.arange(len(rows), dtype=np.int32)
         if self.per == "group":

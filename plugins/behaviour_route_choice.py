@@ -1,4 +1,4 @@
-"""Route choice: each person takes the way of least cost by its own speeds, and may change its mind."""
+"""Route choice: each person takes the route of minimum cost for its own speeds, and may change it later."""
 
 import math
 import reprlib
@@ -18,7 +18,7 @@ from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.state import Crowd
 
-#: Slack of times, which are sums of steps [s].
+#: Tolerance of times, which are multiples of the step [s].
 INSTANT = 1e-9
 
 
@@ -26,8 +26,8 @@ INSTANT = 1e-9
 class _Choosers:
     """People who choose between the same routes.
 
-    ``strategies`` and ``changed_to`` are what they go by before and after ``change_at`` [s];
-    ``exits`` are the exits that they may end at, each a tuple of names.
+    ``strategies`` and ``changed_to`` are their strategies before and after ``change_at`` [s];
+    ``exits`` are the permitted destinations, each a tuple of names.
     """
 
     rows: IntArray
@@ -37,30 +37,31 @@ class _Choosers:
     changed_to: tuple[str, ...]
 
     def offered(self, changed: bool) -> list[Route]:
-        """Return the routes they choose between."""
+        """Return the routes that they choose between."""
         strategies = self.changed_to if changed else self.strategies
         return [Route(exits, strategy) for strategy in strategies for exits in self.exits]
 
 
 class RouteChoice(Behaviour):
-    """People compare routes with their own speeds on the flat, up and down stairs.
+    """People choose routes by their own speeds on the flat and up and down stairs.
 
-    The fields are marched at reference speeds, the same for everybody; the lengths of their ways (flat,
-    up, down) are known everywhere. So a person slow on stairs can prefer another exit, or the way that
-    avoids stairs. The cost of a route is
+    Fields are computed with reference speeds, which are the same for all people; the path lengths (flat,
+    up, down) are known everywhere. A person who is slow on stairs can thus prefer another exit or a path
+    without stairs. The cost of a route is
 
-    - flat + up + down, if "shortest" is the only strategy offered;
-    - flat / v_flat + c (up / v_up + down / v_down), if it is "comfortable", c the case's comfort factor;
-    - flat / v_flat + up / v_up + down / v_down, if it is "fastest", or if there are several.
+    - flat + up + down, if "shortest" is the only strategy;
+    - flat / v_flat + c (up / v_up + down / v_down), if "comfortable" is the only strategy, with the
+      comfort factor c of the case;
+    - flat / v_flat + up / v_up + down / v_down, if "fastest" is the only strategy, or if there are several.
 
-    A person whose group names exits in the case chooses among these only.
+    People whose group has ``exits`` in the case choose among these exits only.
 
     Raises
     ------
     PluginError
-        A strategy does not exist, or `exits` or `strategies` is no list of words.
+        A strategy does not exist, or `exits` or `strategies` is not a list of strings.
     ScenarioError
-        From `prepare`: a group asks for an exit or a strategy that this behaviour does not offer.
+        From `prepare`: a group has an exit or a strategy that is not among those of this behaviour.
 
     Examples
     --------
@@ -73,36 +74,36 @@ class RouteChoice(Behaviour):
     writes = ("route",)
     group_keys = ("exits", "strategies", "change_at")
 
-    exits: Any = Parameter((), "exits to choose between one by one; none: any exit, as the strategy finds it")
+    exits: Any = Parameter((), "exits to choose between; empty: any exit, by the strategy")
     strategies: Any = Parameter(("fastest",), f"strategies to choose between, of {', '.join(STRATEGIES)}")
-    every: Any = Parameter(0.0, "period of choosing again; 0: only at the start", "s", minimum=0.0)
+    every: Any = Parameter(0.0, "period of choices; 0: only at the start", "s", minimum=0.0)
     change_at: Any = Parameter(math.inf, "time at which `change_to` replaces the strategies", "s", 0.0, infinite=True)
-    change_to: Any = Parameter("", "strategy from `change_at` on; none: no change", choices=("", *STRATEGIES))
+    change_to: Any = Parameter("", "strategy after `change_at`; empty: no change", choices=("", *STRATEGIES))
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         self.exits = _words("route_choice.exits", self.exits)
         self.strategies = _words("route_choice.strategies", self.strategies)
         if not self.strategies:
-            raise PluginError("route_choice.strategies: at least one is needed; known: " + ", ".join(STRATEGIES))
+            raise PluginError("route_choice.strategies: give at least one of " + ", ".join(STRATEGIES))
         for strategy in self.strategies:
             if strategy not in STRATEGIES:
                 raise PluginError(
                     f"route_choice.strategies: unknown value {strategy!r}; {did_you_mean(strategy, STRATEGIES)}"
                 )
         if math.isfinite(self.change_at) and not self.change_to:
-            raise PluginError("route_choice.change_at: nothing to change to; set change_to to a strategy")
+            raise PluginError("route_choice.change_at: requires change_to; set change_to to a strategy")
         self._groups: tuple[_Choosers, ...] = ()
         self._changed = np.zeros(0, dtype=np.uint8)
         self._next = np.array([math.inf])
 
     def routes(self) -> tuple[Route, ...]:
-        """Return every exit of `exits` with every strategy it can give."""
+        """Return the routes to each of `exits` with each strategy."""
         strategies = dict.fromkeys((*self.strategies, *([self.change_to] if self.change_to else [])))
         return tuple(Route(exits, strategy) for strategy in strategies for exits in self._single_exits())
 
     def prepare(self, scene: BehaviourScene) -> None:
-        """Let everybody choose."""
+        """Choose the initial routes."""
         self._scene = scene
         self._version = scene.version
         self._index = {route: index for index, route in reversed(list(enumerate(scene.fields.routes)))}
@@ -115,7 +116,7 @@ class RouteChoice(Behaviour):
             self._choose(scene.crowd, choosers, False)
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Let those choose again whose strategy changes now, and everybody once a period and when the scene changes."""
+        """Choose again when a strategy changes, once per period, and when the scene changes."""
         again = time >= self._next[0] - INSTANT or self._scene.version != self._version
         self._version = self._scene.version
         if time >= self._next[0] - INSTANT:
@@ -131,11 +132,11 @@ class RouteChoice(Behaviour):
         return len(scene.fields.routes) > 1
 
     def acts_at_ticks(self) -> bool:
-        """Return False if people choose at the start only."""
+        """Return False if routes are only chosen at the start."""
         return self.every > 0.0 or any(math.isfinite(choosers.change_at) for choosers in self._groups)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return who has changed strategy, when all choose next, and the version of the scene they have chosen in."""
+        """Return who has changed strategy, the time of the next choice, and the scene version of the last one."""
         return {"changed": self._changed, "next": self._next, "version": np.array([self._version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -148,7 +149,7 @@ class RouteChoice(Behaviour):
         return tuple((name,) for name in self.exits) or ((),)
 
     def _choosers_of(self, group: Any, route: IntArray) -> list[_Choosers]:
-        """Return the people of a group by the exits that their route in the case allows."""
+        """Return the people of a group, by the exits that their route in the case permits."""
         settings: Mapping[str, Any] = group.settings
         where = f"people.{group.name}.behaviours.route_choice"
         strategies = self._among(f"{where}.strategies", settings, "strategies", self.strategies)
@@ -176,7 +177,7 @@ class RouteChoice(Behaviour):
 
     @staticmethod
     def _among(key: str, settings: Mapping[str, Any], name: str, offered: tuple[str, ...]) -> tuple[str, ...]:
-        """Return a group's own list, which must be part of what the behaviour offers."""
+        """Return the list of a group, which must be a subset of the list of the behaviour."""
         chosen = _words(key, settings.get(name, offered))
         for word in chosen:
             if word not in offered:
@@ -186,7 +187,7 @@ class RouteChoice(Behaviour):
         return chosen or offered
 
     def _choose(self, crowd: Crowd, choosers: _Choosers, changed: bool) -> None:
-        """Give people inside the building the route of least cost; without any way they keep theirs."""
+        """Set the routes of people inside to those of minimum cost; without a reachable exit, routes are kept."""
         rows = choosers.rows[crowd.level[choosers.rows] >= 0]
         if not len(rows):
             return
@@ -212,7 +213,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     routes : sequence of int
         Rows of ``fields.routes``.
     measure : {"shortest", "fastest", "comfortable"}
-        Metres for the first, seconds for the others; inf where there is no way.
+        The cost is in metres for "shortest", otherwise in seconds; inf where the exit cannot be reached.
     """
     with np.errstate(divide="ignore"):
         weight = np.ones((len(rows), 3)) if measure == "shortest" else 1.0 / crowd.speed[rows]
@@ -224,16 +225,16 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     for column, route in enumerate(routes):
         lengths = fields.lengths_at(level, position, route)
         reached = np.isfinite(lengths[:, 0])
-        with np.errstate(invalid="ignore"):  # who cannot climb is not kept from a way that does not climb
+        with np.errstate(invalid="ignore"):  # 0 m at 0 m/s counts as 0 s
             own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)
         cost[reached, column] = own.sum(axis=1)
     return cost
 
 
 def _words(key: str, value: Any) -> tuple[str, ...]:
-    """Return a list of words as a tuple."""
+    """Return a list of strings as a tuple."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(word, str) for word in value):
-        raise PluginError(f"{key}: expected a list of words, got {reprlib.repr(value)}")
+        raise PluginError(f"{key}: must be a list of strings, not {reprlib.repr(value)}")
     return tuple(dict.fromkeys(value))
 
 

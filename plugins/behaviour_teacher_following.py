@@ -1,4 +1,4 @@
-"""Teacher following: a class keeps behind its teacher, and the teacher waits for its class."""
+"""Teacher following: classes walk behind their teachers, and teachers wait for their classes."""
 
 import math
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from evac.jit.layout import FloatGrid
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.state import Crowd
 
-#: Somebody has made progress once its remaining travel time is less by this much than the least so far [s].
+#: Decrease of the remaining travel time below its minimum so far that counts as progress [s].
 PROGRESS = 0.5
 
-#: Who is slower than this counts as that fast: who cannot walk at all closes no gap [m/s].
+#: Lower limit of speeds in the computation of gaps, since people who cannot walk never close a gap [m/s].
 SLOWEST = 1e-9
 
 # Columns of the memory of a class.
@@ -29,14 +29,14 @@ LAST_TRAVEL_TIME, WAITED, TEACHER_TRAVEL_TIME, HINDERED, WAITS_NO_MORE, ROUTE = 
 
 
 class Classes(Struct):
-    """Teachers, members and what is remembered of them; members of class g stand at first[g] to first[g + 1]."""
+    """Teachers, members and their memory; the members of class g are at first[g] to first[g + 1]."""
 
     teacher: Ints  # (classes,) row in Crowd
     first: Ints  # (classes + 1,)
     member: Ints  # (members,) row in Crowd
     memory: FloatGrid  # (classes, 6)
-    goes_alone: Bytes  # (members,) 1: released
-    behind: Floats  # (members,) travel times of those behind a teacher, from the first in line [s]
+    goes_alone: Bytes  # (members,) 1: does not follow the teacher
+    behind: Floats  # (members,) travel times of the members behind a teacher, ascending [s]
     speed: Floats  # (members,) and their speeds [m/s]
 
 
@@ -51,34 +51,34 @@ class Rules(Struct):
 
 
 class TeacherFollowing(Behaviour):
-    """Keeps groups behind the person that their key ``teacher`` names (a group of one).
+    """Groups follow the person that their key ``teacher`` names (a group of one person).
 
-    Who is ahead is judged by the remaining travel time T of the directions, which holds across doors, stairs and
-    storeys. With the lead L = T_teacher - T_member:
+    Positions are compared by the remaining travel time T, which is defined across doors, stairs and storeys. With the
+    lead L = T_teacher - T_member of a member:
 
-    - a member takes its teacher's route, and sets off no earlier than its teacher: at the later of the
-      two start times;
-    - a member walks at full speed while it is more than `trail` behind (L < -trail), and ever slower from
-      there to L = 0, where it stands: its factor is -L / trail, cut to [0, 1];
-    - the teacher and those behind it form a line. With D the longest time that one of them takes, at its own
-      speed, to where its neighbour ahead is now, or the teacher to the exit where that is less, the teacher walks
-      at full speed up to D = lag / 2 and ever slower from there to D = lag, where it stands: its factor is
-      2 (1 - D / lag), cut to [0, 1];
-    - a teacher that has waited `patience` in vain, its last member making no progress, goes on until the
-      gaps are closed (D <= lag / 2);
-    - once a teacher has wanted to walk for more than `stuck` without progress, members ahead of it make way: each
-      goes on alone until it is `trail` ahead, or behind again. After another `patience` without progress, and
-      once the teacher is out, all members go on alone.
+    - Members take the route of their teacher and do not start before it: they start at the later of both start
+      times.
+    - A member more than `trail` behind (L < -trail) walks at full speed. From there, its speed decreases to zero at
+      L = 0: the speed factor is -L / trail, limited to [0, 1].
+    - The teacher and the members behind it form a line. D is the longest time that a member needs, at its own speed,
+      to the present position of the next person ahead in the line, or the travel time of the teacher to the exit if
+      that is shorter. The teacher walks at full speed up to D = lag / 2. From there, its speed decreases to zero at
+      D = lag: the speed factor is 2 (1 - D / lag), limited to [0, 1].
+    - A teacher that has waited for `patience` without progress of its last member continues until the gaps are closed
+      (D <= lag / 2).
+    - If a teacher has wanted to walk for more than `stuck` without progress, the members ahead of it give way: each
+      walks independently until it is `trail` ahead, or behind again. After another `patience` without progress, and
+      after the teacher has left, all members walk independently.
 
-    A teacher waits for gaps in the line and not for the length of its class: a class in a queue is long, and a
-    teacher that walks slowly ahead of it is overtaken and pushed aside. It does not wait longer than it has still
-    to walk itself, so that it does not stop in front of the exit. The last rule keeps classes that wait for each
-    other on a stair, and members who stand in their teacher's way, from blocking the building for good.
+    A teacher waits for gaps in the line and not for the length of its class, since a class in a queue is long, and a
+    teacher that walks slowly ahead of it would be overtaken and pushed aside. It does not wait for gaps longer than its
+    own remaining travel time, so that it does not stop in front of the exit. The last rule prevents permanent blocking
+    by classes that wait for each other on a stair, or by members in the way of their teacher.
 
     Raises
     ------
     ScenarioError
-        A group names a teacher that is no group, is the group itself, or is not one person.
+        The teacher of a group is not the name of another group, or that group does not have exactly one person.
     """
 
     name = "teacher_following"
@@ -86,13 +86,13 @@ class TeacherFollowing(Behaviour):
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
 
-    trail = Parameter(3.0, "how far behind its teacher a member starts to take up its pace", unit="s", above=0.0)
-    lag = Parameter(4.0, "gap in the line of its class at which a teacher stands", unit="s", above=0.0)
-    patience = Parameter(10.0, "how long a teacher waits in vain", unit="s", minimum=0.0, infinite=True)
-    stuck = Parameter(10.0, "how long a teacher is hindered before members ahead make way", unit="s", minimum=0.0)
+    trail = Parameter(3.0, "time behind the teacher below which members slow down", unit="s", above=0.0)
+    lag = Parameter(4.0, "gap in the line of a class at which the teacher stops", unit="s", above=0.0)
+    patience = Parameter(10.0, "time for which a teacher waits without progress", unit="s", minimum=0.0, infinite=True)
+    stuck = Parameter(10.0, "time without progress after which members give way", unit="s", minimum=0.0)
 
     def prepare(self, scene: BehaviourScene) -> None:
-        """List the classes and their teachers."""
+        """Find the classes and their teachers."""
         followers = [group for group in scene.groups if "teacher" in group.settings]
         sizes = [len(group.rows) for group in followers]
         self._classes = Classes(
@@ -108,7 +108,7 @@ class TeacherFollowing(Behaviour):
         self._scene = scene
 
     def act(self, crowd: Crowd, time: float) -> None:
-        """Set everybody's speed factor, and the members' routes and start times."""
+        """Set the speed factors of teachers and members, and the routes and start times of members."""
         follow(crowd, self._scene.fields.packed, self._classes, self._rules, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
@@ -116,7 +116,7 @@ class TeacherFollowing(Behaviour):
         return any("teacher" in group.settings for group in scene.groups)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the memory of the classes and who goes alone."""
+        """Return the memory of the classes, and which members walk independently."""
         return {"memory": self._classes.memory.copy(), "goes_alone": self._classes.goes_alone.copy()}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
@@ -126,7 +126,7 @@ class TeacherFollowing(Behaviour):
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
-    """Return the row of the person whom `group` follows."""
+    """Return the row of the teacher of a group."""
     key = f"people.{group.name}.behaviours.teacher_following.teacher"
     wanted = group.settings["teacher"]
     names = {other.name: other for other in groups if other.name != group.name}
@@ -134,7 +134,7 @@ def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
         raise ScenarioError(f"{key}: no other group is named {wanted!r}; {did_you_mean(str(wanted), list(names))}")
     rows = names[wanted].rows
     if len(rows) != 1:
-        raise ScenarioError(f"{key}: a teacher is one person, but group {wanted!r} has {len(rows)}; set its number = 1")
+        raise ScenarioError(f"{key}: a teacher must be one person, but {wanted!r} has {len(rows)}; set its number = 1")
     return int(rows[0])
 
 
@@ -146,7 +146,7 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
         t = classes.teacher[g]
         if crowd.level[t] < 0:
             continue
-        if memory[g, ROUTE] != crowd.route[t]:  # travel times of two routes cannot be compared
+        if memory[g, ROUTE] != crowd.route[t]:  # travel times of different routes are not comparable
             memory[g, ROUTE] = crowd.route[t]
             memory[g, LAST_TRAVEL_TIME] = math.inf
             memory[g, TEACHER_TRAVEL_TIME] = math.inf
@@ -156,16 +156,16 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
         if time >= crowd.start_time[t] and math.isfinite(own):
             last = classes.behind[behind - 1] if behind > 0 else own
             delay = min(widest_gap(own, classes, behind), own / max(crowd.speed[t, FLAT], SLOWEST))
-            pace = lead_on(memory, g, last, delay / rules.lag, rules.patience, rules.tick)
+            pace = teacher_factor(memory, g, last, delay / rules.lag, rules.patience, rules.tick)
             crowd.speed_factor[t] *= pace
-            count_vain(memory, g, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
+            add_waiting_time(memory, g, TEACHER_TRAVEL_TIME, HINDERED, own, pace * rules.tick)
 
 
 @inner
 def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[no-untyped-def]
-    """Apply the members' rules to class g, whose teacher has the travel time `own` left.
+    """Apply the rules for members to class g, whose teacher has the remaining travel time `own`.
 
-    List those behind the teacher in ``classes.behind`` and ``classes.speed``; return how many they are.
+    Writes the members behind the teacher to ``classes.behind`` and ``classes.speed``; returns their number.
     """
     t = classes.teacher[g]
     hindered = classes.memory[g, HINDERED]
@@ -184,7 +184,7 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
         if not math.isfinite(lead):
             continue
         if lead <= 0.0:
-            enter_line(classes, count, remaining, crowd.speed[m, FLAT])
+            insert_in_line(classes, count, remaining, crowd.speed[m, FLAT])
             count += 1
         if hindered > rules.stuck + rules.patience:
             classes.goes_alone[k] = 1
@@ -198,8 +198,8 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
 
 
 @inner
-def enter_line(classes, count, remaining, speed):  # type: ignore[no-untyped-def]
-    """Enter somebody in the line of `count` people behind a teacher, which is sorted by travel time."""
+def insert_in_line(classes, count, remaining, speed):  # type: ignore[no-untyped-def]
+    """Insert a member into the line of `count` people behind a teacher, which is sorted by travel time."""
     place = count
     while place > 0 and classes.behind[place - 1] > remaining:
         classes.behind[place] = classes.behind[place - 1]
@@ -211,7 +211,7 @@ def enter_line(classes, count, remaining, speed):  # type: ignore[no-untyped-def
 
 @inner
 def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
-    """Return the longest time [s] that somebody in a teacher's line takes to where its neighbour ahead is now."""
+    """Return the longest time [s] that a person in the line needs to the present position of the next one ahead."""
     widest, ahead = 0.0, own
     for k in range(count):
         widest = max(widest, (classes.behind[k] - ahead) / max(classes.speed[k], SLOWEST))
@@ -220,12 +220,12 @@ def widest_gap(own, classes, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def lead_on(memory, g, last, share, patience, tick):  # type: ignore[no-untyped-def]
-    """Return a teacher's speed factor at a `share` of the gap at which it stands, and remember how long it waits."""
+def teacher_factor(memory, g, last, share, patience, tick):  # type: ignore[no-untyped-def]
+    """Return the speed factor of a teacher at a gap of `share` times `lag`, and update its waiting time."""
     pace = min(max(2.0 * (1.0 - share), 0.0), 1.0)
     if pace == 1.0:
         memory[g, WAITS_NO_MORE] = 0.0
-    count_vain(memory, g, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)
+    add_waiting_time(memory, g, LAST_TRAVEL_TIME, WAITED, last, (1.0 - pace) * tick)
     if memory[g, WAITED] > patience:
         memory[g, WAITS_NO_MORE] = 1.0
     if memory[g, WAITS_NO_MORE] == 1.0:
@@ -234,8 +234,8 @@ def lead_on(memory, g, last, share, patience, tick):  # type: ignore[no-untyped-
 
 
 @inner
-def count_vain(memory, g, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
-    """Add the time `spent` [s] to column `vain`, or start anew once less travel time is left than column `seen` has."""
+def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[no-untyped-def]
+    """Add the time `spent` [s] to column `vain`, or reset it if the travel time has decreased below column `seen`."""
     if remaining < memory[g, seen] - PROGRESS:
         memory[g, seen] = remaining
         memory[g, vain] = 0.0

@@ -1,4 +1,4 @@
-"""The cases that evac ships, found in the package evac_buildings."""
+"""The shipped cases, in the package evac_buildings."""
 
 from collections.abc import Sequence
 from importlib.resources import files
@@ -11,6 +11,6 @@ evac_interface = 2
 
 @hookimpl
 def evac_building_cases() -> Sequence[Path]:
-    """Return the folders of evac_buildings that hold a case.toml."""
+    """Return the folders of evac_buildings that contain a case.toml."""
     folders = (Path(str(entry)) for entry in files("evac_buildings").iterdir())
     return sorted(folder for folder in folders if (folder / "case.toml").is_file())

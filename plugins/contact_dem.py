@@ -1,4 +1,4 @@
-"""DEM, the smooth contact model: a spring between overlapping bodies (eqs 3, 16, 17) that hardens when deep."""
+"""DEM, the smooth contact model: springs between overlapping bodies (eqs 3, 16, 17) that harden at large overlaps."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,26 +13,26 @@ from evac.jit import Floats, Struct, Triples, inner, kernel
 from evac.parameters import Parameter
 from evac.physics import tallies as at
 from evac.physics.contact_model import BorderScene, ContactModel
-from evac.physics.contacts import push
-from evac.physics.motion import take_free
+from evac.physics.contacts import push, use_free_velocity
+from evac.physics.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
 from evac.physics.state import State, World
 from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
 
-#: The tangent stiffness of a hardening contact rises to this many times k at an overlap of the radius.
+#: Ratio of the tangent stiffness of a hardening contact at an overlap of one radius to k.
 HARDEST = 1000.0
 
-#: No contact hardens under a smaller force, whatever its overlap: people survive it, and soft springs stay soft [N].
+#: Minimum force at which contacts harden [N], so that soft springs do not harden under bearable forces.
 LEAST_FORCE = 6000.0
 
 
 class Spring(Struct):
-    """What the law reads, and room for the check of its stability."""
+    """Parameters of the law, and scratch arrays for its stability check."""
 
     stiffness: float  # [kg/s2]
-    hardening: float  # share of the radius
-    least: float  # no contact hardens at a smaller overlap, whatever its radius [m]
-    stiffnesses: Triples  # (n, 3) xx, yy and xy of the sum of k n n^T / m of a body's contacts over k [1/kg]
-    coupling: Floats  # (n,) of the same to other bodies; -1 once checked [1/kg]
+    hardening: float  # overlap at which contacts harden, as a share of the radius
+    least: float  # minimum overlap at which contacts harden [m]
+    stiffnesses: Triples  # (n, 3) of each body divided by k, see `evac.physics.stability` [1/kg]
+    coupling: Floats  # (n,) [1/kg]
 
 
 @kernel
@@ -41,7 +41,7 @@ def spring(state: State, own: Spring, h: float) -> int:
     bodies, contacts = state.bodies, state.contacts
     if _is_too_stiff(state, own, h):
         return TOO_STIFF
-    take_free(state)
+    use_free_velocity(state)
     onset = max(own.hardening * bodies.smallest, own.least)
     for c in range(contacts.number):
         overlap = -min(0.0, contacts.gap[c])
@@ -55,23 +55,15 @@ def spring(state: State, own: Spring, h: float) -> int:
 
 
 @inner
-def damping_limit(h, tau, explicit):
-    """Return the greatest stable h^2 omega^2 of the contact spring with the drive's damping."""
-    if explicit:
-        return 4.0 - 2.0 * h / tau
-    return 2.0 * (1.0 + math.exp(-h / tau))
-
-
-@inner
 def press(overlap, radius, own):
-    """Return the force of a contact and its tangent stiffness, both divided by k: [m], [-].
+    """Return the force and the tangent stiffness of a contact, both divided by k: [m], [-].
 
     With the overlap D, the onset D_h, which is hardening r or LEAST_FORCE / k if that is greater, and the length
     L = (r - D_h) / ln(HARDEST), the force is
 
     - k D up to D_h;
-    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r: its slope rises from k to HARDEST k;
-    - k D beyond r, where two people started in one another: hardened contacts would throw them.
+    - k (D_h + L (exp((D - D_h) / L) - 1)) up to r, with a slope that increases from k to HARDEST k;
+    - k D beyond r, which occurs for initial overlaps: a hardened contact would accelerate them too much.
     """
     onset = max(own.hardening * radius, own.least)
     if overlap <= onset or overlap > radius:
@@ -91,73 +83,28 @@ def _radius(bodies, contacts, c):
 
 @inner
 def _is_too_stiff(state, own, h):
-    """Say whether the contacts as they are make a sub-step of `h` unstable, and note the body.
+    """Return whether the present contacts make a sub-step of length `h` unstable; note the body as failed.
 
-    omega^2 is bounded body by body (block Gershgorin): the greatest eigenvalue of sum k n n^T / m_i plus the
-    couplings k / sqrt(m_i m_j) of its contacts, k being the tangent stiffness of each at the overlap to which its
-    speed takes it within the step.
+    The stiffness of a contact is the tangent stiffness at the overlap that it reaches within the step.
     """
     bodies, contacts = state.bodies, state.contacts
     onset = max(own.hardening * bodies.smallest, own.least)
+    forget_stiffnesses(contacts, own)
     for c in range(contacts.number):
-        _forget_stiffness(own, contacts.body[c])
-        if contacts.other[c] >= 0:
-            _forget_stiffness(own, contacts.other[c])
-    for c in range(contacts.number):
-        i, j = contacts.body[c], contacts.other[c]
-        nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         tangent = 1.0
         deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
         if deepest > onset:
             radius = _radius(bodies, contacts, c)
             tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, own)[1]
-        _stiffen(own, tangent * bodies.inverse_mass[i], i, nx, ny)
-        if j >= 0:
-            _stiffen(own, tangent * bodies.inverse_mass[j], j, nx, ny)
-            coupling = tangent * math.sqrt(bodies.inverse_mass[i] * bodies.inverse_mass[j])
-            own.coupling[i] += coupling
-            own.coupling[j] += coupling
-    for c in range(contacts.number):
-        if _exceeds_limit(state, own, h, contacts.body[c]):
-            return True
-        if contacts.other[c] >= 0 and _exceeds_limit(state, own, h, contacts.other[c]):
-            return True
-    return False
-
-
-@inner
-def _forget_stiffness(own, i):
-    own.stiffnesses[i, 0] = own.stiffnesses[i, 1] = own.stiffnesses[i, 2] = 0.0
-    own.coupling[i] = 0.0
-
-
-@inner
-def _exceeds_limit(state, own, h, i):
-    """Say whether the stiffness at body i makes a sub-step unstable, and note the body; asked once for each."""
-    if own.coupling[i] < 0.0:
-        return False
-    xx, yy, xy = own.stiffnesses[i, 0], own.stiffnesses[i, 1], own.stiffnesses[i, 2]
-    mean, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
-    square = own.stiffness * (mean + math.sqrt(half * half + xy**2) + own.coupling[i])
-    own.coupling[i] = -1.0
-    if h * h * square <= damping_limit(h, state.bodies.tau[i], state.clock.explicit):
-        return False
-    state.bodies.failed = i
-    return True
-
-
-@inner
-def _stiffen(own, inverse_mass, i, nx, ny):
-    own.stiffnesses[i, 0] += inverse_mass * nx * nx
-    own.stiffnesses[i, 1] += inverse_mass * ny * ny
-    own.stiffnesses[i, 2] += inverse_mass * nx * ny
+        add_stiffness(bodies, contacts, own, c, tangent)
+    return makes_unstable(state, own, h, own.stiffness)
 
 
 class Dem(ContactModel):
     """Spring contact: a force k max(0, -D) along the line of centres; overlap is part of the model.
 
-    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN contacts
-    harden, see `press`: a linear spring cannot carry the load of thousands of people, since its equilibrium overlap
+    Beyond an overlap of `hardening` times the radius (of the smaller body of two) and a force of 6 kN, contacts
+    harden, see `press`, since a linear spring cannot carry the load of thousands of people: its equilibrium overlap
     exceeds the radius.
     """
 
@@ -171,21 +118,18 @@ class Dem(ContactModel):
     )
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse steps beyond the limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
+        """Refuse steps beyond the stability limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
 
-        h^2 omega^2 < 4 - 2h/tau with explicit driving, < 2 (1 + exp(-h/tau)) with the exponential update. Stiffer
-        configurations are found in the run, whose steps are then cut into parts.
+        The limit of h^2 omega^2 is 4 - 2h/tau with explicit driving, and 2 (1 + exp(-h/tau)) with the exponential
+        update. Stiffer configurations are detected during the run, whose steps are then subdivided.
         """
         super().check_scene(scene)
         mass, tau = float(scene.mass.min()), float(scene.tau.min())
-        square = 6.0 * self.stiffness / mass
-        limit = 2.0 / math.sqrt(square)
-        while limit**2 * square > damping_limit(limit, tau, scene.explicit):
-            limit *= 0.999
+        limit = longest_step(6.0 * self.stiffness / mass, tau, scene.explicit)
         if scene.step >= limit:
             raise ScenarioError(
                 f"simulation.step: {scene.step} s is too long for contact model 'dem' with stiffness"
-                f" {self.stiffness:g} kg/s2, a least mass of {mass:.1f} kg and a least tau of {tau:g} s;"
+                f" {self.stiffness:g} kg/s2, a smallest mass of {mass:.1f} kg and a smallest tau of {tau:g} s;"
                 f" it must be below {limit:.4f} s (or choose a smaller contact.dem.stiffness)"
             )
 
@@ -197,7 +141,7 @@ class Dem(ContactModel):
         return [("hardening contacts", self.hardening < 1.0, why)]
 
     def own(self, people: int, world: World) -> Spring:
-        """Return the stiffness and the hardening, with room for so many people."""
+        """Return the parameters of the law, with scratch arrays for a number of people."""
         return Spring(
             stiffness=self.stiffness,
             hardening=self.hardening,
@@ -207,14 +151,14 @@ class Dem(ContactModel):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return nothing: the arrays of `own` are written anew in every sub-step."""
+        """Return nothing, since the arrays of `own` are overwritten in every sub-step."""
         return {}
 
     def advice(self) -> Mapping[int, str]:
-        """Return what to change where a step cannot be made."""
+        """Return what to change if a step fails."""
         return {
-            WALL_CROSSED: "make contacts stiffer with contact.dem.stiffness, or use contact.model = 'nsm1'",
-            TOO_STIFF: "lower contact.dem.stiffness or use a smaller simulation.step",
+            WALL_CROSSED: "increase contact.dem.stiffness, or use contact.model = 'nsm1'",
+            TOO_STIFF: "reduce contact.dem.stiffness, or use a smaller simulation.step",
         }
 
 

@@ -14,16 +14,16 @@ from evac.physics.rows import INELASTIC
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEARCH_AGAIN, SEPARATE
 
-#: Contacts are looked for as far as this share of a body's free path, and of the fastest one's, reaches.
+#: Search distance for contacts, as shares of the free path of a body and of that of the fastest body.
 REACH = 1.05
 SHARED_REACH = 0.25
 
-#: A solve whose velocities outrun the reach is repeated with a larger one, so that there are at most so many searches.
+#: Maximum number of contact searches in a sub-step; solves whose velocities exceed the reach are repeated.
 MOST_SEARCHES = 6
 
 
 class Projection(Struct):
-    """What the law reads."""
+    """Parameters of the law."""
 
     gap_tolerance: float  # [m]
     velocity_tolerance: float  # [m/s]
@@ -32,11 +32,11 @@ class Projection(Struct):
 
 @kernel
 def project(state: State, own: Projection, h: float) -> int:
-    """Solve for the new velocities; ask for another search where they outrun the reach."""
+    """Solve for the new velocities; request another contact search if they exceed the reach."""
     bodies, contacts, clock, problem, tally = state.bodies, state.contacts, state.clock, state.problem, state.tally
     if is_to_separate(state, own.gap_tolerance, own.iterations):
         return SEPARATE
-    tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for what adds up
+    tolerance = min(0.5 * own.gap_tolerance / h, own.velocity_tolerance)  # the other half is for accumulated errors
     for c in range(contacts.number):
         contacts.bias[c] = max(contacts.gap[c], 0.0) / h
     found = find_percussions(state, bodies.free, bodies.solved, 0.0, 0.0, tolerance, own.iterations, tolerance)
@@ -47,7 +47,7 @@ def project(state: State, own: Projection, h: float) -> int:
         tally[at.ITERATIONS] += problem.iterations
         tally[at.RETRIED_SOLVES] += problem.retried
     if found > tolerance and not state.traits.overdamped:
-        _keep_apart(state, own, tolerance)
+        _project_euclidean(state, own, tolerance)
     if _outruns_reach(bodies, h) and clock.searched < MOST_SEARCHES - 1:
         clock.searched += 1
         tally[at.REPEATED_SEARCHES] += 1.0
@@ -60,7 +60,7 @@ def project(state: State, own: Projection, h: float) -> int:
 
 @inner
 def _outruns_reach(bodies, h):
-    """Say whether somebody moves farther than it looked for contacts, and let those look farther."""
+    """Return whether a body moves farther than the contact search reached, and increase the reach of such bodies."""
     bodies.outrun = 0
     bodies.farthest_reach = 0.0
     for i in range(bodies.inside):
@@ -74,11 +74,11 @@ def _outruns_reach(bodies, h):
 
 
 @inner
-def _keep_apart(state, own, tolerance):
-    """Take the velocities nearest to unconverged ones that let nobody overlap, in the plain Euclidean norm.
+def _project_euclidean(state, own, tolerance):
+    """Project unconverged velocities onto the constraints in the Euclidean norm.
 
-    That problem does not know the ratio of masses which the other one does not converge for. Percussions stay
-    what has been found for them.
+    This problem is independent of the ratio of masses, for which the original problem does not converge. Percussions
+    are not changed.
     """
     bodies, contacts = state.bodies, state.contacts
     for i in range(bodies.inside):
@@ -101,10 +101,11 @@ def _keep_apart(state, own, tolerance):
 
 
 class Nsm1(SolvedContactModel):
-    """Inelastic contact: the velocity nearest to the free one that lets no two bodies overlap after the step.
+    """Inelastic contact: the velocity nearest to the free one for which no bodies overlap after the step.
 
-    `inertial` projects u + h f/m in the mass norm; `overdamped` is Maury and Venel's own model, which projects
-    the desired velocity in the Euclidean norm, knows no inertia, and whose multipliers are no forces.
+    The variant `inertial` projects u + h f/m in the mass norm. The variant `overdamped` is the original model of Maury
+    and Venel, which projects the desired velocity in the Euclidean norm. It has no inertia, and its multipliers are not
+    forces.
     """
 
     name = "nsm1"
@@ -113,15 +114,15 @@ class Nsm1(SolvedContactModel):
     reach_fastest = SHARED_REACH
     separates = True
     variant = Parameter("inertial", "with or without inertia", choices=("inertial", "overdamped"))
-    gap_tolerance = Parameter(1e-4, "greatest overlap left by a solve", unit="m", above=0.0)
+    gap_tolerance = Parameter(1e-4, "largest overlap after a solve", unit="m", above=0.0)
 
     @property
     def overdamped(self) -> bool:  # type: ignore[override]
-        """Whether the free velocity is the desired one."""
+        """Whether the free velocity equals the desired velocity."""
         return bool(self.variant == "overdamped")
 
     def promised_overlap(self, scene: BorderScene) -> float:
-        """Return the gap tolerance [m]; people who start in one another are beyond it until they are moved apart."""
+        """Return the gap tolerance [m]; initial overlaps exceed it until they are separated."""
         return float(self.gap_tolerance)
 
 

@@ -19,42 +19,42 @@ from evac.physics.percussions import find_percussions
 from evac.physics.state import State, Traits, World
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK, SEPARATE, TOO_FAST
 
-#: Contacts are looked for as far as the free paths reach; nothing farther can be predicted to meet.
+#: Search distance for contacts as a share of the free paths; bodies farther apart cannot meet within the step.
 REACH = 1.0 + 1e-9
 TOUCH = 1e-9
 
-#: A step without solution at K_N = infinity is solved again with this dissipation [kg].
+#: Dissipation used to solve a step again that has no solution for infinite K_N [kg].
 FALLBACK = 1e5
 
 #: Tolerance of overlaps of the optional position correction [m].
 OVERLAP = 2e-4
 
-#: With the correction, bodies so far apart still touch [m]. A gap that has been set to zero would be no contact where
-#: both bodies want to go the same way: those behind would walk into those in front, and be put back, in every step.
+#: Largest gap of bodies that count as touching if positions are corrected [m]. Otherwise, a gap that was corrected to
+#: zero would not be a contact of bodies that move in the same direction, and would be corrected again in every step.
 MARGIN = 2e-3
 
 
 class Dissipation(Struct):
-    """What the law reads."""
+    """Parameters of the law."""
 
     normal_dissipation: float  # K_N [kg]
     tangential_dissipation: float  # K_T [kg]
     position_correction: int  # 1: overlaps are separated
-    margin: float  # gap up to which bodies touch [m]
+    margin: float  # largest gap of bodies that count as touching [m]
     velocity_tolerance: float  # [m/s]
     iterations: int
 
 
 @kernel
 def strike(state: State, own: Dissipation, h: float) -> int:
-    """Find the velocities after the percussions; fall back from infinite K_N where no solution exists."""
+    """Find the velocities after the percussions; use a finite K_N if there is no solution for an infinite one."""
     bodies, contacts, problem, tally = state.bodies, state.contacts, state.problem, state.tally
     free, solved = bodies.free, bodies.solved
     if own.position_correction and is_to_separate(state, OVERLAP, own.iterations):
         return SEPARATE
     keep_only_meeting(state.world, bodies, contacts, h, own.margin)
     for c in range(contacts.number if own.position_correction else 0):
-        if 0.0 < contacts.gap[c] <= own.margin:  # touching too; the others have been counted
+        if 0.0 < contacts.gap[c] <= own.margin:  # counts as touching; overlaps have been counted before
             tally[at.CONTACTS] += 1.0
     if own.tangential_dissipation > 0.0 or state.clock.full:
         _stick(bodies, contacts)
@@ -86,7 +86,7 @@ def strike(state: State, own: Dissipation, h: float) -> int:
 
 @inner
 def _stick(bodies, contacts):
-    """Mark the closing contacts, on which the tangential law acts, with their tangential velocity before."""
+    """Mark the closing contacts, to which the tangential law applies, and store their tangential velocities."""
     for c in range(contacts.number):
         if normal_velocity(bodies.free, contacts, c) < 0.0:
             contacts.sticky[c] = 1
@@ -96,9 +96,9 @@ def _stick(bodies, contacts):
 
 @inner
 def _report_reaction(state, own, h):
-    """Report contact forces from a solve with K_N = 0 on the same contacts; return a status.
+    """Report contact forces from a solve with K_N = 0 for the same contacts; return a status.
 
-    Between opposed contacts percussions grow with K_N, so theirs are no measure of a squeeze.
+    Percussions of opposed contacts increase with K_N, so they do not measure how much a body is squeezed.
     """
     bodies, contacts = state.bodies, state.contacts
     for c in range(contacts.number):
@@ -116,10 +116,10 @@ def _report_reaction(state, own, h):
 
 
 class Nsm2(SolvedContactModel):
-    """Percussions at mid-step, with dissipation K_N: 0 is inelastic, infinity elastic.
+    """Percussions at mid-step with dissipation K_N: 0 is inelastic, infinity is elastic.
 
-    Contacts are those that the free velocity closes within the step; bodies move by the mean of old and
-    new velocity, so overlaps of the order of h|u| are part of the model and are reported.
+    Contacts are the pairs that the free velocity closes within the step. Bodies move by the mean of the old and
+    new velocity, so overlaps of the order of h|u| are part of the model; they are reported.
     """
 
     name = "nsm2"
@@ -130,12 +130,12 @@ class Nsm2(SolvedContactModel):
     midpoint = True
     normal_dissipation = Parameter(1e5, "K_N of eq. 26", unit="kg", minimum=0.0, infinite=True)
     tangential_dissipation = Parameter(0.0, "K_T of eq. 26", unit="kg", minimum=0.0)
-    position_correction = Parameter(False, "push bodies apart where they overlap, without touching velocities")
+    position_correction = Parameter(False, "separate overlapping bodies without changing velocities")
 
     def promised_overlap(self, scene: BorderScene) -> float:
-        """Return h v [m], the path in a step at the greatest speed v that somebody wants or starts with.
+        """Return h v [m] with the largest desired or initial speed v.
 
-        It is twice what one body closes on a wall by; jams in which percussions push people further exceed it.
+        This is twice the largest overlap of one body with a wall; overlaps in jams can be larger.
         """
         return scene.step * float(scene.speed.max())
 
@@ -151,7 +151,7 @@ class Nsm2(SolvedContactModel):
         ]
 
     def traits(self, world: World) -> Traits:
-        """Return what the step loop needs to know: contacts are looked for at least as far as bodies touch."""
+        """Return the properties of the model; contacts are searched at least up to `margin`."""
         return super().traits(world).replace(reach_floor=max(TOUCH + world.rounding, self.margin))
 
     @property
@@ -161,14 +161,14 @@ class Nsm2(SolvedContactModel):
 
     @property
     def margin(self) -> float:
-        """Gap up to which bodies touch [m]."""
+        """Largest gap of bodies that count as touching [m]."""
         return MARGIN if self.position_correction else 0.0
 
     def advice(self) -> Mapping[int, str]:
-        """Return what to change where a step cannot be made."""
+        """Return what to change if a step fails."""
         return {
             TOO_FAST: (
-                "where people are squeezed, percussions grow with contact.nsm2.normal_dissipation: lower it, or use"
+                "percussions on squeezed people increase with contact.nsm2.normal_dissipation; reduce it, or use"
                 " contact.model = 'nsm1'"
             )
         }

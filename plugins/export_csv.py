@@ -1,4 +1,4 @@
-"""Exporter "csv": the recorded motion as one table in text."""
+"""Exporter "csv": the recorded motion as one CSV table."""
 
 import csv
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Exporter "geojson": the building in plan, for geographic information systems and drawings."""
+"""Exporter "geojson": the building in plan, for geographic information systems and drawing programs."""
 
 import json
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from evac.hookspecs import hookimpl
 from evac.output.exporter import Exporter
 from evac.output.trajectory import Trajectory
 
-#: Stands at the head of the file: RFC 7946 expects longitude and latitude unless both sides agree otherwise.
+#: Note at the top of the file, since RFC 7946 requires longitude and latitude unless otherwise agreed.
 COORDINATES = "plan of the building: x and y in metres, not longitude and latitude (RFC 7946, section 4)"
 
 
@@ -25,7 +25,7 @@ class GeojsonExporter(Exporter):
     suffix = ".geojson"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write one collection of features; each says its ``kind``, ``name``, ``level`` and heights [m]."""
+        """Write one feature collection; features have the properties ``kind``, ``name``, ``level`` and heights [m]."""
         building = trajectory.building
         data = {
             "type": "FeatureCollection",

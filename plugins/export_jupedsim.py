@@ -1,4 +1,4 @@
-"""Exporter "jupedsim": SQLite databases of JuPedSim, version 2, one for each level."""
+"""Exporter "jupedsim": JuPedSim SQLite databases (version 2), one for each level."""
 
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +15,7 @@ from evac.output.exporter import Exporter, file_stems
 from evac.output.frame_rate import regular_frames
 from evac.output.trajectory import Trajectory
 
-#: Version of the schema: that of jupedsim 1.0 to 1.3, which PedPy and JuPedSim's viewer read.
+#: Version of the schema, as used by jupedsim 1.0 to 1.3 and read by PedPy and the viewer of JuPedSim.
 VERSION = 2
 
 TABLES = """
@@ -29,20 +29,20 @@ CREATE TABLE frame_data (frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL)
 CREATE INDEX frame_id_idx ON trajectory_data(frame, id);
 """
 
-#: Slower than this [m/s], the direction of a velocity means nothing, and people keep the orientation they had.
+#: Speed below which people keep their previous orientation, since the direction of the velocity is undefined [m/s].
 STANDING = 0.05
 
 
 class JupedsimExporter(Exporter):
-    """SQLite files of JuPedSim (version 2), one for each level on which somebody was."""
+    """JuPedSim SQLite files (version 2), one for each level on which people were recorded."""
 
     name = "jupedsim"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write ``LEVEL.sqlite`` for each level on which somebody was.
+        """Write ``LEVEL.sqlite`` for each level on which people were recorded.
 
-        ``id`` is the person's row; ``frame`` counts recorded frames; positions are in plan [m]; the orientation is
-        the direction of the last velocity of more than `STANDING`.
+        ``id`` is the row of the person; ``frame`` counts recorded frames; positions are in plan [m]; the orientation is
+        the direction of the last velocity larger than `STANDING`.
         """
         frames, frame_rate = regular_frames(trajectory)
         rows = _rows(trajectory, frames.tolist())
@@ -54,12 +54,12 @@ class JupedsimExporter(Exporter):
                 written.append(path / f"{stem}.sqlite")
                 _write(written[-1], level, here, len(frames), frame_rate)
         if not written:
-            raise ResultError(f"{trajectory.path}: nobody was inside at any recorded time; there is nothing to write")
+            raise ResultError(f"{trajectory.path}: nobody was inside at any recorded time; there is nothing to export")
         return written
 
 
 def _rows(trajectory: Trajectory, frames: list[int]) -> np.ndarray:
-    """Return level, frame, person, x, y and orientation of everybody in every frame, (r, 7)."""
+    """Return level, frame, person, x, y and orientation (2) of all people in all frames, (r, 7)."""
     orientation = np.tile([1.0, 0.0], (trajectory.number_of_people, 1))
     rows = []
     for number, k in enumerate(frames):
@@ -77,10 +77,10 @@ def _rows(trajectory: Trajectory, frames: list[int]) -> np.ndarray:
 
 
 def _write(path: Path, level: Level, rows: np.ndarray, frames: int, frame_rate: float) -> None:
-    """Write one database; what cannot be written is an OSError, as of other files."""
+    """Write one database; convert SQLite errors to OSError, as for other files."""
     import sqlite3
 
-    # A collection of polygons, as JuPedSim writes them.
+    # A geometry collection of polygons, as written by JuPedSim.
     wkt = shapely.to_wkt(shapely.GeometryCollection(list(shapely.get_parts(level.polygon))), rounding_precision=-1)
     key = zlib.crc32(wkt.encode())
     sides = zip(("xmin", "ymin", "xmax", "ymax"), level.polygon.bounds, strict=True)

@@ -16,7 +16,7 @@ class ParquetExporter(Exporter):
     suffix = ".parquet"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write the columns of `evac.output.tables.MOTION_COLUMNS`, each with its unit as metadata of the field."""
+        """Write the columns of `evac.output.tables.MOTION_COLUMNS`, with their units as field metadata."""
         import pyarrow
         from pyarrow import parquet
 

@@ -9,18 +9,18 @@ from evac.output.trajectory import Trajectory
 
 
 class VtkExporter(Exporter):
-    """An animation for ParaView: people frame by frame, and the building in named blocks."""
+    """An animation for ParaView: the people in each frame, and the building in named blocks."""
 
     name = "vtk"
 
     def write(self, trajectory: Trajectory, path: Path) -> Iterable[Path]:
-        """Write ``animation.pvd`` and the files that it lists."""
+        """Write ``animation.pvd`` and the files that it refers to."""
         from evac.output.vtk_export import export_vtk
 
         return [export_vtk(trajectory, path)]
 
     def place(self, trajectory: Trajectory) -> Path:
-        """Return the result folder, where a run with ``output.animation`` writes the same files."""
+        """Return the result folder, to which a run with ``output.animation`` writes the same files."""
         return trajectory.path.parent
 
 

@@ -1,4 +1,4 @@
-"""The social force of eq. 34: people keep their distance."""
+"""The social force of eq. 34."""
 
 import math
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from evac.physics.force import Force
 
 @pair_force
 def social(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
-    """Eq. 34 with e_ij pointing away from j and cos phi = 1 where j is straight ahead (docs/physics.md).
+    """Return the force of eq. 34 [N], with e_ij pointing away from j and cos phi = 1 if j is straight ahead.
 
-    Left out beyond the gap at which it falls below the stated tolerance.
+    It is zero beyond the gap at which it is below the tolerance. See docs/physics.md.
     """
     if gap >= parameters[4]:
         return 0.0, 0.0
@@ -28,19 +28,19 @@ def social(gap, nx, ny, ex, ey, parameters):  # type: ignore[no-untyped-def]
 
 
 class SocialForce(Force):
-    """A exp(-D/B) [L + (1 - L)(1 + cos phi)/2], pushing apart.
+    """Repulsive force A exp(-D/B) [L + (1 - L)(1 + cos phi)/2].
 
-    The paper's table gives L = 0 and phi = 90 degrees; read literally (``isotropic``) the bracket is the
-    constant 1/2. ``anisotropic`` takes phi from the desired direction.
+    Table 5 of the paper gives L = 0 and phi = 90 degrees. Read literally (``isotropic``), the bracket is the
+    constant 1/2. With ``anisotropic``, phi is the angle to the desired direction.
     """
 
     name = "social"
     pair = social
     strength = Parameter(2000.0, "interaction strength A", unit="N", minimum=0.0)
     range = Parameter(0.08, "range of the interaction B", unit="m", above=0.0)
-    anisotropy = Parameter(0.0, "Lambda: what someone behind counts against someone ahead", minimum=0.0, maximum=1.0)
-    reading = Parameter("isotropic", "how table 5's phi is read", choices=("isotropic", "anisotropic"))
-    tolerance = Parameter(1.0, "force below which it is left out", unit="N", above=0.0)
+    anisotropy = Parameter(0.0, "Lambda, weight of a person behind relative to one ahead", minimum=0.0, maximum=1.0)
+    reading = Parameter("isotropic", "interpretation of phi in table 5", choices=("isotropic", "anisotropic"))
+    tolerance = Parameter(1.0, "force below which the interaction is neglected", unit="N", above=0.0)
 
     def cutoff(self) -> float:
         """Return B ln(A / tolerance), at least 0 [m]."""
@@ -49,7 +49,7 @@ class SocialForce(Force):
         return max(0.0, float(self.range * math.log(self.strength / self.tolerance)))
 
     def is_needed(self) -> bool:
-        """Return False where A = 0."""
+        """Return False if A = 0."""
         return bool(self.strength > 0.0)
 
     def packed(self) -> NDArray[np.float64]:

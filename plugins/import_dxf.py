@@ -1,4 +1,4 @@
-"""Importer of DXF drawings: one storey, on the layers of JuPedSim's convention or on any others."""
+"""Importer of DXF drawings: one storey, on the layers of the JuPedSim convention or on other layers."""
 
 import fnmatch
 import math
@@ -22,19 +22,19 @@ from evac.errors import text_of
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter
 
-#: Layers may have this before their names.
+#: Optional prefix of layer names.
 PREFIX = "jps-"
-#: Blocks may be nested so deeply, and a drawing may have so many entities once blocks are expanded.
+#: Maximum nesting depth of blocks, and maximum number of entities after blocks are expanded.
 DEEPEST, MOST_ENTITIES = 30, 500_000
-#: What is read of a drawing, beside blocks; texts, dimensions, hatches and images are passed over.
+#: Entity types that are read, besides blocks; texts, dimensions, hatches and images are ignored.
 DRAWN = frozenset(
     ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "SOLID", "TRACE", "3DFACE"),
 )
-#: Curves are cut into pieces no shorter than this share of their extent.
+#: Minimum length of the pieces of a curve, as a share of its extent.
 FINEST = 1e-4
-#: A polyline whose ends are no farther apart than this is closed [m].
+#: Largest gap between the ends of a polyline that is treated as closed [m].
 CLOSED = 1e-3
-#: Numbers of $INSUNITS: name and length of the unit [m].
+#: Values of $INSUNITS: name and length of the unit [m].
 UNITS = {
     **{1: ("inch", 0.0254), 2: ("foot", 0.3048), 4: ("millimetre", 1e-3), 5: ("centimetre", 1e-2), 6: ("metre", 1.0)},
     **{7: ("kilometre", 1e3), 10: ("yard", 0.9144), 14: ("decimetre", 0.1), 21: ("US survey foot", 1200 / 3937)},
@@ -44,38 +44,38 @@ UNITS = {
 class DxfImporter(Importer):
     """DXF drawings (.dxf): one storey from closed outlines, or from walls drawn as lines.
 
-    Layers are given as names with commas between them, in which * stands for anything; upper and lower case are the
-    same, and `jps-` may stand before a name. Blocks are expanded, curves become polygons.
+    Layers are given as comma-separated names, in which * matches any text. Names are case-insensitive and may have the
+    prefix `jps-`. Blocks are expanded, and curves are approximated by polygons.
     """
 
     name = "dxf"
     suffixes = (".dxf",)
 
-    floor = Parameter("walkablearea", "layers with outlines of the floor; open lines are closed to faces")
-    walls = Parameter("", "layers with walls as lines, of which rooms are made")
+    floor = Parameter("walkablearea", "layers with outlines of the floor, or with open lines that enclose it")
+    walls = Parameter("", "layers with walls as lines, which enclose rooms")
     doors = Parameter("", "layers with lines that close doors; doors are also found where walls are interrupted")
     obstacles = Parameter("obstacles", "layers with outlines of obstacles")
     exits = Parameter("exits", "layers with exits: outlines of the ground outside, or lines")
     areas = Parameter("distributions", "layers with outlines of start areas")
     storey = Parameter("floor", "name of the storey")
     z = Parameter(0.0, "height of the storey's floor", unit="m")
-    unit = Parameter(0.0, "metres per unit of the drawing; 0 takes what it says if that is plausible", minimum=0.0)
-    gap = Parameter(0.1, "ends of lines no farther from another line are joined to it", unit="m", minimum=0.0)
-    door = Parameter(2.5, "widest interruption of a wall that is a door; 0: none", unit="m", minimum=0.0)
+    unit = Parameter(0.0, "metres per unit of the drawing; 0: as declared, if plausible", minimum=0.0)
+    gap = Parameter(0.1, "ends of lines at most this far from another line are joined to it", unit="m", minimum=0.0)
+    door = Parameter(2.5, "largest width of a gap in a wall that is a door; 0: none", unit="m", minimum=0.0)
     wall = Parameter(0.1, "thickness of walls drawn as one line between two rooms", unit="m", minimum=0.01)
-    repair = Parameter(False, "whether to read what ezdxf can repair of a damaged file; the rest is lost")
-    deviation = Parameter(0.002, "how far the polygon of a curve may be off it", unit="m", above=0.0)
+    repair = Parameter(False, "whether to read the parts of a damaged file that ezdxf can repair")
+    deviation = Parameter(0.002, "largest distance of a polygon from its curve", unit="m", above=0.0)
 
     def read(self, path: Path) -> Plan:
-        """Read the drawing; raise ValueError if it is damaged or none of its layers is a floor."""
+        """Read the drawing; raise ValueError if it is damaged or the layers of the floor are empty."""
         optional_library(path, "ezdxf", "dxf")
         document, faults = _opened(path, self.repair)
         plan = Plan(path)
         if faults:
-            plan.note("warning", f"the file is damaged in {len(faults)} places and was repaired, such as: {faults[0]}")
+            plan.note("warning", f"the file was damaged in {len(faults)} places and is repaired: {faults[0]}, ...")
         try:
             shapes = [shape for shape in _shapes(document) if self._use_of(shape.layer)]
-        except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # ezdxf's, of damaged entities
+        except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # damaged entities
             raise ValueError(f"an entity cannot be read: {text_of(error)}") from error
         if not any(self._use_of(shape.layer) in ("floor", "walls") for shape in shapes):
             raise ValueError(_no_floor(document))
@@ -89,7 +89,7 @@ class DxfImporter(Importer):
         return plan
 
     def _use_of(self, layer: str) -> str:
-        """Return what a layer is used for; empty for nothing."""
+        """Return the use of a layer; empty if it is ignored."""
         name = layer.lower().removeprefix(PREFIX)
         for use in ("floor", "walls", "doors", "obstacles", "exits", "areas"):
             patterns = [one.strip().lower().removeprefix(PREFIX) for one in getattr(self, use).split(",")]
@@ -98,7 +98,7 @@ class DxfImporter(Importer):
         return ""
 
     def _metres(self, plan: Plan, document: Any, shapes: "list[Shape]") -> float:
-        """Return the metres per unit, which the drawing says, or which is more plausible."""
+        """Return the metres per unit: as declared in the drawing, or a more plausible value."""
         if self.unit:
             return float(self.unit)
         points = np.concatenate([shape.frame for shape in shapes])
@@ -110,7 +110,7 @@ class DxfImporter(Importer):
         if SMALLEST <= extent <= LARGEST and factor is not None:
             unit = 1.0
         kind = "found" if name and unit == said else "assumed"
-        says = f"the file says {name}" if name else "the file names no unit"
+        says = f"the unit in the file is {name}" if name else "the file has no unit"
         plan.note(kind, f"1 unit is {unit:.4g} m: {says}, and {measure}, {extent * unit:.4g} m (unit)")
         return unit
 
@@ -122,17 +122,17 @@ class DxfImporter(Importer):
         if lines:
             found = faces_of(lines, self.gap)
             ground += found.faces
-            self._tell(plan, "repaired", "gap of {:.3f} m closed (gap)", found.closed)
-            self._tell_loose(plan, found.loose)
+            self._note_segments(plan, "repaired", "gap of {:.3f} m closed (gap)", found.closed)
+            self._note_loose_lines(plan, found.loose)
         walls = [one.line for one in drawn.get("walls", [])]
         openings: list[FloatArray] = []
         if walls:
             rooms = rooms_of(walls, self.gap, self.door, self.wall, [one.line for one in drawn.get("doors", [])])
             ground += [*shapely.get_parts(rooms.floor)]
-            self._tell(plan, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
-            self._tell(plan, "found", "door {:.2f} m wide", rooms.doors)
-            self._tell(plan, "found", "opening to the outside {:.2f} m wide", rooms.openings)
-            self._tell_loose(plan, rooms.loose)
+            self._note_segments(plan, "repaired", "gap of {:.3f} m in walls closed (gap)", rooms.closed)
+            self._note_segments(plan, "found", "door {:.2f} m wide", rooms.doors)
+            self._note_segments(plan, "found", "opening to the outside {:.2f} m wide", rooms.openings)
+            self._note_loose_lines(plan, rooms.loose)
             for face in rooms.left_out:
                 plan.note(
                     "left out", f"{face.area:.2f} m2 between walls, too small for a room", self.storey, place_of(face)
@@ -143,7 +143,7 @@ class DxfImporter(Importer):
         if not ground:
             place = shapely.get_coordinates([*lines, *walls])[0]
             raise ValueError(
-                f"the lines of the floor enclose nothing, such as the one at ({place[0]:.2f}, {place[1]:.2f}): close "
+                f"the lines of the floor enclose nothing, for example at ({place[0]:.2f}, {place[1]:.2f}): close "
                 "them, or set gap to the widest gap between their ends [m]"
             )
         plan.storey(self.storey, ground, self.z)
@@ -164,18 +164,18 @@ class DxfImporter(Importer):
                 elif word == "exit" and len(corners) == 2 and one.line.length > CLOSED:
                     plan.exit(name, self.storey, corners)
                 else:
-                    plan.note("left out", f"{word} {number}, whose outline is not closed", self.storey, place)
+                    plan.note("left out", f"{word} {number}: the outline is not closed", self.storey, place)
                     continue
                 plan.note("found", f"{name!r} on layer {one.layer!r}", self.storey, place)
 
-    def _tell(self, plan: Plan, kind: str, text: str, ends: FloatArray) -> None:
-        """Note a finding for each of some segments (n, 4), with its length."""
+    def _note_segments(self, plan: Plan, kind: str, text: str, ends: FloatArray) -> None:
+        """Add a finding for each segment (n, 4), with its length."""
         for x1, y1, x2, y2 in ends.tolist():
             plan.note(kind, text.format(math.hypot(x2 - x1, y2 - y1)), self.storey, ((x1 + x2) / 2, (y1 + y2) / 2))
 
-    def _tell_loose(self, plan: Plan, lines: list[BaseGeometry]) -> None:
+    def _note_loose_lines(self, plan: Plan, lines: list[BaseGeometry]) -> None:
         for line in lines:
-            text = f"a line of {line.length:.2f} m that encloses nothing; a greater gap may close it"
+            text = f"a line of {line.length:.2f} m encloses nothing; a larger gap may close it"
             plan.note("left out", text, self.storey, place_of(line))
 
 
@@ -198,33 +198,33 @@ class Drawn:
 
     @property
     def polygon(self) -> BaseGeometry:
-        """What a closed line encloses."""
+        """The polygon enclosed by a closed line."""
         return shapely.Polygon(self.line.coords)
 
 
 def _opened(path: Path, repair: bool) -> tuple[Any, list[str]]:
-    """Return the document of a file, and what ezdxf had to repair in it if it may."""
+    """Return the document of a file, and the faults that ezdxf repaired if this is permitted."""
     import ezdxf
     from ezdxf import recover
 
     tail = path.read_bytes()[-1000:].rstrip(b"\0\r\n\t \x1a")
     if not tail.endswith(b"EOF"):
         lines = path.read_bytes().count(b"\n") + 1
-        raise ValueError(f"the file ends at line {lines} without the mark EOF: it is cut off")
+        raise ValueError(f"the file is truncated: it ends at line {lines} without EOF")
     try:
         return ezdxf.readfile(path), []
-    except Exception as first:  # of many kinds, where a file is damaged
+    except Exception as first:  # ezdxf raises errors of many types for damaged files
         if not repair:
-            raise ValueError(f"no DXF, or damaged: {text_of(first)} (repair = true reads the rest)") from first
+            raise ValueError(f"not a DXF file, or damaged: {text_of(first)} (repair = true repairs it)") from first
         try:
             document, auditor = recover.readfile(path)
         except Exception:
-            raise ValueError(f"no DXF: {text_of(first)}") from first
+            raise ValueError(f"not a DXF file: {text_of(first)}") from first
         return document, [text_of(first), *(error.message for error in auditor.errors)]
 
 
 def _shapes(document: Any) -> Iterator[Shape]:
-    """Yield the paths of the model space, blocks expanded."""
+    """Yield the paths of the model space, with blocks expanded."""
     from ezdxf.path import make_path
 
     for layer, entity in _entities(document.modelspace(), "", 0, [0]):
@@ -234,7 +234,7 @@ def _shapes(document: Any) -> Iterator[Shape]:
             path = make_path(entity)
             corners = [[vertex.x, vertex.y] for vertex in path.control_vertices()]
             parts = [*path.sub_paths()] if path.has_sub_paths else [path]
-        except Exception as error:  # of many kinds, where an entity is damaged
+        except Exception as error:  # ezdxf raises errors of many types for damaged entities
             handle = entity.dxf.get("handle", "")
             text = f"{entity.dxftype()} {handle} on layer {layer!r} cannot be read: {text_of(error)}"
             raise ValueError(text) from error
@@ -245,17 +245,17 @@ def _shapes(document: Any) -> Iterator[Shape]:
 
 
 def _is_line(polyline: Any) -> bool:
-    """Return whether a polyline is one, and no mesh."""
+    """Return whether a polyline is a line and not a mesh."""
     return bool(polyline.is_2d_polyline or polyline.is_3d_polyline)
 
 
 def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[tuple[str, Any]]:
-    """Yield (layer, entity), those of blocks in their place; layer 0 of a block is the layer of the block."""
+    """Yield (layer, entity), with blocks expanded; layer 0 in a block is the layer of the block."""
     for entity in space:
         count[0] += 1
         if count[0] > MOST_ENTITIES or depth > DEEPEST:
             raise ValueError(
-                f"more than {MOST_ENTITIES} entities, or blocks nested deeper than {DEEPEST}: explode them"
+                f"more than {MOST_ENTITIES} entities, or blocks nested deeper than {DEEPEST}: explode the blocks"
             )
         layer = entity.dxf.get("layer", "0")
         layer = outer if layer == "0" and outer else layer
@@ -267,7 +267,7 @@ def _entities(space: Any, outer: str, depth: int, count: list[int]) -> Iterator[
 
 
 def _expanded(insert: Any) -> Iterator[Any]:
-    """Yield the entities of a block in their place."""
+    """Yield the transformed entities of a block."""
     try:
         yield from insert.virtual_entities()
     except (ArithmeticError, LookupError, TypeError, AttributeError) as error:
@@ -276,7 +276,7 @@ def _expanded(insert: Any) -> Iterator[Any]:
 
 
 def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterator[Drawn]:
-    """Yield a path as a line in metres, its curves cut into pieces."""
+    """Yield a path as a polyline in metres."""
     size = float(np.ptp(shape.frame, axis=0).max())
     distance = max(deviation / unit, FINEST * size, 1e-9)
     corners = np.array([[vertex.x, vertex.y] for vertex in shape.path.flattening(distance, segments=4)]).reshape(-1, 2)
@@ -292,12 +292,12 @@ def _drawn(shape: Shape, unit: float, deviation: float, closed: float) -> Iterat
 
 
 def _no_floor(document: Any) -> str:
-    """Say which layers there are, the fullest first."""
+    """Return the message for an empty floor, with the layers sorted by their number of entities."""
     count = Counter(layer for layer, one in _entities(document.modelspace(), "", 0, [0]))
     layers = ", ".join(f"{name} ({number})" for name, number in count.most_common(20)) or "none"
     return (
-        "there is nothing on the layers of the floor; set floor to those with outlines, or walls to those with walls "
-        f"as lines; the layers with their numbers of entities are: {layers}"
+        "the layers of the floor are empty; set floor to the layers with outlines, or walls to the layers with walls "
+        f"as lines; the layers and their numbers of entities are: {layers}"
     )
 
 

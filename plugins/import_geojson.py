@@ -17,53 +17,53 @@ from evac.building.shapes import geometries, place_of
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 
-#: What a feature can be, as its property ``kind`` says.
+#: Values of the property ``kind`` of a feature.
 KINDS = ("storey", "area", "obstacle", "exit", "door", "opening")
-#: A file whose coordinates are degrees has no building larger than this [degrees].
+#: Largest extent of a building with coordinates in degrees [degrees].
 MOST_DEGREES = 0.05
-#: Axes of the ellipsoid of WGS 84 [m].
+#: Semi-axes of the WGS 84 ellipsoid [m].
 MAJOR, MINOR = 6378137.0, 6356752.314245
 
 
 class GeojsonImporter(Importer):
     """GeoJSON (.geojson, .json): features with the properties `kind`, `name`, `storey` (or `level`) and `z`.
 
-    Without `kind`, polygons are ground of their storey and lines are exits.
+    Without `kind`, polygons are the ground of their storey and lines are exits.
     """
 
     name = "geojson"
     suffixes = (".geojson", ".json")
 
-    storey = Parameter("floor", "name of the storey of features that name none")
-    z = Parameter(0.0, "height of storeys that give none: the lowest; the next ones are `height` above", unit="m")
-    height = Parameter(3.0, "height from one storey to the next where features give no z", unit="m", above=0.0)
+    storey = Parameter("floor", "name of the storey of features without storey")
+    z = Parameter(0.0, "height of the lowest storey, for storeys without z", unit="m")
+    height = Parameter(3.0, "height between consecutive storeys without z", unit="m", above=0.0)
     unit = Parameter(1.0, "metres per unit of the coordinates", unit="m", above=0.0)
     wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
     coordinates = Parameter("auto", "plane, or degrees of longitude and latitude", choices=("auto", "plane", "degrees"))
 
     def read(self, path: Path) -> Plan:
-        """Read the features; raise ValueError if it is no GeoJSON."""
+        """Read the features; raise ValueError if the file is not GeoJSON."""
         try:
             data = json.loads(path.read_text(encoding="utf-8-sig"))
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise ValueError(f"no JSON: {error}") from error
+            raise ValueError(f"invalid JSON: {error}") from error
         features = [_feature(number, one) for number, one in enumerate(_objects(data), start=1)]
         if not features:
-            raise ValueError("there is no feature with a geometry in it")
+            raise ValueError("the file contains no feature with a geometry")
         plan = Plan(path)
         place = self._placing(plan, [feature.shape for feature in features])
         self._add_storeys(plan, [replace(feature, shape=place(feature.shape)) for feature in features])
         return plan
 
     def _placing(self, plan: Plan, shapes: list[BaseGeometry]) -> Callable[[BaseGeometry], BaseGeometry]:
-        """Return what turns coordinates of the file into metres."""
+        """Return the function that converts coordinates of the file to metres."""
         corners = shapely.get_coordinates(shapes)
         low, high = corners.min(axis=0), corners.max(axis=0)
         is_small = bool((high - low).max() < MOST_DEGREES and np.abs(corners).max() <= 180.0)
         if self.coordinates == "plane" or (self.coordinates == "auto" and not (is_small and self.unit == 1.0)):
             return lambda shape: shapely.transform(shape, lambda xy: self.unit * xy)
         metres = _metres_per_degree(math.radians(0.5 * (low[1] + high[1])))
-        text = f"coordinates are longitude and latitude; the origin is {low[0]:.7f}, {low[1]:.7f} (coordinates)"
+        text = f"coordinates are longitude and latitude with the origin {low[0]:.7f}, {low[1]:.7f} (coordinates)"
         plan.note("assumed", text)
         return lambda shape: shapely.transform(shape, lambda xy: (xy - low) * metres)
 
@@ -75,19 +75,19 @@ class GeojsonImporter(Importer):
             polygons = [one.shape for one in ground[name] if one.kind == "storey"]
             given = sorted({one.z for one in ground[name] if one.z is not None})
             if not polygons:
-                raise ValueError(f"storey {name!r} has no ground: no polygon of the kind 'storey'")
+                raise ValueError(f"storey {name!r} has no ground; add a polygon of the kind 'storey'")
             if len(given) > 1:
-                raise ValueError(f"storey {name!r} has several heights z: {', '.join(f'{z:g}' for z in given)}")
+                raise ValueError(f"storey {name!r} must have one height z, not {', '.join(f'{z:g}' for z in given)}")
             z = given[0] if given else self.z + index * self.height
             plan.storey(name, polygons, z, wall=self.wall)
             plan.note("found", f"{len(polygons)} polygons of ground", name)
             if not given and len(names) > 1:
-                plan.note("assumed", f"z = {z:g} m, because the storey gives none (z, height)", name)
+                plan.note("assumed", f"z = {z:g} m, since the storey has no z (z, height)", name)
             for number, one in enumerate((one for one in ground[name] if one.kind != "storey"), start=1):
                 self._add(plan, one, name, one.name or f"{one.kind} {number}")
 
     def _add(self, plan: Plan, feature: "Feature", storey: str, name: str) -> None:
-        """Add one feature that is no ground."""
+        """Add one feature that is not ground."""
         is_line = feature.shape.geom_type == "LineString"
         if feature.kind in ("door", "opening") and not is_line:
             raise ValueError(f"feature {feature.number}: a {feature.kind} must be a LineString of two points")
@@ -106,7 +106,7 @@ class GeojsonImporter(Importer):
 
 @dataclass(frozen=True)
 class Feature:
-    """A feature: its number in the file, shape, kind, name, storey and height, where given."""
+    """A feature: number in the file, shape, and kind, name, storey and height if they are given."""
 
     number: int
     shape: BaseGeometry
@@ -117,13 +117,13 @@ class Feature:
 
 
 def _objects(data: Any) -> list[Mapping[str, Any]]:
-    """Return the features of a document, or the geometry that it is alone as one."""
+    """Return the features of a document; a single geometry is returned as one feature."""
     if not isinstance(data, dict) or "type" not in data:
-        raise ValueError("no GeoJSON: there is no object with a type")
+        raise ValueError("not GeoJSON: the document is not an object with a type")
     if data["type"] == "FeatureCollection":
         features = data.get("features")
         if not isinstance(features, list):
-            raise ValueError("no GeoJSON: the collection has no list of features")
+            raise ValueError("invalid GeoJSON: the collection has no list of features")
         return [one for one in features if not isinstance(one, dict) or one.get("geometry") is not None]
     return [data if data["type"] == "Feature" else {"type": "Feature", "geometry": data, "properties": {}}]
 
@@ -131,14 +131,14 @@ def _objects(data: Any) -> list[Mapping[str, Any]]:
 def _feature(number: int, given: Any) -> Feature:
     """Return one feature, checked."""
     if not isinstance(given, dict) or given.get("type") != "Feature":
-        raise ValueError(f"feature {number}: no GeoJSON feature")
+        raise ValueError(f"feature {number}: not a GeoJSON feature")
     properties = given.get("properties") or {}
     try:
         shapes = list(geometries(given))
     except ValueError as error:
         raise ValueError(f"feature {number}: {error}") from error
     if not shapes or not np.isfinite(shapely.get_coordinates(shapes)).all():
-        raise ValueError(f"feature {number}: it has no coordinates, or one is not finite")
+        raise ValueError(f"feature {number}: coordinates are missing or not finite")
     shape = shapes[0] if len(shapes) == 1 else shapely.GeometryCollection(shapes)
     kind = str(properties.get("kind") or ("exit" if shape.geom_type == "LineString" else "storey")).lower()
     if kind not in KINDS:
@@ -152,7 +152,7 @@ def _feature(number: int, given: Any) -> Feature:
 
 
 def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the lengths (2,) of a degree of longitude and of latitude on the ellipsoid of WGS 84 [m]."""
+    """Return the lengths (2,) of a degree of longitude and of latitude on the WGS 84 ellipsoid [m]."""
     square = 1.0 - (MINOR / MAJOR) ** 2
     flattened = 1.0 - square * math.sin(latitude) ** 2
     across, along = MAJOR / math.sqrt(flattened), MAJOR * (1.0 - square) / flattened**1.5

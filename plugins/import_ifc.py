@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from evac.building.bodies import Body
     from evac.building.plan import Plan
 
-#: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and what they are.
+#: Classes of IFC 2x3, 4 and 4.3 whose shapes are used, and their kinds of bodies.
 CLASSES = {
     "IfcSpace": "space",
     "IfcSlab": "slab",
@@ -42,11 +42,11 @@ CLASSES = {
     "IfcSanitaryTerminal": "furniture",
     "IfcFlowTerminal": "furniture",
 }
-#: Classes that are walked on in buildings and not read yet.
+#: Classes that people walk on and that are not supported.
 NOT_READ = ("IfcRamp", "IfcRampFlight", "IfcTransportElement")
-#: Longest name that is used as it is.
+#: Longest name that is used unchanged.
 LONGEST = 30
-#: A file in which a coordinate is farther off than this is damaged [m].
+#: Largest coordinate of an undamaged file [m].
 FARTHEST = 1e8
 
 
@@ -56,16 +56,16 @@ class IfcImporter(Importer):
     name = "ifc"
     suffixes = (".ifc",)
 
-    ground = Parameter("auto", "floors are spaces, or slabs where there are none", choices=("auto", "spaces", "slabs"))
-    exits = Parameter("ground", "storeys whose doors to the outside are exits", choices=("ground", "all", "none"))
-    ground_z = Parameter(0.0, "height of the ground storey: the one nearest to it that has doors outside", unit="m")
-    step = Parameter(0.2, "ground whose height differs by no more is one floor", unit="m", minimum=0.0)
+    ground = Parameter("auto", "floors from spaces, or slabs if there are none", choices=("auto", "spaces", "slabs"))
+    exits = Parameter("ground", "storeys on which doors to the outside are exits", choices=("ground", "all", "none"))
+    ground_z = Parameter(0.0, "height of the ground storey, the nearest one with outer doors", unit="m")
+    step = Parameter(0.2, "ground whose heights differ by at most this is one floor", unit="m", minimum=0.0)
     gap = Parameter(0.01, "gaps between spaces up to this width are closed", unit="m", minimum=0.0)
-    furniture = Parameter(False, "furniture is an obstacle")
-    cut_slabs = Parameter(False, "slabs that close the way of a stair are cut, not the stair left out")
+    furniture = Parameter(False, "whether furniture is an obstacle")
+    cut_slabs = Parameter(False, "whether slabs that block a stair are cut")
 
     def read(self, path: Path) -> "Plan":
-        """Read the bodies; raise ValueError if the file is none, or the library is missing."""
+        """Read the bodies; raise ValueError if the file is not IFC, or the library is missing."""
         from evac.building.bodies import Rules, plan_of_bodies
 
         findings: list[Finding] = []
@@ -81,32 +81,32 @@ class IfcImporter(Importer):
 
 
 def _read(content: bytes, findings: list[Finding]) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
-    """Return the entities and the shapes of a file, by their numbers; what the library says of it is a warning."""
+    """Return the entities and the shapes of a file, by number; messages of the library become warnings."""
     try:
         import ifclite_geom
     except ImportError as error:
-        raise ValueError("IFC files are read with the package ifclite-geom; pip install 'evac[ifc]'") from error
+        raise ValueError("IFC files require ifclite-geom, which is not installed: pip install 'evac[ifc]'") from error
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"ISO-10303-21"):
-        raise ValueError("no IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
+        raise ValueError("not an IFC file: it does not start with ISO-10303-21; export it as IFC in STEP format")
     if b"END-ISO-10303-21" not in content[-1000:]:
-        raise ValueError(f"it is cut off after {len(content)} bytes: END-ISO-10303-21 is missing; export it again")
+        raise ValueError(f"truncated after {len(content)} bytes: END-ISO-10303-21 is missing; export the file again")
     said: list[str] = []
     try:
         with _standard_error(said):
             elements, shapes = _shapes(ifclite_geom, content)
     except BaseException as error:
-        # A panic of the library is no Exception.
+        # A panic of the library is not a subclass of Exception.
         if isinstance(error, KeyboardInterrupt | SystemExit | MemoryError):
             raise
-        raise ValueError(f"the file is damaged, or holds what is not supported: {error}") from error
+        raise ValueError(f"the file is damaged or has unsupported content: {error}") from error
     if not elements:
-        raise ValueError("there is no building element in it")
-    findings += [Finding("warning", f"ifclite-geom says: {line}") for line in dict.fromkeys(said)]
+        raise ValueError("the file contains no building element")
+    findings += [Finding("warning", f"message of ifclite-geom: {line}") for line in dict.fromkeys(said)]
     return elements, shapes
 
 
 def _shapes(library: Any, content: bytes) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
-    """Return the entities of a file, and the shapes of those whose classes are used."""
+    """Return the entities of a file, and the shapes of entities whose classes are used."""
     elements = library.entity_data(content, placements=True, type_properties=False, attributes=True)["entities"]
     wanted = {number for number, one in elements.items() if one["ifc_type"] in CLASSES}
     return elements, library.geometry_data_buffers(content, ids=wanted)["elements"] if wanted else {}
@@ -134,7 +134,7 @@ def _standard_error(said: list[str]) -> Iterator[None]:
 
 
 def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: list[Finding]) -> "list[Body]":
-    """Return what is used of a file, in the order of its numbers; what has no shape, or is left out, is noted."""
+    """Return the bodies of a file, sorted by number; add a finding for each element without a shape or left out."""
     from evac.building.bodies import Body
 
     bodies = []
@@ -155,17 +155,17 @@ def _bodies(elements: Mapping[int, Any], shapes: Mapping[int, Any], findings: li
         points = np.frombuffer(shape["vertices"], dtype=np.float64).reshape(-1, 3)
         triangles = np.frombuffer(shape["faces"], dtype=np.uint32).reshape(-1, 3).astype(np.int64)
         if not len(triangles) or not np.isfinite(points).all() or np.abs(points).max() > FARTHEST:
-            text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or lies nowhere"
+            text = f"{element['ifc_type']} #{number} {_text(element['name'])!r}: its shape is empty or not finite"
             findings.append(Finding("left out", text))
             continue
         bodies.append(Body(kind, _label(number, element), points, triangles))
     for name, many in count.items():
-        findings.append(Finding("left out", f"{many} {name}: ramps, lifts and escalators are not read"))
+        findings.append(Finding("left out", f"{many} {name}: ramps, lifts and escalators are not supported"))
     return bodies
 
 
 def _kind(element: Mapping[str, Any]) -> str | None:
-    """Return what an element is; None if it is not used."""
+    """Return the kind of body of an element; None if it is not used."""
     kind = CLASSES.get(element["ifc_type"])
     if kind == "slab":
         predefined = _attribute(element, "PredefinedType")
@@ -178,7 +178,7 @@ def _kind(element: Mapping[str, Any]) -> str | None:
 
 
 def _label(number: int, element: Mapping[str, Any]) -> str:
-    """Return what a body is called: its name, with the long name of a space, or its class and tag if that is long."""
+    """Return the name of a body, with the long name of a space; or class and tag if the name is too long."""
     name = _text(element["name"])
     if element["ifc_type"] == "IfcSpace":
         name = f"{name} {_attribute(element, 'LongName')}".strip()
@@ -189,7 +189,7 @@ def _label(number: int, element: Mapping[str, Any]) -> str:
 
 
 def _attribute(element: Mapping[str, Any], name: str) -> str:
-    """Return an attribute of an element as text; empty if it has none."""
+    """Return an attribute of an element as text; empty if it is missing."""
     found = [one["value"] for one in element["attributes"] or () if one["name"] == name]
     return _text(found[0]) if found else ""
 

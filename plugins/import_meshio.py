@@ -1,10 +1,10 @@
-"""Importer of the formats that meshio reads well: Gmsh 2.2 and 4.1, VTK unstructured grids, STL.
+"""Importer of formats read by meshio: Gmsh 2.2 and 4.1, VTK unstructured grids, STL.
 
-Tags are names ``kind:NAME``. They are given by
+Tags are names ``kind:NAME``. They are defined by
 
 - Gmsh: physical groups. Surfaces ``floor:``, ``stair:``, ``area:``, ``obstacle:``; curves ``exit:``.
-- VTU: one integer cell-data array for each tag, named exactly as the tag (``floor:ground``) and non-zero on the
-  cells that carry it. Exits are line cells in the same file. A cell may carry several tags.
+- VTU: one integer cell-data array for each tag, with the name of the tag (``floor:ground``) and non-zero on the
+  cells with this tag. Exits are line cells in the same file. A cell may have several tags.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ from evac.building.importer import Importer
 from evac.building.surfacemesh import EDGE_TAGS, SurfaceMesh
 from evac.hookspecs import hookimpl
 
-#: For each tag, which cells of each block of the file carry it.
+#: For each tag, the masks of its cells in each block of the file.
 Tags = dict[str, list[BoolArray]]
 
 
@@ -45,7 +45,7 @@ class MeshioImporter(Importer):
             if corners and len(block.data):
                 blocks[number] = np.asarray(block.data, dtype=np.int64)[:, :corners]
             elif len(block.data) and block.type != "vertex":
-                notes.append(f"{len(block.data)} cells of type {block.type!r} are no surface cells and mean nothing")
+                notes.append(f"{len(block.data)} cells of type {block.type!r} are not surface cells and are ignored")
         surfaces = [number for number, block in blocks.items() if block.shape[1] > 2]
         lines = [number for number, block in blocks.items() if block.shape[1] == 2]
         edges = np.concatenate([np.empty((0, 2), dtype=np.int64), *(blocks[number] for number in lines)])
@@ -60,7 +60,7 @@ class MeshioImporter(Importer):
 
 
 def _read(path: Path) -> Any:
-    """Read a file with meshio, which prints, exits and raises errors of every kind when it is damaged."""
+    """Read a file with meshio, which prints, exits, or raises errors of many types if the file is damaged."""
     import meshio
 
     said = io.StringIO()
@@ -74,14 +74,14 @@ def _read(path: Path) -> Any:
 
 
 def _joined(blocks: list[IndexArray]) -> IndexArray | list[list[int]]:
-    """Return the cells of all blocks, in their order."""
+    """Return the concatenated cells of all blocks."""
     if len({block.shape[1] for block in blocks}) == 1:
         return np.concatenate(blocks)
     return [cell for block in blocks for cell in block.tolist()]
 
 
 def _all_of(masks: list[BoolArray], numbers: list[int]) -> BoolArray:
-    """Return the masks of some blocks as one."""
+    """Return the concatenated masks of some blocks."""
     return np.concatenate([np.empty(0, dtype=bool), *(masks[number] for number in numbers)])
 
 
@@ -90,25 +90,25 @@ def _is_of_edges(tag: str) -> bool:
 
 
 def _corner_count(cell_type: str, nodes: int) -> int:
-    """Count the corners of a meshio cell type; 0 for cells that are no edges or surfaces."""
+    """Return the number of corners of a meshio cell type; 0 for cells that are neither edges nor surfaces."""
     kind = cell_type.rstrip("0123456789")
     return {"line": 2, "triangle": 3, "quad": 4, "polygon": nodes}.get(kind, 0)
 
 
 def _check_count(path: Path, mesh: Any) -> None:
-    """Refuse a VTU file some of whose cells meshio has passed over in silence."""
+    """Refuse a VTU file if meshio has silently skipped some of its cells."""
     if path.suffix.lower() == ".vtu":
         announced = sum(map(int, re.findall(rb'NumberOfCells="\s*(\d+)\s*"', path.read_bytes())))
         read = sum(len(block.data) for block in mesh.cells)
         if read != announced:
             raise ValueError(
-                f"only {read} of its {announced} cells can be read, not those of strips, polylines and a second piece; "
+                f"only {read} of {announced} cells can be read; strips, polylines and further pieces are not read: "
                 "write one piece of triangles, quads, polygons and lines"
             )
 
 
 def _gmsh_tags(mesh: Any) -> Tags:
-    """Masks of the physical groups: cell sets in Gmsh 4.1 (a cell may be in several), integers in 2.2."""
+    """Return the masks of physical groups: cell sets in Gmsh 4.1 (a cell may be in several), integers in 2.2."""
     tags: Tags = {}
     physical = mesh.cell_data.get("gmsh:physical")
     for name, (number, dimension) in mesh.field_data.items():
@@ -118,19 +118,19 @@ def _gmsh_tags(mesh: Any) -> Tags:
         elif physical is not None:
             tags[name] = []
             for block, numbers in zip(mesh.cells, physical, strict=True):
-                # Gmsh writes the negative number where the group has the surface the other way round.
+                # Gmsh writes the negative number if the group contains the surface with reversed orientation.
                 tags[name].append(np.asarray((np.abs(numbers) == number) & (block.dim == dimension)))
     return tags
 
 
 def _array_tags(mesh: Any) -> Tags:
-    """Masks of the cell-data arrays that are named like tags."""
+    """Return the masks of the cell-data arrays whose names are tags."""
     tags: Tags = {}
     for name, arrays in mesh.cell_data.items():
         if ":" in name:
             values = [np.asarray(array).reshape(len(array), -1) for array in arrays]
             if any(array.shape[1] != 1 for array in values):
-                raise ValueError(f"the cell array {name!r} has several numbers for each cell; a tag has one")
+                raise ValueError(f"the cell array {name!r} has several numbers per cell; a tag needs exactly one")
             tags[name] = [np.nan_to_num(array[:, 0]) != 0 for array in values]
     return tags
 

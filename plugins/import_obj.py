@@ -1,7 +1,7 @@
 """Importer of Wavefront OBJ files: vertices, polygons and the names of their groups.
 
-Libraries were tried: meshio fails on the texture indices (``vt``) that most exporters write; trimesh leaves out the
-names of groups and cuts polygons that are not convex into fans, which cover ground that is not there.
+Other libraries are not suitable: meshio fails on the texture indices (``vt``) that most exporters write; trimesh drops
+the names of groups and divides non-convex polygons into fans, which cover additional ground.
 """
 
 import fnmatch
@@ -17,17 +17,17 @@ from evac.building.surfacemesh import SurfaceMesh
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 
-#: What a group can be, and the tag of its faces; ``ignore`` leaves them out.
+#: Kinds of groups and the tags of their faces; ``ignore`` drops the faces.
 KINDS = {"exit": "exit", "stair": "stair", "room": "area", "floor": "floor", "obstacle": "obstacle", "ignore": ""}
-#: The kinds that the name of a group says where it holds the word, the first of them first.
+#: Kinds that are recognised by words in the name of a group, in the order of precedence.
 WORDS = ("exit", "stair", "room", "floor")
 
 
 class ObjImporter(Importer):
     """The vertices, faces, lines and groups (``v``, ``f``, ``l``, ``g``, ``o``) of Wavefront OBJ files.
 
-    Groups with `exit`, `stair`, `room` or `floor` in their names are such; `names` says it for others. Texture and
-    normal indices (``f 1/2/3``) and every other line are passed over; negative indices count from the last vertex read.
+    The kind of a group follows from `exit`, `stair`, `room` or `floor` in its name, or from `names`. Texture and normal
+    indices (``f 1/2/3``) and all other lines are ignored; negative indices count from the last vertex read.
     """
 
     name = "obj"
@@ -35,12 +35,12 @@ class ObjImporter(Importer):
 
     names = Parameter(
         None,
-        "what groups are, as a table of patterns to exit, stair, room, floor, obstacle, ignore or \"\": "
+        "kinds of groups, as a table of patterns to exit, stair, room, floor, obstacle, ignore or \"\": "
         'names = { "Treppe*" = "stair" }',
     )  # fmt: skip
 
     def read(self, path: Path) -> SurfaceMesh:
-        """Read vertices, polygons and groups; raise ValueError that names the line if one cannot be read."""
+        """Read vertices, polygons and groups; raise ValueError, naming the line, if a line is invalid."""
         kinds = self._table()
         points: list[list[float]] = []
         faces: list[list[int]] = []
@@ -69,13 +69,13 @@ class ObjImporter(Importer):
         return _tagged(points, faces, edges, [_tag(name, kinds) for name in groups], face_group, edge_group, groups)
 
     def _table(self) -> dict[str, str]:
-        """Return the patterns of names and what they say, checked."""
+        """Return the checked table of name patterns and kinds."""
         given = self.names or {}
         if not isinstance(given, dict):
-            raise ValueError(f'names must be a table such as {{ "Treppe*" = "stair" }}, not {given!r}')
+            raise ValueError(f'names: must be a table such as {{ "Treppe*" = "stair" }}, not {given!r}')
         for pattern, kind in given.items():
             if kind not in ("", *KINDS):
-                raise ValueError(f"names: {pattern!r} is no {kind!r}; {did_you_mean(str(kind), list(KINDS))}")
+                raise ValueError(f"names: {pattern!r}: unknown kind {kind!r}; {did_you_mean(str(kind), list(KINDS))}")
         return given
 
 
@@ -84,14 +84,14 @@ def _rows(corners: list[str], n_points: int, least: int) -> list[int]:
     numbers = [int(corner.partition("/")[0]) for corner in corners]
     what = "a face" if least == 3 else "a line"
     if 0 in numbers or min(numbers, default=1) < -n_points:
-        raise ValueError(f"{what} counts its vertices from 1, or backwards from -1, the last one above it")
+        raise ValueError(f"{what} refers to a vertex that does not exist; indices count from 1, or from -1 backwards")
     if len(numbers) < least:
-        raise ValueError(f"{what} has only {len(numbers)} corners")
+        raise ValueError(f"{what} has only {len(numbers)} corners, not at least {least}")
     return [number - 1 if number > 0 else n_points + number for number in numbers]
 
 
 def _tag(group: str, kinds: dict[str, str]) -> str:
-    """Return the tag of a group, ``"ignore"``, or nothing."""
+    """Return the tag of a group, ``"ignore"``, or an empty string."""
     for pattern, kind in kinds.items():
         if fnmatch.fnmatchcase(group.lower(), pattern.lower()):
             return kind if kind in ("", "ignore") else f"{KINDS[kind]}:{group}"
@@ -108,7 +108,7 @@ def _tagged(
     edge_group: list[int],
     groups: list[str],
 ) -> SurfaceMesh:
-    """Return the mesh with its tags, and what was found of them."""
+    """Return the tagged mesh, with findings about its groups."""
     kept = [row for row, group in enumerate(face_group) if tags[group] != "ignore"]
     own = np.array([face_group[row] for row in kept], dtype=np.int64)
     cell_tags, edge_tags, findings = {}, {}, []

@@ -1,6 +1,6 @@
 """Importer of OFF files: vertices and polygons.
 
-trimesh reads files that are cut off without an error, and cuts polygons that are not convex into fans.
+trimesh reads truncated files without an error, and divides non-convex polygons into fans.
 """
 
 import re
@@ -13,7 +13,7 @@ from evac.hookspecs import hookimpl
 
 
 class OffImporter(Importer):
-    """OFF files (also COFF, NOFF, STOFF: what follows x, y, z is passed over)."""
+    """OFF files (also COFF, NOFF, STOFF: values after x, y, z are ignored)."""
 
     name = "off"
     suffixes = (".off",)
@@ -31,7 +31,7 @@ class OffImporter(Importer):
             raise ValueError("the numbers of vertices and faces are missing")
         n_points, n_faces = int(counts[0]), int(counts[1])
         if len(rest) != n_points + n_faces:
-            raise ValueError(f"{n_points} vertices and {n_faces} faces are announced, but {len(rest)} lines follow")
+            raise ValueError(f"{n_points} vertices and {n_faces} faces are declared, but {len(rest)} lines follow")
         points, faces = [], []
         for index, (number, words) in enumerate(rest):
             try:
@@ -41,9 +41,9 @@ class OffImporter(Importer):
                 else:
                     corners = [int(corner) for corner in words[1 : 1 + int(words[0])]]
                     if len(corners) != int(words[0]):
-                        raise ValueError(f"{words[0]} corners are announced")
+                        raise ValueError(f"{words[0]} corners are declared, but {len(corners)} follow")
                     if len(corners) < 3:
-                        raise ValueError(f"a face has only {len(corners)} corners")
+                        raise ValueError(f"a face has only {len(corners)} corners, not at least 3")
                     faces.append(corners)
             except ValueError as error:
                 raise ValueError(f"line {number}: {text[number - 1].strip()!r}: {error}") from error

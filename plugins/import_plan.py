@@ -7,21 +7,27 @@ from pathlib import Path
 from evac.building.importer import Importer
 from evac.building.plan import Plan
 from evac.building.plantable import plan_of
+from evac.errors import quoted_line
 from evac.hookspecs import hookimpl
 
 
 class PlanImporter(Importer):
-    """Plan files (.plan.toml): the shape of each storey in the file or in one of its own, and what joins them."""
+    """Plan files (.plan.toml): storeys, whose shapes may be in separate files, with stairs, doors, exits and areas."""
 
     name = "plan"
     suffixes = (".plan.toml",)
 
+    def files(self, path: Path) -> Sequence[Path]:
+        """Return the plan file and those of its storeys."""
+        return (path, *self.read(path).files)
+
     def read(self, path: Path) -> Plan:
-        """Read a plan; raise ValueError if it is no TOML."""
+        """Read a plan; raise ValueError if the file is not TOML."""
+        text = path.read_text(encoding="utf-8-sig")
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"no TOML: {error}") from error
+            table = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"invalid TOML: {error}{quoted_line(text, str(error))}") from error
         return plan_of(table, path, path.parent)
 
 

@@ -1,6 +1,6 @@
-"""Importer of PLY files, text and binary: vertices and polygons, whatever else the file holds.
+"""Importer of PLY files, text and binary: vertices and polygons; other elements are ignored.
 
-meshio's reader fails on edges and on ``vertex_index``; trimesh cuts polygons that are not convex into fans.
+meshio fails on edges and on ``vertex_index``; trimesh divides non-convex polygons into fans.
 """
 
 import codecs
@@ -19,14 +19,14 @@ TYPES = {
     **{"int": "i", "int32": "i", "uint": "I", "uint32": "I"},
     **{"float": "f", "float32": "f", "double": "d", "float64": "d"},
 }
-#: Names that writers give to the corners of a face.
+#: Names of the property with the corners of a face.
 CORNERS = ("vertex_indices", "vertex_index")
-CUT_OFF = "the file ends before the rows that its header announces"
+CUT_OFF = "the file is truncated: it has fewer rows than its header declares"
 
 
 @dataclass
 class _Element:
-    """One kind of row: name, number of rows, and properties (name, type, type of the length of a list or None)."""
+    """An element: name, number of rows, and properties (name, type, type of the length of a list or None)."""
 
     name: str
     count: int
@@ -40,11 +40,11 @@ class PlyImporter(Importer):
     suffixes = (".ply",)
 
     def read(self, path: Path) -> SurfaceMesh:
-        """Read vertices and faces; raise ValueError if the header is wrong, the file cut off, or x, y, z missing."""
+        """Read vertices and faces; raise ValueError if the file is truncated, or its header invalid."""
         data = path.read_bytes().removeprefix(codecs.BOM_UTF8)
         head, found, rest = data.partition(b"end_header")
         if not data.startswith(b"ply") or not found:
-            raise ValueError("this is no PLY file: its header is missing or not ended")
+            raise ValueError("not a PLY file: the header is missing or incomplete")
         encoding, elements = _read_header(head.decode("ascii", errors="replace"))
         rest = rest[rest.index(b"\n") + 1 :] if b"\n" in rest else b""
         body = _TextBody(rest) if encoding == "ascii" else _BinaryBody(rest, encoding)
@@ -65,7 +65,7 @@ class PlyImporter(Importer):
                     raise ValueError(f"the faces have no list {' or '.join(CORNERS)}")
                 faces = [_face(row[corners]) for row in rows]
         if not body.is_read:
-            raise ValueError("rows follow after those that its header announces")
+            raise ValueError("the file has more rows than its header declares")
         return SurfaceMesh(points, faces)
 
 
@@ -73,14 +73,14 @@ def _face(corners: list[float]) -> list[int]:
     """Return the rows of a face's vertices."""
     broken = next((corner for corner in corners if corner != int(corner)), None)
     if broken is not None:
-        raise ValueError(f"a face refers to vertex {broken:g}, which is no whole number")
+        raise ValueError(f"a face refers to vertex {broken:g}, which is not an integer")
     if len(corners) < 3:
-        raise ValueError(f"a face has only {len(corners)} corners")
+        raise ValueError(f"a face has only {len(corners)} corners, not at least 3")
     return [int(corner) for corner in corners]
 
 
 def _read_header(head: str) -> tuple[str, list[_Element]]:
-    """Return ``"ascii"`` or the byte order (``"<"``, ``">"``), and the kinds of rows."""
+    """Return ``"ascii"`` or the byte order (``"<"``, ``">"``), and the elements."""
     encodings = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}
     encoding, elements = "", list[_Element]()
     for line in head.splitlines():
@@ -94,14 +94,14 @@ def _read_header(head: str) -> tuple[str, list[_Element]]:
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1].properties.append((name, TYPES[kind], None))
             case ["property", *_]:
-                raise ValueError(f"header line {line.strip()!r} is wrong")
+                raise ValueError(f"header line {line.strip()!r} is invalid")
     if not encoding:
-        raise ValueError("the header names no known format")
+        raise ValueError("the header has no known format")
     return encoding, elements
 
 
 class _TextBody:
-    """The numbers of a text file, one after the other."""
+    """Reader of the numbers of a text file."""
 
     def __init__(self, body: bytes) -> None:
         self.words = body.split()
@@ -117,12 +117,12 @@ class _TextBody:
 
     @property
     def is_read(self) -> bool:
-        """Whether nothing is left."""
+        """Whether all numbers have been read."""
         return self.at == len(self.words)
 
 
 class _BinaryBody:
-    """The numbers of a binary file of one byte order, one after the other."""
+    """Reader of the numbers of a binary file."""
 
     def __init__(self, body: bytes, order: str) -> None:
         self.body = body
@@ -130,7 +130,7 @@ class _BinaryBody:
         self.at = 0
 
     def take(self, kinds: str) -> list[float]:
-        """Read the next numbers, of the types that the letters of `kinds` stand for."""
+        """Read the next numbers, of the types given by the letters of `kinds`."""
         row = struct.Struct(self.order + kinds)
         if self.at + row.size > len(self.body):
             raise ValueError(CUT_OFF)
@@ -140,12 +140,12 @@ class _BinaryBody:
 
     @property
     def is_read(self) -> bool:
-        """Whether nothing is left but ends of lines."""
+        """Whether all numbers have been read, apart from line ends."""
         return not self.body[self.at :].strip()
 
 
 def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[list[float]]]:
-    """Read all rows of an element: a list of numbers for each property, of one number where it is no list."""
+    """Read all rows of an element: a list of numbers for each property, with one number for scalar properties."""
     if all(length is None for _, _, length in element.properties):
         kinds = "".join(kind for _, kind, _ in element.properties)
         numbers = body.take(kinds * element.count)

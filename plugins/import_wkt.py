@@ -1,4 +1,4 @@
-"""Importer of WKT files: polygons of one storey, as JuPedSim, PostGIS, QGIS and shapely write them."""
+"""Importer of WKT files: polygons of one storey, as written by JuPedSim, PostGIS, QGIS and shapely."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +13,9 @@ from evac.parameters import Parameter
 
 
 class WktImporter(Importer):
-    """Well-known text (.wkt): polygons and collections of them, nested or overlapping, are the floor of one storey.
+    """Well-known text (.wkt): polygons and collections of polygons, nested or overlapping, are the floor of one storey.
 
-    Holes are obstacles. Exits and areas are not in such files.
+    Holes are obstacles. The format has no exits and areas.
     """
 
     name = "wkt"
@@ -27,7 +27,7 @@ class WktImporter(Importer):
     wall = Parameter(0.0, "thickness of walls between polygons that touch; 0 joins them", unit="m", minimum=0.0)
 
     def read(self, path: Path) -> Plan:
-        """Read the geometries; raise ValueError if a text is none."""
+        """Read the geometries; raise ValueError if the text is not WKT."""
         text = path.read_text(encoding="utf-8-sig", errors="replace").strip()
         if "\0" in text:
             raise ValueError("the text is not UTF-8; save it as UTF-8")
@@ -40,7 +40,7 @@ class WktImporter(Importer):
 
 
 def _geometries(text: str) -> list[shapely.Geometry]:
-    """Return the geometries of a text: one that may fill several lines, or one on each line."""
+    """Return the geometries of a text: one geometry, which may have several lines, or one per line."""
     try:
         return [from_wkt(" ".join(text.split()))]
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Recorder "replay": the run as one page, replay.html, written when it ends, however it ends."""
+"""Recorder "replay": the run as one HTML page, written when the run ends, also after an error."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 class ReplayRecorder(Recorder):
-    """Writes ``replay.html`` to the result folder, unless ``output.replay`` is false; without a folder nothing."""
+    """Writes ``replay.html`` to the result folder, if there is one, unless ``output.replay`` is false."""
 
     name = "replay"
     writer: "ReplayWriter | None" = None
     _recorded = -1.0
 
     def start(self, simulation: "Simulation") -> None:
-        """Make room for the building and the people."""
+        """Prepare the page for the building and the people."""
         if simulation.folder is not None and simulation.case.output.replay:
             from evac.output.replay.writer import ReplayWriter
 
@@ -32,7 +32,7 @@ class ReplayRecorder(Recorder):
         self._recorded = -1.0
 
     def record(self, simulation: "Simulation") -> None:
-        """Take the state."""
+        """Record the present state."""
         if self.writer is not None:
             crowd = simulation.population.crowd
             rows = np.flatnonzero(crowd.level >= 0).astype(np.int32)
@@ -41,16 +41,16 @@ class ReplayRecorder(Recorder):
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
-        """Take the state at the end, unless it is there already."""
+        """Record the final state, unless it is already recorded."""
         if simulation.time > self._recorded:
             self.record(simulation)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what has been taken so far, compressed."""
+        """Return the compressed record so far."""
         return {} if self.writer is None else {"recorded": np.array([self._recorded])} | self.writer.state()
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on with what had been taken."""
+        """Restore the record of a resumed run."""
         self.start(simulation)
         if self.writer is not None and state:
             self.writer.restore(state)
@@ -68,7 +68,7 @@ def evac_recorders() -> Sequence[type[Recorder]]:
 
 @hookimpl
 def evac_finish(simulation: "Simulation", results: "Results | None", error: BaseException | None) -> None:
-    """Write the page, of a run that has failed as well; not where the user did not want to wait for results."""
+    """Write the page, also of a failed run, unless the user chose not to wait for results."""
     if error is not None and not isinstance(error, Exception):
         return
     for recorder in simulation.recorders:

@@ -1,4 +1,4 @@
-"""Recorder "trajectory": where everybody is, frame by frame, in a file that survives a killed run."""
+"""Recorder "trajectory": positions of all people in each frame, in a file that stays readable if a run is killed."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class TrajectoryRecorder(Recorder):
-    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md); nothing without a folder, or where
+    """Writes ``trajectory.evac`` to the result folder (docs/trajectory.md), if there is one, unless
     ``output.trajectory`` is false.
     """
 
@@ -27,7 +27,7 @@ class TrajectoryRecorder(Recorder):
     _writer: TrajectoryWriter | None = None
 
     def start(self, simulation: "Simulation") -> None:
-        """Write the header: the building, the groups and what the run was made with."""
+        """Write the header: the building, the groups and the settings of the run."""
         if simulation.folder is not None and simulation.case.output.trajectory:
             corners = simulation.building.vertices[:, :2]
             origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
@@ -41,7 +41,7 @@ class TrajectoryRecorder(Recorder):
             self._recorded = simulation.time
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
-        """Append the state at the end, unless it is there already, and close the file."""
+        """Append the final state, unless it is already recorded, and close the file."""
         if self._writer is not None:
             if simulation.time > self._recorded:
                 self.record(simulation)
@@ -54,7 +54,7 @@ class TrajectoryRecorder(Recorder):
         return {"recorded": np.array(self._recorded), "length": np.array(self._writer.length)}
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
-        """Open the file again, behind its last frame."""
+        """Open the file again, after its last frame."""
         if simulation.folder is not None and state:
             self._writer = TrajectoryWriter.reopen(simulation.folder / TRAJECTORY_NAME, int(state["length"]))
             self._recorded = float(state["recorded"])

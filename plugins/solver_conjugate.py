@@ -1,9 +1,9 @@
-"""Conjugate sweeps, and conjugate gradients on faces: the fast solvers of the contact problem.
+"""Solvers of the contact problem by conjugate sweeps, and by conjugate gradients on faces.
 
-Conjugate sweeps find which rows push; once a symmetric sweep changes none of them, the face is solved by
-conjugate gradients, preconditioned by a symmetric Gauss-Seidel sweep on the face alone, until a percussion
-leaves its branch of the law. The face is then looked for again. On a face the problem is linear, so conjugate
-gradients need few iterations there; the sweeps between keep every percussion on its law.
+Conjugate sweeps identify the active rows, which have a positive percussion; they form the face. Once a symmetric sweep
+does not change it, the problem on the face is solved by conjugate gradients, preconditioned by a symmetric Gauss-Seidel
+sweep on the face, until a percussion leaves its branch of the local law. Then the face is identified again. On a face,
+the problem is linear, so conjugate gradients need few iterations; the sweeps in between restore the local laws.
 """
 
 import math
@@ -32,16 +32,16 @@ from evac.physics.rows import (
 from evac.physics.solver import Solver
 from evac.physics.state import Problem
 
-#: Columns of ``Problem.face_data`` behind A and B.
+#: Columns of ``Problem.face_data`` after A and B.
 SHIFT, SOFTNESS, COMPLIANCE = 4, 5, 6
 
-#: Branches of the law that a row can be on.
+#: Branches of the local law.
 OFF, RIGID, ELASTIC = 0, 1, 2
 
-#: A direction is flat where its curvature is less than this share of its diagonal part.
+#: A direction has no curvature if its curvature is less than this share of the diagonal part.
 FLAT = 1e-12
 
-#: Conjugate gradient iterations on one face before it is looked for again.
+#: Maximum number of conjugate gradient iterations on one face before it is identified again.
 LONGEST_FACE = 500
 
 
@@ -49,12 +49,12 @@ LONGEST_FACE = 500
 def conjugate_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     """Nonlinear conjugate gradients (Fletcher-Reeves, restarted) around a symmetric Gauss-Seidel sweep.
 
-    One iteration sweeps the rows forwards and backwards and then goes on along the conjugate
+    One iteration sweeps the rows forwards and backwards, and then makes a step along the conjugate
     direction of the sweeps (the nonsmooth nonlinear conjugate gradient method of Silcowitz-Hansen,
-    Niebe and Erleben, 2010). Sweeps run in the order of travel time, along the force chains. The residual is always
-    evaluated after a sweep. Returns the iterations made.
+    Niebe and Erleben, 2010). Sweeps are in the order of travel time, along the force chains. The residual is always
+    evaluated after a sweep. Returns the number of iterations.
     """
-    forget(rows)
+    clear_direction(rows)
     before = 0.0
     rows.residual, likely = row_residual(rows), LIKELY
     iteration = 0
@@ -65,12 +65,12 @@ def conjugate_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
         iteration += 1
         likely = evaluate(rows, change, likely, tolerance if iteration < limit else math.inf)
         if rows.residual > tolerance and iteration < limit:
-            before = go_on(rows, before)
+            before = conjugate_step(rows, before)
     return iteration
 
 
 @inner
-def forget(rows):
+def clear_direction(rows):
     """Clear the conjugate direction and its velocity image."""
     for r in range(rows.size):
         rows.work_b[r] = 0.0
@@ -80,8 +80,8 @@ def forget(rows):
 
 
 @inner
-def go_on(rows, before):
-    """Renew the conjugate direction after a sweep and step along the old one; return the sweep's square length."""
+def conjugate_step(rows, before):
+    """Update the conjugate direction after a sweep and step along the old one; return the squared sweep."""
     now = 0.0
     for r in range(rows.size):
         now += (rows.percussion[r] - rows.work_a[r]) ** 2
@@ -102,8 +102,8 @@ def go_on(rows, before):
 
 @kernel
 def conjugate_faces(rows: Problem, tolerance: float, limit: int) -> int:
-    """Solve by conjugate sweeps and by conjugate gradients on faces; return the iterations made."""
-    forget(rows)
+    """Solve by conjugate sweeps and by conjugate gradients on faces; return the number of iterations."""
+    clear_direction(rows)
     for r in range(rows.size):
         rows.branch[r] = OFF
     before = 0.0
@@ -121,17 +121,17 @@ def conjugate_faces(rows: Problem, tolerance: float, limit: int) -> int:
         if changed == 0:
             made, rows.residual = descend_on_face(rows, tolerance, min(limit - iteration, LONGEST_FACE))
             iteration += made
-            forget(rows)
+            clear_direction(rows)
             before = 0.0
         else:
-            before = go_on(rows, before)
+            before = conjugate_step(rows, before)
             rows.residual = max(rows.residual, 2.0 * tolerance)  # extrapolated percussions may be negative: sweep first
     return iteration
 
 
 @inner
 def branch_of(rows, r):
-    """Return the branch of the law that row r's percussion is on."""
+    """Return the branch of the local law for the percussion of row r."""
     elastic = rows.elastic
     if elastic[r, BOUND] < 0.0:
         return ELASTIC
@@ -146,7 +146,7 @@ def branch_of(rows, r):
 
 @inner
 def mark_branches(rows):
-    """Note the branch of every row; return how many changed."""
+    """Store the branch of every row; return the number of changes."""
     changed = 0
     for r in range(rows.size):
         branch = branch_of(rows, r)
@@ -157,10 +157,10 @@ def mark_branches(rows):
 
 
 @inner
-def take_face(rows):
-    """Copy the rows that push to the face, compact; return their number.
+def pack_face(rows):
+    """Copy the active rows to the arrays of the face; return their number.
 
-    On an elastic row the equation is w + w- + (2/K_N) P = 0, on a rigid one w + b = 0; both are
+    The equation of an elastic row is w + w- + (2/K_N) P = 0, that of a rigid row is w + b = 0; both have the form
     w + shift + compliance x = 0, with the diagonal 1 + compliance.
     """
     held = 0
@@ -183,7 +183,7 @@ def take_face(rows):
 
 @inner
 def precondition(rows, held):
-    """Sweep W z = -g on the face once up and once down from z = 0; return -g.z.
+    """Apply a symmetric Gauss-Seidel sweep to W z = -g on the face, from z = 0; return -g.z.
 
     `work_a` has the gradient g, `work_c` z, `image_c` the velocity image of z.
     """
@@ -210,7 +210,7 @@ def precondition(rows, held):
 
 @inner
 def _gradient(rows, held):
-    """Set `work_a` to the gradient on the face; return its greatest entry [m/s]."""
+    """Set `work_a` to the gradient on the face; return its largest entry [m/s]."""
     worst = 0.0
     data = rows.face_data
     for k in range(held):
@@ -223,12 +223,13 @@ def _gradient(rows, held):
 
 @inner
 def descend_on_face(rows, tolerance, limit):
-    """Go down on the face until it is solved or left; return (iterations, residual of all rows).
+    """Descend on the face until it is solved or left; return (iterations, residual of all rows).
 
-    Percussions that leave below zero are put back to zero, all at once, if that still goes down; else the step
-    ends where the first of them is zero. So all percussions stay admissible, and the face's own energy never rises.
+    Percussions that become negative are set to zero, all at once, if the energy still decreases; otherwise, the step
+    ends where the first of them is zero. Thus all percussions remain admissible, and the energy on the face never
+    increases.
     """
-    held = take_face(rows)
+    held = pack_face(rows)
     before = 0.0
     made = 0
     while made < limit and _gradient(rows, held) > 0.5 * tolerance:
@@ -249,9 +250,9 @@ def descend_on_face(rows, tolerance, limit):
 
 @inner
 def _step_length(rows, held, beta, steepness):
-    """Renew the direction, `work_d`, and its `image_d`; return the exact step along it, 0 at a standstill.
+    """Update the direction `work_d` and its `image_d`; return the exact step length along it, 0 without descent.
 
-    A direction without curvature (percussions that oppose each other) has no step: the problem may have no solution.
+    A direction without curvature (opposed percussions) has no step length; the problem may have no solution.
     """
     curvature = 0.0
     length = 0.0
@@ -268,7 +269,7 @@ def _step_length(rows, held, beta, steepness):
 
 @inner
 def _step(rows, held, length):
-    """Step along the direction; return how many percussions left their branch."""
+    """Step along the direction; return the number of percussions that left their branch."""
     left = 0
     for i in range(rows.bodies):
         rows.velocity[i, 0] += length * rows.image_d[i, 0]
@@ -283,7 +284,7 @@ def _step(rows, held, length):
 
 @inner
 def _put_back(rows, held):
-    """Raise negative percussions of the face to zero, by what `work_b` then holds; return how far that goes up [J]."""
+    """Set negative percussions of the face to zero, with the changes in `work_b`; return the increase of energy [J]."""
     rise = 0.0
     data = rows.face_data
     for k in range(held):
@@ -301,7 +302,7 @@ def _put_back(rows, held):
 
 @inner
 def _step_to_the_edge(rows, held, length):
-    """Undo `_put_back`, and so much of a step that the first percussion to leave below zero is zero."""
+    """Undo `_put_back`, and shorten the step such that the first percussion to become negative is zero."""
     share = 1.0
     for k in range(held):
         push = rows.work_b[k]
@@ -329,7 +330,7 @@ class ConjugateSweeps(Solver):
 
 
 class ConjugateFaces(Solver):
-    """Conjugate sweeps, and conjugate gradients on one set of pushing contacts at a time."""
+    """Conjugate sweeps, with conjugate gradients on the current set of active contacts."""
 
     name = "conjugate_faces"
     solve = conjugate_faces

@@ -1,4 +1,4 @@
-"""Gradient methods for the contact problem: the paper's (Uzawa), and the same with Nesterov's momentum."""
+"""Gradient methods for the contact problem: the Uzawa algorithm of the paper, and Nesterov's accelerated gradient."""
 
 import math
 from collections.abc import Sequence
@@ -38,10 +38,10 @@ def gradient_step(rows, r, w, x, rate):
 
 @kernel
 def uzawa(rows: Problem, tolerance: float, limit: int) -> int:
-    """The paper's solver (appendix 2): projected gradient on the multipliers with the fixed step 0.95 of its bound.
+    """The solver of the paper (appendix 2): projected gradient on the multipliers with a fixed step, 0.95 of its bound.
 
-    rho = 0.95 * 2 alpha / |C|^2 with alpha the least mass; h^2 rho of NSM1, whose rows are h G, is the same
-    step on percussions. Returns the iterations made.
+    rho = 0.95 * 2 alpha / |C|^2 with the smallest mass alpha; h^2 rho of NSM1, whose rows are h G, is the same
+    step on percussions. Returns the number of iterations.
     """
     greatest = 0.0
     for i in range(rows.bodies):
@@ -64,7 +64,7 @@ def uzawa(rows: Problem, tolerance: float, limit: int) -> int:
 
 @inner
 def constraint_norm(rows):
-    """Return lambda_max(G^T G) by power iteration, to a per cent: |C|^2 of the paper's bound."""
+    """Return lambda_max(G^T G) by power iteration, accurate to 1 %: |C|^2 in the bound of the paper."""
     for r in range(rows.size):
         rows.work_a[r] = 1.0 + 0.5 * math.sin(float(r))
     value = 0.0
@@ -81,7 +81,7 @@ def constraint_norm(rows):
         square = 0.0
         for i in range(rows.bodies):
             for k in range(2):
-                rows.image_a[i, k] /= rows.inverse_root[i]  # rows hold A = n / sqrt(omega m), the bound asks for n
+                rows.image_a[i, k] /= rows.inverse_root[i]  # rows have A = n / sqrt(omega m), the bound needs n
                 square += rows.image_a[i, k] ** 2
                 rows.image_a[i, k] /= rows.inverse_root[i]
         done = abs(square - value) <= 1e-3 * square
@@ -95,10 +95,10 @@ def constraint_norm(rows):
 
 @kernel
 def accelerated_gradient(rows: Problem, tolerance: float, limit: int) -> int:
-    """Nesterov's projected gradient with diagonal scaling and restart; return the iterations made.
+    """Nesterov's accelerated projected gradient with diagonal scaling and restarts; return the number of iterations.
 
-    The step of a row is 1 over the sum of its row of G M^-1 G^T, bounded by the numbers of rows at its
-    bodies, so the scaled gradient step never overshoots; the momentum starts anew where it points uphill.
+    The step of a row is the inverse of the sum of its row of G M^-1 G^T, bounded by the numbers of rows of its
+    bodies, so that the scaled gradient step never overshoots. The momentum is restarted when it points uphill.
     """
     _set_rates(rows)
     momentum, change = 1.0, math.inf
@@ -123,10 +123,10 @@ def accelerated_gradient(rows: Problem, tolerance: float, limit: int) -> int:
 
 @inner
 def _gradient_pass(rows, share):
-    """Step all rows at once, go on by `share` of the step, renew velocities.
+    """Make a gradient step of all rows, extrapolate by `share` of the step, and recompute velocities.
 
-    Returns the slope along the last step and the greatest step [m/s]. `work_b` has the percussions stepped to,
-    `work_c` the rates, `work_d` the percussions stepped to before.
+    Returns the slope along the last step and the largest step [m/s]. `work_b` has the percussions after the step,
+    `work_c` the step lengths, `work_d` the percussions after the previous step.
     """
     data, image = rows.data, rows.image_a
     for i in range(rows.bodies + 1):
@@ -153,7 +153,7 @@ def _gradient_pass(rows, share):
 
 @inner
 def _set_rates(rows):
-    """Set `work_c` to the step of each row."""
+    """Set `work_c` to the step length of each row."""
     for i in range(rows.bodies + 1):
         rows.image_a[i, 0] = 0.0
     for r in range(rows.size):
@@ -166,14 +166,14 @@ def _set_rates(rows):
 
 
 class Uzawa(Solver):
-    """The paper's solver: all percussions step along their gradient by 0.95 of the greatest safe fixed length."""
+    """The solver of the paper: projected gradient with a fixed step, 0.95 of the largest stable one."""
 
     name = "uzawa"
     solve = uzawa
 
 
 class AcceleratedGradient(Solver):
-    """Each percussion steps along its gradient by a length of its own, with Nesterov's momentum."""
+    """Projected gradient with an individual step length for each percussion and Nesterov's momentum."""
 
     name = "accelerated_gradient"
     solve = accelerated_gradient

@@ -1,7 +1,7 @@
-"""Gauss-Seidel sweeps for the contact problem, plain and with Nesterov's momentum.
+"""Gauss-Seidel sweeps for the contact problem, without and with Nesterov's momentum.
 
-Momentum starts anew where it points uphill (O'Donoghue and Candes, 2015). A sweep with momentum takes as many
-iterations for a chain of contacts as it is long, a plain sweep its square.
+The momentum is restarted when it points uphill (O'Donoghue and Candes, 2015). For a chain of n contacts, sweeps with
+momentum need O(n) iterations, plain sweeps O(n^2).
 """
 
 import math
@@ -24,17 +24,17 @@ from evac.physics.rows import (
 from evac.physics.solver import Solver
 from evac.physics.state import Problem
 
-#: A rise of the energy by more than this share of it is no rounding.
+#: Relative increase of the energy above which it is not a rounding error.
 RISE = 1e-10
 
-#: Sweeps between two evaluations of the energy; two rises within `SOON` sweeps: momentum is unsuitable even with
-#: symmetric sweeps.
+#: Sweeps between two evaluations of the energy. If the energy increases twice within `SOON` sweeps, momentum is
+#: reduced even with symmetric sweeps.
 WATCH, SOON = 16, 64
 
 
 @kernel
 def gauss_seidel(rows: Problem, tolerance: float, limit: int) -> int:
-    """Projected Gauss-Seidel in the rows' order; return the iterations made."""
+    """Projected Gauss-Seidel in the order of the rows; return the number of iterations."""
     rows.residual, likely = row_residual(rows), LIKELY
     iteration = 0
     while rows.residual > tolerance and iteration < limit:
@@ -46,14 +46,15 @@ def gauss_seidel(rows: Problem, tolerance: float, limit: int) -> int:
 
 @kernel
 def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
-    """Gauss-Seidel sweeps with Nesterov's momentum and restart; return the iterations made.
+    """Gauss-Seidel sweeps with Nesterov's momentum and restarts; return the number of iterations.
 
-    Every sweep starts from percussions and velocities extrapolated from the last two, and the momentum starts anew
-    where it points uphill. No bound of a step is needed, but sweeps in one direction with momentum need not go down:
-    in orderly crowds, bodies in rows, they swing ever farther. Where the energy has risen between two evaluations,
-    sweeps start again from the one before and run back and forth from then on: a symmetric sweep is a step in a metric
-    in which momentum does go down, but costs two. Where the energy soon rises again, they go on by at most half the
-    share of the last step: plain sweeps, which cannot rise, are what that tends to.
+    Every sweep starts from percussions and velocities extrapolated from the last two sweeps, and the momentum is
+    restarted when it points uphill. No bound of a step length is needed, but sweeps in one direction with momentum need
+    not decrease the energy: for bodies in regular rows, they may oscillate with increasing amplitude. If the energy has
+    increased between two evaluations, the solver returns to the state at the previous one and uses symmetric sweeps
+    from then on. A symmetric sweep is a step in a metric in which momentum does decrease the energy, but it costs two
+    sweeps. If the energy soon increases again, the upper limit of the extrapolation factor is halved; in the limit of
+    zero, these are plain sweeps, which never increase the energy.
     """
     rows.residual = row_residual(rows)
     momentum, share, most, likely = 1.0, 0.0, 1.0, LIKELY
@@ -61,7 +62,7 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     evaluated, risen = 0, -SOON
     accepted = energy(rows)
     _keep(rows)
-    _go_back(rows)
+    _restore(rows)
     iteration = 0
     while rows.residual > tolerance and iteration < limit:
         uphill, change = _sweep_on(rows, share)
@@ -77,7 +78,7 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
                 accepted = now
                 _keep(rows)
             else:
-                _go_back(rows)
+                _restore(rows)
                 if back and iteration - risen <= SOON:
                     most *= 0.5
                 back = True
@@ -93,9 +94,9 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
 
 @inner
 def _sweep_on(rows, share):
-    """Sweep up from velocities and percussions gone on by `share` of their last step.
+    """Sweep up from velocities and percussions extrapolated by `share` of their last step.
 
-    `image_a` and `work_a` have those before. Returns the slope along the last step and the greatest change of a row
+    `image_a` and `work_a` have the previous ones. Returns the slope along the last step and the largest change of a row
     [m/s].
     """
     for i in range(rows.bodies):
@@ -119,7 +120,7 @@ def _sweep_on(rows, share):
 
 @inner
 def _sweep_back(rows):
-    """Sweep down after a sweep up; return its part of the slope along the last step, and its greatest change [m/s]."""
+    """Sweep down after a sweep up; return its part of the slope along the last step, and its largest change [m/s]."""
     rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
     for r in range(rows.size - 1, -1, -1):
@@ -135,7 +136,7 @@ def _sweep_back(rows):
 
 @inner
 def _keep(rows):
-    """Keep percussions and velocities in `work_b` and `image_b`."""
+    """Save percussions and velocities in `work_b` and `image_b`."""
     for r in range(rows.size):
         rows.work_b[r] = rows.percussion[r]
     for i in range(rows.bodies):
@@ -144,8 +145,8 @@ def _keep(rows):
 
 
 @inner
-def _go_back(rows):
-    """Return to the percussions and velocities kept, at rest."""
+def _restore(rows):
+    """Restore the saved percussions and velocities, without momentum."""
     for r in range(rows.size):
         rows.percussion[r] = rows.work_b[r]
         rows.work_a[r] = rows.work_b[r]
@@ -157,26 +158,26 @@ def _go_back(rows):
 
 @inner
 def energy(rows):
-    """Return what percussions obeying their laws make least: kinetic energy and the rows' own energies [J]."""
+    """Return the energy that the solution minimises: kinetic energy plus the energies of the rows [J]."""
     found = 0.0
     for i in range(rows.bodies):
         found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
     found *= 0.5
-    rigid = rows.rigid == 1  # as for `law`
+    rigid = rows.rigid == 1  # see `law`
     for r in range(rows.size):
         found += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
     return found
 
 
 class GaussSeidel(Solver):
-    """Projected Gauss-Seidel: one contact after the other, outwards from the exit."""
+    """Projected Gauss-Seidel sweeps over the contacts, outwards from the exit."""
 
     name = "gauss_seidel"
     solve = gauss_seidel
 
 
 class AcceleratedSweeps(Solver):
-    """Gauss-Seidel with Nesterov's momentum, back and forth where that diverges; the default."""
+    """Gauss-Seidel sweeps with Nesterov's momentum, symmetric if these diverge; the default."""
 
     name = "accelerated_sweeps"
     solve = accelerated_sweeps

@@ -172,7 +172,7 @@ def test_a_run_that_was_stopped_leaves_tables_and_goes_on(tmp_path, hall):
         assert json.loads((tmp_path / "r" / "summary.json").read_text())["ended"] == "interrupted"
     evac.resume(tmp_path / "r")
     assert_same_files(tmp_path / "whole", tmp_path / "r")
-    with pytest.raises(ResultError, match="has no checkpoint"):
+    with pytest.raises(ResultError, match="--checkpoint"):
         evac.resume(tmp_path / "r")
     with pytest.raises(ResultError, match="nowhere: no such result folder"):
         evac.resume(tmp_path / "nowhere")
@@ -212,10 +212,10 @@ def test_plugins_without_state_are_refused_by_name(tmp_path, hall):
     case = evac.load({**hall, "behaviours": {"closing": {}}}, plugin_files=[plugin])
     with pytest.raises(PluginError) as caught:
         evac.run(case, tmp_path / "r", checkpoint=60)
-    for words in ("behaviour 'closing' keeps seen", "recorder 'inside' keeps length"):
+    for words in ("behaviour 'closing'", "seen", "recorder 'inside'", "length"):
         assert words in str(caught.value)
     assert not (tmp_path / "r").exists()
-    with pytest.warns(FolderWarning, match="behaviour 'closing' keeps seen"):
+    with pytest.warns(FolderWarning, match=r"behaviour 'closing' .*seen"):
         evac.run(case, tmp_path / "r", progress=until(1.0, Stopped))
     assert (tmp_path / "r" / "people.csv").is_file()
     assert not (tmp_path / "r" / CHECKPOINT_NAME).exists()
@@ -257,10 +257,10 @@ def test_a_file_that_was_cut_is_refused(tmp_path, hall):
     kill(evac.load(hall), tmp_path / "r", 1.5)
     path = tmp_path / "r.running" / "trajectory.evac"
     os.truncate(path, 100)
-    with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 are there"):
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .* 100 "):
         evac.resume(tmp_path / "r")
     path.unlink()
-    with pytest.raises(ResultError, match=r"trajectory\.evac: the file has been removed"):
+    with pytest.raises(ResultError, match=r"trajectory\.evac: .*removed"):
         evac.resume(tmp_path / "r")
 
 
@@ -272,7 +272,7 @@ def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
     (found.path.parent / "link").symlink_to(tmp_path / "thesis.txt")
     name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
     write_checkpoint(found.path, {**found.header, "files": {name: 0}}, found.arrays)
-    with pytest.raises(ResultError, match="no file of this folder"):
+    with pytest.raises(ResultError, match=f"{name} is not a file of this folder"):
         evac.resume(tmp_path / "r")
     assert (tmp_path / "thesis.txt").read_text() == "precious"
 
@@ -360,7 +360,7 @@ def test_a_folder_that_is_removed_during_the_run_ends_it(tmp_path, hall):
             (tmp_path / "r.running").rmdir()
         assert progress.time < 1.2
 
-    with pytest.raises(ResultError, match=r"r\.running: the folder has been removed"):
+    with pytest.raises(ResultError, match=r"r\.running: .*removed"):
         evac.run(case, earlier, progress=remove)
     assert (earlier / "summary.json").read_bytes() == before
 

@@ -48,7 +48,7 @@ def test_kernels_are_counted_while_they_are_compiled(monkeypatch, capsys):
         for done in (0, 1, 2, 3, 4):
             display.compiling(done, 4)
     lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(",")[0] for line in lines] == ["compiling kernels: 4 of them", "2/4 kernels"]
+    assert [line.partition(",")[0] for line in lines] == ["compiling 4 kernels", "2/4 kernels"]
 
 
 def test_a_terminal_gets_a_bar(monkeypatch):
@@ -77,5 +77,5 @@ def test_a_file_is_no_terminal_whatever_variables_say(monkeypatch, capsys):
         display.phase("reading")
         display.compiling(0, 3)
     said = capsys.readouterr().err
-    assert "compiling kernels: 3" in said
+    assert "compiling 3 kernels" in said
     assert "\x1b" not in said

@@ -2,6 +2,7 @@
 
 import io
 import json
+import signal
 import textwrap
 import threading
 import time
@@ -29,7 +30,7 @@ def with_plugin(tmp_path, text, changes=()):
 def test_a_summary_of_somebody_else_is_no_result_folder(tmp_path, summary):
     for name, text in (("summary.json", summary), ("picture.png", "mine"), ("trajectory.evac", "mine")):
         (tmp_path / name).write_text(text)
-    with pytest.raises(ResultError, match="no result folder"):
+    with pytest.raises(ResultError, match=f"{tmp_path.name}: .*summary.json"):
         run(evac.load("square_room"), tmp_path)
     assert (tmp_path / "picture.png").read_text() == "mine"
 
@@ -47,6 +48,32 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     run(case, tmp_path / "r")
     names = {path.name for path in (tmp_path / "r").iterdir()}
     assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
+
+
+def interrupting(at):
+    """A progress display that sends this process Ctrl-C, as a terminal or a notebook does."""
+
+    def progress(state):
+        if state.time >= at - 1e-9:
+            signal.raise_signal(signal.SIGINT)
+
+    return progress
+
+
+def test_ctrl_c_in_python_leaves_tables_and_a_state(tmp_path):
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
+    try:
+        case = evac.load("square_room", {"output.picture": False, "output.animation": False})
+        whole = evac.run(case, tmp_path / "whole")
+        with pytest.raises(KeyboardInterrupt, match=r"evac\.resume"):
+            evac.run(case, tmp_path / "r", progress=interrupting(2.0))
+        summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+        assert (summary["ended"], summary["simulated_time"]) == (INTERRUPTED, 2.0)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        resumed = evac.resume(tmp_path / "r")
+        assert resumed.crowd.exit_time.tobytes() == whole.crowd.exit_time.tobytes()
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 RECORDER = """

@@ -101,7 +101,7 @@ def test_contacts_that_chatter_have_a_warning():
     found = simulation.results().chatter
     assert found.people >= 3
     assert found.values[0] > 2.0 * found.values[1]
-    assert any("contacts chatter" in line for line in simulation.results().quality_warnings)
+    assert any(line.startswith("chattering contacts: ") for line in simulation.results().quality_warnings)
 
 
 @pytest.mark.parametrize("dissipation", [0.0, 200.0])

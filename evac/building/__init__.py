@@ -1,1 +1,1 @@
-"""Surface mesh to frozen `Building`: see ``evac.building.build.build_building``."""
+"""Conversion of plans and surface meshes to a frozen `Building`: see `evac.building.build.build_building`."""

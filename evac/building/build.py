@@ -1,4 +1,4 @@
-"""Surface mesh to `Building`: the one way in."""
+"""Conversion of a surface mesh to a `Building`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from evac.building.edges import COLLINEAR, edge_table
 from evac.building.elevation import level_elevation
 from evac.building.foreign import turned
 from evac.building.levels import LevelSet, find_levels
-from evac.building.links import close_links, find_exits_and_walls, find_portals
+from evac.building.links import close_links, find_doors, find_exits_and_walls, find_portals
 from evac.building.model import Area, Building
 from evac.building.places import HEIGHT_REACH, LEAST_LENGTH, add_area, add_exit, add_obstacles
 from evac.building.polygons import union
@@ -23,7 +23,7 @@ from evac.building.surfacemesh import SurfaceMesh, checked
 from evac.defaults import FLAT_ANGLE, HEADROOM, SCALE, UP, WALKABLE_ANGLE, WELD
 from evac.errors import BuildingError
 
-#: A tagged obstacle not higher above a floor than this stands on it [m]: a table or a counter may be drawn by its top.
+#: Largest height of a tagged obstacle above its floor [m]; a table or counter may be drawn by its top.
 OBSTACLE_HEIGHT = 1.2
 
 
@@ -44,36 +44,36 @@ def build_building(
     closed: Sequence[str] = (),
     need_exit: bool = True,
 ) -> Building:
-    """Make a building of a surface mesh, tagged or bare.
+    """Build a `Building` from a surface mesh with or without tags.
 
-    The result depends on the geometry alone, not on the order of vertices or cells or their winding.
+    The result depends only on the geometry, not on the order of vertices and cells or on their orientation.
     Walls have the inside of their level on their left.
 
     Parameters
     ----------
     mesh : SurfaceMesh
     source : Path
-        The file it was read from, for messages.
+        The file that the mesh was read from, for messages.
     weld : float [m]
-        Vertices no farther apart are the same.
+        Vertices at most this far apart are merged.
     flat_angle, walkable_angle : float [degrees]
-        Cells with a slope below the first are flat, above the second not walkable.
+        Cells with a slope below `flat_angle` are flat, those above `walkable_angle` are not walkable.
     scale : float
         Metres per unit of the mesh.
     up : "z" or "y"
         Axis of the mesh that points upwards.
     headroom : float [m]
-        Ground on solid bodies, and beside flights of treads, with less height above is left out; 0: none.
+        Ground on solid bodies, and beside flights of treads, with less free height above it is removed; 0 keeps it.
     treads : bool
-        Whether stairs drawn as treads become inclined flights.
+        Whether stairs drawn as treads are replaced by inclined flights.
     exits : sequence of mappings
-        To add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
+        Exits to add: ``name``, ``segment`` on free edges ((2, 2) [m]) and ``level`` (name) or ``z`` (height [m]).
     areas, obstacles : sequences of mappings
-        To add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
+        Areas and obstacles to add: ``name``, ``polygon`` ((k, 2) [m]) and ``level`` or ``z``.
     closed : sequence of str
         Names of exits, portals and stairs that are closed during the whole run.
     need_exit : bool
-        Whether to refuse a building that nobody can leave; without exits it can only be looked at.
+        Whether a building without exits is an error. Without exits, a building can be inspected but not simulated.
 
     Returns
     -------
@@ -82,9 +82,9 @@ def build_building(
     Raises
     ------
     BuildingError
-        If a setting is out of range, or the building cannot be used: no walkable cell, an edge of three cells, a level
-        over itself in plan or less than 1 m deep between facing portals, a stair that joins nothing, an exit off the
-        edge, no exit, a name to close that is none of the building's.
+        If a setting is out of range or the building cannot be used: no cell is walkable, an edge has three cells, a
+        level overlaps itself in plan or is less than 1 m deep between facing portals, a stair does not join two levels,
+        an exit is not on a free edge, there is no exit, or a name in `closed` does not exist.
     PluginError
         If an array of the mesh has the wrong shape.
     """
@@ -116,14 +116,14 @@ def clean(
     headroom: float = HEADROOM,
     treads: bool = True,
 ) -> Surface:
-    """Return the clean walkable surface of a mesh, in metres; arguments and errors as for `build_building`."""
+    """Return the clean walkable surface of a mesh in metres; see `build_building` for the arguments and errors."""
     if not (0.0 <= weld < np.inf and 0.0 < scale < np.inf and 0.0 < flat_angle < walkable_angle < 90.0):
         raise BuildingError(
-            f"{source}: required are weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
+            f"{source}: building needs weld >= 0, scale > 0 and 0 < flat_angle < walkable_angle < 90 degrees, "
             f"not weld = {weld:g}, scale = {scale:g}, flat_angle = {flat_angle:g}, walkable_angle = {walkable_angle:g}"
         )
     if up not in ("z", "y") or not 0.0 <= headroom < np.inf:
-        raise BuildingError(f"{source}: required are up = 'z' or 'y' and headroom >= 0, not {up!r} and {headroom!r}")
+        raise BuildingError(f"{source}: building needs up = 'z' or 'y' and headroom >= 0, not {up!r} and {headroom!r}")
     return clean_surface(turned(checked(source, mesh), up), weld, flat_angle, walkable_angle, scale, headroom, treads)
 
 
@@ -137,7 +137,7 @@ def building_of(
     closed: Sequence[str] = (),
     need_exit: bool = True,
 ) -> Building:
-    """Return the building of a clean surface; arguments and errors as for `build_building`."""
+    """Return the building of a clean surface; see `build_building` for the arguments and errors."""
     table = edge_table(source, surface.vertices, surface.triangles)
     level_set = find_levels(source, surface, table)
     tagged_exits, walls, wall_level = find_exits_and_walls(source, surface, table, level_set)
@@ -152,6 +152,7 @@ def building_of(
         wall_level=wall_level,
         stairs=level_set.stairs,
         findings=(*surface.findings, *level_set.findings),
+        doors=find_doors(surface, level_set.levels),
     )
     check_overlap(building)
     check_depth(building)
@@ -172,7 +173,7 @@ def building_of(
 
 @contextmanager
 def _given(key: str, item: Mapping[str, Any]) -> Iterator[None]:
-    """Name the key under which a place is given, beside the mesh that it does not fit."""
+    """Add the key of a place in the case to errors, which name the mesh only."""
     try:
         yield
     except BuildingError as error:
@@ -187,14 +188,14 @@ def _tagged_areas(source: Path, surface: Surface, level_set: LevelSet) -> tuple[
         on = np.unique(level_set.level_of_cell[cells])
         if len(on) != 1:
             names = " and ".join(repr(level_set.levels[level].name) for level in on) or "no walkable level"
-            raise BuildingError(f"{source}: {tag!r} lies on {names}; an area is on one level")
+            raise BuildingError(f"{source}: {tag!r} lies on {names}; put an area on exactly one walkable level")
         plan = shapely.polygons(surface.vertices[surface.triangles[cells]][:, :, :2])
         areas.append(Area(tag.removeprefix("area:"), int(on[0]), union(plan).normalize()))
     return tuple(areas)
 
 
 def _standing_obstacles(building: Building, surface: Surface) -> list[dict[str, Any]]:
-    """Find tagged obstacles drawn on top of a floor; those cut out of it have their walls already."""
+    """Find tagged obstacles drawn on top of a floor; obstacles cut out of the floor already have walls."""
     found = []
     for tag, corners in sorted(surface.obstacles.items()):
         cells = shapely.polygons(corners[:, :, :2])

@@ -1,4 +1,4 @@
-"""What a building must fulfil before anything is computed on it."""
+"""Checks of a building before anything is computed on it."""
 
 import itertools
 import math
@@ -15,31 +15,31 @@ from evac.building.findings import Finding
 from evac.building.model import Building, Level
 from evac.errors import BuildingError
 
-#: Least depth of a level between two portals that face each other [m].
+#: Minimum depth of a level between two portals that face each other [m].
 LEAST_DEPTH = 1.0
-#: Segments face each other if their insides point against each other by more than 120 degrees.
+#: Cosine of the smallest angle between the inward normals of segments that face each other (120 degrees).
 FACING = -0.5
-#: Floors over each other by less than this are the same ground [m]; so is what a flight passes more closely than this.
+#: Minimum vertical distance of two floors, and of a floor and a flight, that overlap in plan [m].
 LEAST_HEADROOM = 1.0
 LEAST_CLEARANCE = 0.1
-#: More shared ground than this [m2], or than this share of the smaller level, is no rounding.
+#: Overlaps up to this area [m2], or up to this share of the smaller level, are taken as rounding errors.
 LEAST_SHARED = 0.01
 LEAST_SHARE = 5e-4
-#: Walls back to back are thicker than this [m].
+#: Walls drawn with both sides are thicker than this [m]; smaller gaps are cells that miss each other.
 THINNEST = 0.01
-#: Ends of stairs that miss by less may be welded [m].
+#: Largest gap at the end of a stair for which a larger weld is suggested [m].
 NEAR_MISS = 0.03
-#: Rounding allowed to lengths [m] and areas [m2].
+#: Rounding tolerance of lengths [m] and areas [m2].
 ROUNDING = 1e-6
 
 
 def check_overlap(building: Building) -> None:
-    """Refuse a level that lies over itself in plan, or over another one at the same height.
+    """Refuse a level that overlaps itself in plan, or overlaps another level at the same height.
 
     Raises
     ------
     BuildingError
-        Naming the levels and a place where the ground is double.
+        Names the levels and a place where they overlap.
     """
     for level in building.levels:
         cells = shapely.polygons(building.vertices[level.triangles][:, :, :2])
@@ -49,14 +49,14 @@ def check_overlap(building: Building) -> None:
         both = shapely.intersection(cells[one[one < other]], cells[other[one < other]])
         x, y = both[shapely.area(both).argmax()].centroid.coords[0]
         raise BuildingError(
-            f"{building.source}: level {level.name!r} lies over itself in plan at ({x:z.2f}, {y:z.2f}); "
-            "divide it by a landing or a floor tag, or remove the double cells"
+            f"{building.source}: level {level.name!r} overlaps itself in plan at ({x:z.2f}, {y:z.2f}); "
+            "divide it by a landing or a floor tag, or remove the duplicate cells"
         )
     _check_same_ground(building)
 
 
 def _check_same_ground(building: Building) -> None:
-    """Refuse two levels over each other without room between: who is on one would not see who is on the other."""
+    """Refuse levels that overlap without enough height between them: people on them would not see each other."""
     for a, b in itertools.combinations(building.levels, 2):
         needed = LEAST_CLEARANCE if "flight" in (a.kind, b.kind) else LEAST_HEADROOM
         if a.z_max + needed <= b.z_min or b.z_max + needed <= a.z_min:
@@ -64,7 +64,7 @@ def _check_same_ground(building: Building) -> None:
         both = a.polygon.intersection(b.polygon)
         if both.area <= min(LEAST_SHARED, LEAST_SHARE * min(a.polygon.area, b.polygon.area)):
             continue
-        # They may meet as well, in lines and points.
+        # The intersection may also contain lines and points, where the levels meet.
         for part in (part for part in shapely.get_parts(both) if part.area > 0.0):
             places = np.vstack([shapely.get_coordinates(part), part.representative_point().coords[0]])
             one, other = (level_elevation(building.vertices, level, places) for level in (a, b))
@@ -73,20 +73,20 @@ def _check_same_ground(building: Building) -> None:
                 x, y = places[k]
                 raise BuildingError(
                     f"{building.source}: levels {a.name!r} and {b.name!r} share {both.area:.3g} m2 of ground; at "
-                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f}: people on one would "
-                    f"walk through those on the other; they must be {needed:g} m apart: cut one out of the other (an "
-                    "area, too, is a part of its floor, not drawn over it)"
+                    f"({x:z.2f}, {y:z.2f}) their heights are {one[k]:z.2f} and {other[k]:z.2f} m, so people on one "
+                    f"would walk through people on the other. Overlapping levels must be {needed:g} m apart in height: "
+                    "cut the upper or the lower one away there (an area is a part of its floor, not drawn over it)"
                 )
 
 
 def missed_seams(building: Building) -> tuple[Finding, ...]:
-    """Warn of walls back to back that are closer than any wall is thick: two cells that were meant to meet there."""
+    """Warn of walls back to back that are closer than the thickness of any wall: cells that should probably meet."""
     walls, level = building.walls, building.wall_level
     lines = shapely.linestrings(walls.reshape(-1, 2, 2))
     middle = (walls[:, :2] + walls[:, 2:]) / 2
     one, other = shapely.STRtree(lines).query(shapely.points(middle), predicate="dwithin", distance=THINNEST)
     step = (walls[:, 2:] - walls[:, :2]) / segment_lengths(walls)[:, None]
-    # The middle of the one lies beside the other, behind it, and what is in front of the one is behind the other.
+    # The midpoint of one wall lies beside and behind the other one, and the walls face away from each other.
     along = ((middle[one] - walls[other, :2]) * step[other]).sum(axis=1)
     is_beside = (along > 0.0) & (along < segment_lengths(walls)[other])
     is_behind = side_of(walls[other].T, *middle[one].T) <= 0.0
@@ -106,26 +106,26 @@ def missed_seams(building: Building) -> tuple[Finding, ...]:
     miss = shapely.distance(ends, lines[other[rows]][:, None])
     text = (
         f"cells {'of ' + ' and '.join(map(repr, names)) + ' ' if len(names) > 1 else ''}miss each other by "
-        f"{1e3 * gap:.1f} mm here, and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
+        f"{1e3 * gap:.1f} mm here and by less than {THINNEST:g} m along {len(np.unique(one[rows]))} walls; if they "
         f"should meet, building.weld = {weld_for(float(miss[miss < THINNEST].max(initial=gap))):g} joins them"
     )
     return (Finding("warning", text, names[0], (float(x), float(y))),)
 
 
 def weld_for(miss: float) -> float:
-    """Return a weld that joins what misses by so much [m]: the next millimetre that is greater by a tenth."""
+    """Return a weld that closes a gap [m]: 10 % more than the gap, rounded up to a millimetre."""
     return math.ceil(1.1e3 * miss) / 1e3
 
 
 def check_depth(building: Building) -> None:
     """Refuse a level less than 1 m deep between two portals that face each other.
 
-    Portals side by side, or at right angles on a quarter landing, may touch.
+    Portals side by side, or at right angles on a quarter landing, may be closer.
 
     Raises
     ------
     BuildingError
-        Naming the level, the portals and the place.
+        Names the level, the portals and the place.
     """
     for level in building.levels:
         for one, other in itertools.combinations(building.portals_of(level.index), 2):
@@ -135,13 +135,13 @@ def check_depth(building: Building) -> None:
                     x, y = line.centroid.coords[0]
                     raise BuildingError(
                         f"{building.source}: level {level.name!r} is only {line.length:.2f} m deep between its portals "
-                        f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it {LEAST_DEPTH:g} m deep "
-                        f"or join it to a neighbour; {measures(building)}"
+                        f"{one.name!r} and {other.name!r} at ({x:z.2f}, {y:z.2f}); make it at least {LEAST_DEPTH:g} m "
+                        f"deep, or join it to a neighbouring level; {measures(building)}"
                     )
 
 
 def measures(building: Building) -> str:
-    """Describe for a message how large the building is, in case its unit is not the metre."""
+    """Describe the size of the building for a message, in case its unit is not the metre."""
     width, depth, height = np.ptp(building.vertices, axis=0).tolist()
     return f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height (building.scale)"
 
@@ -152,7 +152,7 @@ def check_stairs(building: Building) -> None:
     Raises
     ------
     BuildingError
-        Naming the stair and its heights.
+        Names the stair and its heights.
     """
     for name, members in building.stairs.items():
         ends = {f"exit {way.name!r}" for way in building.exits if way.level in members}
@@ -172,7 +172,7 @@ def check_stairs(building: Building) -> None:
 
 
 def _nearest_end(building: Building, own: list[Level]) -> str:
-    """Describe for a message the level that misses an end of the stair by least, if one does within a metre."""
+    """Describe for a message the level that is nearest to an end of the stair, if there is one within a metre."""
     members = {one.index for one in own}
     joined = members.union(*(portal.levels for portal in building.portals if members & set(portal.levels)))
     misses = []
@@ -196,7 +196,7 @@ def check_exits(building: Building) -> None:
     Raises
     ------
     BuildingError
-        Saying how to add one, on the longest free edge of the lowest level.
+        The message shows how to add an exit on the longest free edge of the lowest level.
     """
     if building.exits:
         return
@@ -215,7 +215,7 @@ def check_exits(building: Building) -> None:
 
 
 def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Finding, ...]:
-    """Warn of levels from which no exit can be reached, other than those that are `closed` themselves."""
+    """Warn of levels from which no exit can be reached, except the levels in `closed`."""
     pairs = [portal.levels for portal in building.portals if building.is_open(portal)]
     part = connected_components(len(building.levels), np.array(pairs, dtype=np.int64).reshape(-1, 2))
     open_levels = {way.level for way in building.exits if building.is_open(way)}
@@ -225,14 +225,14 @@ def isolated_parts(building: Building, closed: Collection[int] = ()) -> tuple[Fi
         if open_levels.isdisjoint(members) and not set(members) <= set(closed):
             names = [building.levels[index].name for index in members]
             others = f" and its neighbours {', '.join(map(repr, names[1:]))}" if len(names) > 1 else ""
-            text = f"no exit can be reached from {names[0]!r}{others}: nobody can leave from there"
+            text = f"no exit can be reached from {names[0]!r}{others}: people there cannot leave"
             x, y = building.levels[members[0]].polygon.representative_point().coords[0]
             notes.append(Finding("warning", text, names[0], (x, y)))
     return tuple(notes)
 
 
 def _face(a: FloatArray, b: FloatArray) -> bool:
-    """Return whether two segments face each other: insides opposed, and each at least partly on the other's inside."""
+    """Return whether two segments face each other: opposed inward normals, each partly on the other's inner side."""
     step_a, step_b = a[2:] - a[:2], b[2:] - b[:2]
     opposed = float(step_a @ step_b) < FACING * float(np.hypot(*step_a) * np.hypot(*step_b))
     return opposed and _is_ahead(a, b) and _is_ahead(b, a)

@@ -1,4 +1,4 @@
-"""Connected components, in numpy: loading a library of graphs takes longer than reading most buildings."""
+"""Connected components in NumPy: importing a graph library takes longer than reading most buildings."""
 
 import numpy as np
 
@@ -18,9 +18,9 @@ def connected_components(count: int, pairs: IndexArray) -> IndexArray:
     Returns
     -------
     (count,) int64
-        Numbers of the components, which are in the order of their first nodes.
+        Component of each node; components are numbered in the order of their first nodes.
     """
-    # Every node points to one of its component that is not greater, in the end to the least one.
+    # Every node points to a node of its component that is not greater, and finally to the smallest one.
     least = np.arange(count)
     while True:
         low = least[pairs].min(axis=1)

@@ -1,4 +1,4 @@
-"""Polygons in plan, at heights of their own, to one conforming triangle mesh."""
+"""Conversion of polygons in plan, each with its height, to a conforming triangle mesh."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 
-#: Height of a surface: one number, or a function of the plan position (x, y) for a slope.
+#: Height of a surface [m]: a number, or a function of the plan position (x, y) for a slope.
 Height = float | Callable[[float, float], float]
 #: A point (x, y, z).
 Point = tuple[float, float, float]
 
-#: Coordinates are rounded to so many decimals, and what is no farther apart is at the same place.
+#: Decimals to which coordinates are rounded, and the corresponding distance below which points coincide.
 DECIMALS, TOLERANCE = 6, 1e-6
 
 
@@ -28,9 +28,9 @@ class Conforming:
     points : list of (x, y, z)
     triangles : list of [int, int, int]
     surface : list of int
-        Row of the surface that each triangle was cut from.
+        Row of the surface of each triangle.
     chains : list of list of [int, int]
-        The edges that each given edge was cut into.
+        Edges that each given edge was divided into.
     """
 
     points: list[Point]
@@ -42,10 +42,10 @@ class Conforming:
 def conform(
     surfaces: Sequence[tuple[str, BaseGeometry, Height]], edges: Sequence[tuple[str, Point, Point]]
 ) -> Conforming:
-    """Cut polygons into triangles.
+    """Triangulate polygons such that neighbours share their edges.
 
     Wherever a corner of one surface, or an end of an edge, lies on the side of another surface at the same height, both
-    get a vertex there, so that neighbours share their edges and no node hangs.
+    get a vertex there, so that there are no hanging nodes.
 
     Parameters
     ----------
@@ -57,12 +57,12 @@ def conform(
     Raises
     ------
     ValueError
-        A surface is no polygon, or an edge is on no surface; names it and the place.
+        A surface is not a valid polygon, or an edge is not on any surface; names the item and the place.
     """
     for name, plan, _ in surfaces:
         fault = "" if plan.is_valid else shapely.is_valid_reason(plan)
         if plan.is_empty or plan.geom_type not in ("Polygon", "MultiPolygon"):
-            fault = f"it is {'empty' if plan.is_empty else plan.geom_type}"
+            fault = f"it is {'empty' if plan.is_empty else f'a {plan.geom_type}'}"
         if fault:
             raise ValueError(f"the surface {name!r} must be a polygon whose sides do not cross: {fault}")
     corners = _Corners(
@@ -81,20 +81,22 @@ def conform(
         chain = [_rounded(point) for point in corners.split([(start, end)])[0]] + [_rounded(end)]
         for x, y, z in chain:
             if (x, y, z) not in points:
-                raise ValueError(f"the edge {name!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is on no surface")
+                raise ValueError(
+                    f"the edge {name!r}: its point ({x:z.2f}, {y:z.2f}, {z:z.2f}) is not on any surface; move it to one"
+                )
         chains.append([[points[one], points[other]] for one, other in pairwise(chain)])
     return Conforming(list(points), triangles, surface, chains)
 
 
 class _Corners:
-    """Every corner of a drawing, none twice, found by the sides that they lie on."""
+    """The distinct corners of a drawing, searchable by the sides that they lie on."""
 
     def __init__(self, points: Iterable[Point]) -> None:
         self._points: FloatArray = np.unique(np.round(list(points), DECIMALS).reshape(-1, 3), axis=0) + 0.0
         self._tree = shapely.STRtree(shapely.points(self._points[:, :2]))
 
     def split(self, sides: Sequence[tuple[Point, Point]]) -> list[list[Point]]:
-        """Return for each side its start and the corners that lie between its ends, in order."""
+        """Return, for each side, its start and the corners between its ends, in order."""
         ends = np.array(sides, dtype=np.float64)
         rows, found = self._tree.query(shapely.linestrings(ends[:, :, :2]), "dwithin", distance=10.0 * TOLERANCE)
         origin, along = ends[rows, 0], ends[rows, 1] - ends[rows, 0]
@@ -111,7 +113,7 @@ class _Corners:
 
 
 def _triangles(plan: BaseGeometry, height: Height, corners: _Corners) -> list[list[Point]]:
-    """Return the triangles of a surface, every corner of the drawing on its sides being a vertex."""
+    """Triangulate a surface; every corner of the drawing on its sides becomes a vertex."""
     triangles = []
     for polygon in shapely.get_parts(shapely.normalize(plan)):
         rings = []
@@ -124,8 +126,8 @@ def _triangles(plan: BaseGeometry, height: Height, corners: _Corners) -> list[li
         except shapely.GEOSException as error:
             x, y = rings[-1][0]
             raise ValueError(
-                f"the ground at ({x:z.2f}, {y:z.2f}) cannot be cut into triangles ({error}): its outline comes too "
-                "close to itself there; repair it"
+                f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated ({error}): parts of its outline are too "
+                "close to each other there; repair the outline"
             ) from error
         for triangle in shapely.get_parts(pieces):
             triangles.append([_lifted(x, y, height) for x, y in triangle.exterior.coords[:3]])

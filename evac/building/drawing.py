@@ -1,4 +1,4 @@
-"""Plan to surface mesh: rooms joined by doors, floors cut for obstacles and stairs, exits put on outlines."""
+"""Conversion of a plan to a surface mesh: doors join rooms, obstacles and stairs are cut out, exits are opened."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,10 +12,13 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building import stairs
 from evac.building.conforming import Height
+from evac.building.doors import placed
 from evac.building.findings import Finding
 from evac.building.outlines import (
     Strip,
     along,
+    between_floors,
+    between_rooms,
     covered,
     is_on,
     nearest,
@@ -26,6 +29,7 @@ from evac.building.outlines import (
     with_walls,
     written,
 )
+from evac.building.plancheck import beside_floor, both_sides, low_storeys, with_cause
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
@@ -35,18 +39,23 @@ from evac.parameters import did_you_mean
 if TYPE_CHECKING:
     from evac.building.plan import Plan
 
-#: A surface: its tags, its plan and its height.
+#: A surface: its tags, its polygon in plan and its height.
 Drawn = tuple[tuple[str, ...], BaseGeometry, Height]
 
-#: How far beside a segment it is asked whether there is floor [m].
+#: Distance from a segment at which the presence of floor is tested [m].
 BESIDE = 0.05
-#: A part of an exit or a stair's edge without floor beside it that is not worth a warning [m].
+#: Depth of floor added up to an exit above which it is a warning: more than the thickness of most walls [m].
+DEEP = 0.3
+#: Length of an exit or a stair edge that may lack a floor beside it without a warning [m].
 UNCOVERED = 0.01
 
 
 def draw(plan: "Plan") -> SurfaceMesh:
     """Return the tagged surface of a plan; see `evac.building.plan.Plan.surface`."""
-    return _Drawing(plan).mesh()
+    try:
+        return _Drawing(plan).mesh()
+    except BuildingError as error:
+        raise BuildingError(with_cause(str(error), plan.source, plan.findings)) from error
 
 
 class _Drawing:
@@ -56,16 +65,18 @@ class _Drawing:
         self.plan = plan
         self.findings = list(plan.findings)
         self.floors: dict[str, BaseGeometry] = {}
+        self.rooms: dict[str, BaseGeometry] = {}  # the floors before anything is cut out of them
         self.pieces: dict[str, list[stairs.Piece]] = {}
         self.edges: list[tuple[str, str, FloatArray]] = []  # tag, storey, pieces (p, 4)
         self.openings: list[tuple[str, FloatArray]] = []
+        self.doors: list[tuple[str, FloatArray]] = []
         self.exits = list(plan.exits)
 
     def mesh(self) -> SurfaceMesh:
-        """Do everything in its order."""
+        """Return the surface mesh: apply all parts of the plan in order."""
         plan = self.plan
         if not plan.storeys:
-            raise BuildingError(f"{plan.source}: there is no storey; add one with its polygons")
+            raise BuildingError(f"{plan.source}: the plan has no storey; add at least one with its polygons")
         for kind in ("door", "exit", "opening", "area", "obstacle"):
             for item in getattr(plan, f"{kind}s"):
                 self._check_storey(f"{kind} {item.name!r}", item.storey)
@@ -74,6 +85,7 @@ class _Drawing:
         for door in plan.doors:
             with self._naming(f"door {door.name!r}"):
                 self._open_door(door)
+        self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
         self._cut_exits()
         self._make_stairs()
@@ -82,6 +94,7 @@ class _Drawing:
                 self._open_exit(item)
         for item in plan.openings:
             self.openings += [(item.storey, piece) for piece in self._outline(item, item.segment)]
+        self.findings += [*low_storeys(plan.storeys, self.floors, plan.headroom), *beside_floor(plan.areas, self.rooms)]
         surfaces: list[Drawn] = [*self._ground(), *(found for found in obstacles if found is not None)]
         for name, pieces in self.pieces.items():
             surfaces += [((f"stair:{name}",), piece.plan, piece.height) for piece in pieces]
@@ -90,7 +103,7 @@ class _Drawing:
             z = plan.storeys[storey].z
             edges += [(tag, (x1, y1, z), (x2, y2, z)) for x1, y1, x2, y2 in ends.tolist()]
         try:
-            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings)
+            mesh = SurfaceMesh.of_polygons(surfaces, edges, self.findings, self.openings, self.doors)
         except ValueError as error:
             raise BuildingError(f"{plan.source}: {error}") from error
         return mesh
@@ -102,19 +115,19 @@ class _Drawing:
 
     @contextmanager
     def _naming(self, what: str) -> Iterator[None]:
-        """Put plan and part before an error of geometry."""
+        """Prefix geometry errors with the plan and the part."""
         try:
             yield
         except ValueError as error:
             raise BuildingError(f"{self.plan.source}: {what}: {error}") from error
 
     def _find(self, kind: str, text: str, storey: str, at: BaseGeometry | FloatArray) -> None:
-        """Note a finding on a storey, at a geometry or in the middle of a segment."""
+        """Add a finding on a storey, at a geometry or at the middle of a segment."""
         place = place_of(at) if isinstance(at, BaseGeometry) else tuple(np.reshape(at, (-1, 2)).mean(axis=0).tolist())
         self.findings.append(Finding(kind, text, storey, place))
 
     def _make_floor(self, name: str) -> None:
-        """Join the polygons of a storey, or put walls between them."""
+        """Make the floor of a storey: join its polygons, or put walls between them."""
         storey = self.plan.storeys[name]
         if storey.file is not None:
             raise BuildingError(f"{self.plan.source}: storey {name!r}: {storey.file} has not been read")
@@ -122,7 +135,7 @@ class _Drawing:
         double = overlaps(rooms)
         if double:
             area = united(double).area
-            text = f"polygons overlap on {area:.2f} m2 and are joined, the largest overlap here"
+            text = f"polygons overlap on {area:.2f} m2 and are joined; the largest overlap is here"
             self._find("assumed", text, name, max(double, key=lambda part: part.area))
         if storey.wall > 0.0:
             rooms = with_walls(rooms, storey.wall)
@@ -132,27 +145,27 @@ class _Drawing:
         """Add the ground between a door and the rooms on both its sides."""
         assert door.segment is not None
         floor = self.floors[door.storey]
-        ways = [normal(door.segment), -normal(door.segment)]
-        middle = door.segment.mean(axis=0)
-        if all(is_on(floor, middle + BESIDE * way) for way in ways) and is_on(floor, middle):
-            self._find("warning", f"door {door.name!r} lies inside a room and opens nothing", door.storey, door.segment)
-            return
-        found = [strip(floor, door.segment, way, door.reach) for way in ways]
+        segment, change = placed(floor, door.segment, door.reach)
+        if change:
+            self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
+        found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
         if all(found):
             self._add(door.storey, [one for one in found if one is not None])
+            z = self.plan.storeys[door.storey].z
+            self.doors.append((door.name, np.column_stack([segment, [z, z]])))
             return
         if not any(found):
             raise ValueError(
-                f"there is no room within {door.reach:g} m of {written(door.segment)} on storey {door.storey!r}; "
-                f"{nearest(floor, door.segment)}: move it there, or set reach"
+                f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
+                f"{nearest(floor, segment, reach=door.reach, between=True)}: move the door there, or increase reach"
             )
         if door.outside == "refuse":
             raise ValueError(
-                f"{written(door.segment)} on storey {door.storey!r} has a room on one side only; move it, set reach if "
-                "the wall is thicker, or make it an exit"
+                f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
+                "reach if the wall is thicker, or make it an exit"
             )
         self._add(door.storey, [one for one in found if one is not None])
-        ends = np.concatenate([*door.segment])[None]
+        ends = np.concatenate([*segment])[None]
         if door.outside == "exit":
             self.edges.append((f"exit:{door.name}", door.storey, ends))
         else:
@@ -165,7 +178,7 @@ class _Drawing:
             self.floors[storey] = united([self.floors[storey], *parts])
 
     def _place_obstacle(self, item: Item) -> tuple[tuple[str, ...], BaseGeometry, float] | None:
-        """Cut an obstacle out of its floor; return its surface, if any of it is on the floor."""
+        """Cut an obstacle out of its floor; return its surface, or None if it is not on the floor."""
         floor, storey = self.floors[item.storey], self.plan.storeys[item.storey]
         outline = united(item.polygons)
         inside = common(floor, outline)
@@ -219,7 +232,7 @@ class _Drawing:
         way = self._way(stair)
         assert stair.length is not None or stair.turn is not None
         if stair.length is None:
-            raise ValueError("a stair that turns needs the length of its first flight")
+            raise ValueError("a U-shaped stair needs the length of its first flight; set length")
         if stair.turn is None and head is None:
             head = np.round(foot + stair.length * way, 6) + 0.0
             return stairs.straight(foot, low, head, high, depth or 0.0, stair.landings), head, [-way, way]
@@ -230,7 +243,7 @@ class _Drawing:
         return pieces, head, [-way, -way]
 
     def _way(self, stair: Stair) -> FloatArray:
-        """Return the unit vector in which the first flight leaves the lower edge."""
+        """Return the unit vector (2,) in the direction of the first flight."""
         edge, floor = stair.lower_edge, self.floors[stair.lower]
         if stair.direction is not None:
             return _across(edge, stair.direction)
@@ -239,12 +252,13 @@ class _Drawing:
         if has_floor[0] == has_floor[1]:
             where = "both sides" if has_floor[0] else "neither side"
             raise ValueError(
-                f"storey {stair.lower!r} has floor on {where} of its lower edge {written(edge)}; set direction = [x, y]"
+                f"its direction is ambiguous: storey {stair.lower!r} has floor on {where} of its lower edge "
+                f"{written(edge)}; set direction = [x, y]"
             )
         return -left if has_floor[0] else left
 
     def _cut_for_headroom(self, name: str, pieces: list[stairs.Piece], storey: str) -> None:
-        """Cut away the part of a floor that is too close above or below a stair."""
+        """Remove the part of a floor that leaves too little height above or below a stair."""
         z, floor = self.plan.storeys[storey].z, self.floors[storey]
         low = [stairs.too_low(piece, z, self.plan.headroom) for piece in pieces]
         away = [part for part in low if not part.is_empty and common(floor, part).area > LEAST_AREA]
@@ -255,7 +269,7 @@ class _Drawing:
             self._find("assumed", text, storey, max(away, key=lambda part: part.area))
 
     def _join(self, what: str, end: str, storey: str, edge: FloatArray, way: FloatArray) -> None:
-        """See that an end of a stair lies on the outline of its floor; a small gap between them is closed."""
+        """Check that an end of a stair lies on the outline of its floor, and close a small gap between them."""
         length = float(np.hypot(*(edge[1] - edge[0])))
         beside = covered(along(self.floors[storey], edge, 2e-6), edge)
         if beside < length - LEAST_LENGTH:
@@ -267,14 +281,14 @@ class _Drawing:
         if beside < LEAST_LENGTH:
             raise ValueError(
                 f"its {end} edge {written(edge)} does not lie on the outline of storey {storey!r}; "
-                f"{nearest(self.floors[storey], edge)}: move the edge there, or extend the floor"
+                f"{nearest(self.floors[storey], edge)}; move the edge there, or extend the floor"
             )
         if beside < length - UNCOVERED:
-            text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} have floor before them"
+            text = f"only {beside:.2f} of {length:.2f} m of the {end} edge of {what} adjoin the floor"
             self._find("warning", text, storey, edge)
 
     def _cut_exits(self) -> None:
-        """Cut the ground of exits out of the floors, with the rims that are too narrow to be floor behind them."""
+        """Cut the polygons of exits out of the floors, with the narrow strips of floor behind them."""
         for row, item in enumerate(self.exits):
             if item.polygons:
                 floor, drawn = self.floors[item.storey], united(item.polygons)
@@ -286,7 +300,7 @@ class _Drawing:
                 self.exits[row] = replace(item, polygons=(ground,))
 
     def _open_exit(self, item: Item) -> None:
-        """Put an exit on the outline of its floor; where the floor ends inside a wall's thickness, extend it."""
+        """Put an exit on the outline of its floor; if it is on the outer face of a wall, extend the floor to it."""
         tag = f"exit:{item.name}"
         if item.segment is None:
             rings = [ring for part in item.polygons for ring in shapely.get_rings(part)]
@@ -295,17 +309,21 @@ class _Drawing:
             pieces = [piece for side in ends for piece in self._outline(item, side)]
             if not pieces:
                 raise ValueError(f"its polygon shares no edge with the floor of storey {item.storey!r}; move it there")
+            self.findings += both_sides(item, self.floors[item.storey], np.unique(pieces, axis=0))
             self.edges.append((tag, item.storey, np.unique(pieces, axis=0)))
             return
         floor, segment = self.floors[item.storey], item.segment
         pieces = self._outline(item, segment)
         length = float(np.hypot(*(segment[1] - segment[0])))
-        if covered(np.array(pieces), segment) < 0.9 * length:
-            pieces = self._recess(item, floor, segment)
+        beside = covered(np.array(pieces).reshape(-1, 4), segment)
+        if beside < 0.9 * length:
+            pieces = self._recess(item, segment, beside)
+        elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
+            raise ValueError(between_rooms(segment, item.storey))
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
-        """Return the pieces (4,) of a floor's outline along a segment; those exactly on it if there are any."""
+        """Return the pieces (4,) of the floor's outline along a segment; only those exactly on it if there are any."""
         assert segment is not None
         floor, length = self.floors[item.storey], float(np.hypot(*(segment[1] - segment[0])))
         exact = along(floor, segment, 2e-6)
@@ -313,23 +331,23 @@ class _Drawing:
             return [*exact]
         return [*along(floor, segment, SNAP)]
 
-    def _recess(self, item: Item, floor: BaseGeometry, segment: FloatArray) -> list[FloatArray]:
-        """Extend the floor to an exit on the outer face of a wall."""
-        middle, left = segment.mean(axis=0), normal(segment)
+    def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
+        """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
+        floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
+        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: move the exit there"
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
-            raise ValueError(
-                f"{written(segment)} runs through the floor of storey {item.storey!r}; {nearest(floor, segment)}: draw "
-                "it there"
-            )
+            raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
         inward = [one for one in found if one is not None and not one.polygon.is_empty]
-        if len(inward) != 1:
-            raise ValueError(
-                f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {nearest(floor, segment)}"
-            )
+        if len(inward) > 1:
+            raise ValueError(between_rooms(segment, item.storey))
+        if not inward:
+            length = float(np.hypot(*(segment[1] - segment[0])))
+            part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
+            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}{part}; {edge}")
         self._add(item.storey, inward)
-        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}"
-        self._find("assumed", text, item.storey, segment)
+        text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
+        self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)
         return [segment.ravel()]
 
     def _ground(self) -> list[tuple[tuple[str, ...], BaseGeometry, float]]:
@@ -337,14 +355,16 @@ class _Drawing:
         surfaces = []
         for name, floor in self.floors.items():
             if floor.is_empty:
-                raise BuildingError(f"{self.plan.source}: storey {name!r}: nothing is left of its floor")
+                raise BuildingError(
+                    f"{self.plan.source}: storey {name!r}: obstacles, stairs and exits cover all of it; move them"
+                )
             parts: list[tuple[tuple[str, ...], BaseGeometry]] = [((f"floor:{name}",), floor)]
             for item in (item for item in self.plan.areas if item.storey == name):
                 outline = united(item.polygons)
                 inside = common(floor, outline)
                 if inside.is_empty:
                     raise BuildingError(
-                        f"{self.plan.source}: area {item.name!r} has no part on the floor of storey {name!r}; move it"
+                        f"{self.plan.source}: area {item.name!r} is not on the floor of storey {name!r}; move it there"
                     )
                 parts = [part for tags, one in parts for part in _divided(tags, one, f"area:{item.name}", outline)]
             surfaces += [(tags, one, self.plan.storeys[name].z) for tags, one in parts]
@@ -354,7 +374,7 @@ class _Drawing:
 def _divided(
     tags: tuple[str, ...], ground: BaseGeometry, tag: str, outline: BaseGeometry
 ) -> list[tuple[tuple[str, ...], BaseGeometry]]:
-    """Return the parts of a piece of ground outside and inside an outline, the latter with one tag more."""
+    """Divide a piece of ground by an outline; the part inside gets an additional tag."""
     parts: list[tuple[tuple[str, ...], BaseGeometry]] = []
     make: Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
     for own, make in ((tags, cut), ((*tags, tag), common)):
@@ -365,9 +385,11 @@ def _divided(
 
 
 def _across(edge: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the unit vector across an edge, on the side of a direction."""
+    """Return the unit normal of an edge on the side of a direction."""
     across = normal(edge)
     side = float(across @ direction)
     if abs(side) < 0.1 * float(np.hypot(*direction)):
-        raise ValueError(f"direction [{direction[0]:g}, {direction[1]:g}] runs along its edge {written(edge)}")
+        raise ValueError(
+            f"direction [{direction[0]:g}, {direction[1]:g}] is parallel to its edge {written(edge)}; change it"
+        )
     return across if side > 0.0 else -across

@@ -1,4 +1,4 @@
-"""Edges of a triangle mesh: who shares them, and how they chain into portals, exits and walls."""
+"""Edges of a triangle mesh: the cells that share them, and chains of edges for portals, exits and walls."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ import shapely
 from evac.arrays import FloatArray, IndexArray
 from evac.errors import BuildingError
 
-#: Corners that lie no farther off the straight line between their neighbours are merged away [m].
+#: Corners at most this far from the straight line between their neighbours are removed [m].
 COLLINEAR = 1e-4
 
 
 @dataclass(frozen=True)
 class EdgeTable:
-    """Every side of every triangle: the cell is on its left.
+    """All sides of all triangles, directed with the cell on their left.
 
     Attributes
     ----------
     ends : (3 t, 2) int64
     cell : (3 t,) int64
     partner : (3 t,) int64
-        Cell on the other side; -1 at a free edge.
+        Cell on the other side, -1 at a free edge.
     """
 
     ends: IndexArray
@@ -32,12 +32,12 @@ class EdgeTable:
 
 
 def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> EdgeTable:
-    """Find the cell across every edge.
+    """Find the neighbouring cell across every edge.
 
     Raises
     ------
     BuildingError
-        If an edge has three cells, or two on the same side in plan.
+        If an edge has more than two cells, or two cells on the same side in plan.
     """
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     cell = np.tile(np.arange(len(triangles)), 3)
@@ -49,15 +49,15 @@ def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> Edg
     if len(triple):
         place = edge_place(vertices, least[order[triple[0]]])
         raise BuildingError(
-            f"{source}: more than two cells share the edge {place}; an edge joins two cells, so cut out a floor "
-            "where it passes under the foot of a stair"
+            f"{source}: more than two cells share the edge {place}; an edge may join two cells only: cut the floor "
+            "open where it passes under the foot of a stair"
         )
     one, other = order[:-1][same], order[1:][same]
     folded = (ends[one] == ends[other]).all(axis=1)
     if folded.any():
         place = edge_place(vertices, ends[one[folded][0]])
         raise BuildingError(
-            f"{source}: the surface folds over itself at the edge {place}: both its cells are on the same side in "
+            f"{source}: the surface folds over itself at the edge {place}: both of its cells are on the same side in "
             "plan; put a landing there"
         )
     partner = np.full(len(ends), -1, dtype=np.int64)
@@ -66,9 +66,9 @@ def edge_table(source: Path, vertices: FloatArray, triangles: IndexArray) -> Edg
 
 
 def chains(ends: IndexArray) -> list[IndexArray]:
-    """Join directed edges (e, 2) to chains of vertices.
+    """Join directed edges (e, 2) into chains of vertices.
 
-    A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its least
+    A chain ends where the next edge is missing or ambiguous. A closed chain starts and ends at its smallest
     vertex, which is a corner. Chains are sorted by their vertices.
     """
     following: dict[int, list[int]] = defaultdict(list)
@@ -88,7 +88,7 @@ def chains(ends: IndexArray) -> list[IndexArray]:
 
 
 def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> list[int]:
-    """Follow edges from a over b to the first vertex that is not just passed."""
+    """Follow edges from a through b up to the first vertex that ends a chain."""
     chain = [a, b]
     while chain[-1] in passed:
         chain.append(following[chain[-1]][0])
@@ -96,24 +96,24 @@ def _walk(a: int, b: int, following: dict[int, list[int]], passed: set[int]) -> 
 
 
 def straight_segments(vertices: FloatArray, chain: IndexArray) -> FloatArray:
-    """Turn a chain into plan segments (s, 4), collinear neighbours merged (Douglas-Peucker)."""
+    """Convert a chain to plan segments (s, 4) [m], with collinear neighbours merged (Douglas-Peucker)."""
     line = shapely.simplify(shapely.LineString(vertices[chain, :2]), COLLINEAR, preserve_topology=False)
     corners = shapely.get_coordinates(line)
     return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
 
 def segment_lengths(segments: FloatArray) -> FloatArray:
-    """Lengths of segments (s, 4) [m]."""
+    """Return the lengths (s,) of segments (s, 4) [m]."""
     length: FloatArray = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
     return length
 
 
 def side_of(segment: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Twice the areas of a segment (4,) and each point [m2]: positive where the point is on its left."""
+    """Return twice the signed area of a segment (4,) and each point [m2], positive for points on its left."""
     x1, y1, x2, y2 = segment
     return np.asarray((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1))
 
 
 def edge_place(vertices: FloatArray, ends: IndexArray) -> str:
-    """Describe the place of an edge for a message."""
+    """Describe the place of an edge, for a message."""
     return " - ".join(f"({x:z.2f}, {y:z.2f}, {z:z.2f})" for x, y, z in vertices[ends])

@@ -7,14 +7,14 @@ from numpy.typing import ArrayLike
 from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 
-#: A level is taken as one plane where no vertex is farther off it [m].
+#: Largest distance of the vertices of a level from a plane for which it is treated as one plane [m].
 PLANE = 1e-9
 
 
 def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> FloatArray:
-    """Height of points that stand on levels.
+    """Return the height of points on levels.
 
-    Exact on the cells; beyond the edge of a level the plane of the nearest cell goes on.
+    Heights are exact on cells; beyond the edge of a level, the plane of the nearest cell is extrapolated.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> Floa
     Returns
     -------
     (n,) float64 [m]
-        NaN where the level is -1.
+        Heights; NaN where the level is -1.
     """
     level_of = np.asarray(level)
     points = np.asarray(position, dtype=np.float64)
@@ -37,7 +37,7 @@ def elevation(building: Building, level: ArrayLike, position: ArrayLike) -> Floa
 
 
 def level_elevation(vertices: FloatArray, level: Level, position: FloatArray) -> FloatArray:
-    """Height of points (n, 2) on one level, (n,) [m]; see `elevation`."""
+    """Return the heights (n,) of points (n, 2) on one level [m]; see `elevation`."""
     own = vertices[np.unique(level.triangles)]
     gradient = np.tan(level.slope) * level.uphill
     off = own[:, 2] - own[0, 2] - (own[:, :2] - own[0, :2]) @ gradient

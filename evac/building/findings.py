@@ -1,4 +1,4 @@
-"""What is worth knowing about a building, and where: one class from importers to warnings and pictures."""
+"""Findings: facts about a building with their places, from importers to warnings and pictures."""
 
 from dataclasses import dataclass
 
@@ -8,25 +8,25 @@ KINDS = ("found", "assumed", "repaired", "left out", "warning")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found in, assumed about, repaired in or left out of a building, or that is warned of.
+    """A fact about a building: something found, assumed, repaired or left out, or a warning.
 
-    As text it begins with its place, if it has one.
+    Its text form (``str``) begins with the place, if there is one.
 
     Attributes
     ----------
     kind : str
         One of `KINDS`.
     text : str
-        What it is and, where something has to be done, what; without its place.
+        Description, with the action to take if there is one, without the place.
     level : str, optional
-        Name of the level or storey that it concerns.
+        Name of the level or storey.
     place : tuple of float, optional
-        Where it is: (x, y) on the level, or (x, y, z) [m].
+        Position (x, y) on the level, or (x, y, z) [m].
 
     Raises
     ------
     ValueError
-        The kind is not known, or the place is neither (x, y) nor (x, y, z).
+        The kind is unknown, or the place is neither (x, y) nor (x, y, z).
 
     Examples
     --------
@@ -41,13 +41,13 @@ class Finding:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"a finding is of one of the kinds {', '.join(KINDS)}, not {self.kind!r}")
+            raise ValueError(f"the kind of a finding must be one of {', '.join(KINDS)}, not {self.kind!r}")
         if self.place is not None and len(self.place) not in (2, 3):
-            raise ValueError(f"the place of a finding is (x, y) or (x, y, z), not {self.place!r}")
+            raise ValueError(f"the place of a finding must be (x, y) or (x, y, z), not {self.place!r}")
 
     @property
     def where(self) -> str:
-        """Level and place as text; empty for what concerns the whole building."""
+        """Level and place as text; empty for a finding about the whole building."""
         at = "" if self.place is None else f"({', '.join(f'{value:z.2f}' for value in self.place)})"
         if self.level is None:
             return at
@@ -58,7 +58,7 @@ class Finding:
 
 
 def as_findings(given: "tuple[Finding | str, ...] | list[Finding | str]") -> tuple[Finding, ...]:
-    """Return findings as they are, and texts as warnings."""
+    """Convert texts to warnings; findings are returned unchanged."""
     return tuple(one if isinstance(one, Finding) else Finding("warning", one) for one in given)
 
 

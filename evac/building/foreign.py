@@ -1,4 +1,4 @@
-"""Meshes that other tools wrote, to surfaces that people walk on: solid bodies, and stairs drawn as treads."""
+"""Walkable surfaces of meshes from other tools, with solid bodies and with stairs drawn as treads."""
 
 from dataclasses import replace
 
@@ -16,19 +16,24 @@ from evac.errors import BuildingError
 
 
 def turned(mesh: TriangleMesh, up: str) -> TriangleMesh:
-    """Return a mesh with z upwards, of one with y upwards."""
+    """Rotate a mesh so that its axis `up` becomes z."""
     if up == "z":
         return mesh
-    x, y, z = mesh.points.T
-    return replace(mesh, points=np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0))
+    doors = tuple((name, _turned(ends)) for name, ends in mesh.doors)
+    return replace(mesh, points=_turned(mesh.points), doors=doors)
+
+
+def _turned(points: FloatArray) -> FloatArray:
+    x, y, z = points.T
+    return np.ascontiguousarray(np.column_stack([x, -z, y]) + 0.0)
 
 
 def walked_surface(
     mesh: TriangleMesh, points: FloatArray, is_steep: BoolArray, weld: float, headroom: float, treads: bool
 ) -> tuple[TriangleMesh, FloatArray]:
-    """Return a mesh without what is inside of bodies or has too little height above it, and with flights for treads.
+    """Remove ground inside solid bodies or with too little headroom, and replace treads by inclined flights.
 
-    A mesh in which there is neither is returned as it is.
+    A mesh without solid bodies and treads is returned unchanged.
 
     Parameters
     ----------
@@ -36,13 +41,13 @@ def walked_surface(
     points : (v, 3) float64 [m]
         Its points.
     is_steep : (t,) bool
-        Cells that cannot be walked on.
+        Cells too steep to walk on.
     weld : float [m]
-        Points no farther apart are the same.
+        Points at most this far apart are merged.
     headroom : float [m]
-        Least height above the ground of bodies, and above and below flights; 0 leaves bodies as they are.
+        Minimum free height above ground on bodies, and above and below flights; 0 leaves bodies unchanged.
     treads : bool
-        Whether rows of treads become flights.
+        Whether rows of treads are replaced by flights.
 
     Returns
     -------
@@ -53,7 +58,7 @@ def walked_surface(
     Raises
     ------
     BuildingError
-        What is left cannot be cut into triangles; names the place.
+        The remaining surface cannot be triangulated; names the place.
     """
     heights = points[mesh.triangles][:, :, 2]
     has_treads = treads and may_have_treads(heights[np.ptp(heights, axis=1) <= weld][:, 0])

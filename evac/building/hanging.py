@@ -1,4 +1,4 @@
-"""Vertices that lie on the side of a cell split it: neighbours then share their edges (T-junctions)."""
+"""Removal of hanging nodes (T-junctions): cells are split at vertices that lie on their sides."""
 
 import itertools
 from pathlib import Path
@@ -14,8 +14,8 @@ from evac.errors import BuildingError
 Hanging = dict[tuple[int, int], list[int]]
 
 
-#: Rounds of splitting after which a mesh is given up. One is enough for most; a vertex that is off its edge moves it,
-#: so that others may then lie on its parts.
+#: Largest number of rounds of splitting. One is enough for most meshes; an edge split at a vertex that is slightly off
+#: it moves, so that other vertices may then lie on its parts.
 MOST_ROUNDS = 12
 
 
@@ -24,8 +24,8 @@ def split_at_vertices(
 ) -> tuple[IndexArray, IndexArray, dict[str, IndexArray]]:
     """Split free edges and tagged edges at the vertices that lie on them.
 
-    Parts of a cell whose least height is at most `distance` are dropped, for a vertex of theirs then splits the
-    neighbour that takes their place.
+    Parts of a cell whose smallest height is at most `distance` are dropped, since the neighbour is then split at their
+    vertices and takes their place.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ def split_at_vertices(
     edges : dict of str to (e, 2) int64
         Tagged edges.
     distance : float [m]
-        How far off an edge a vertex may be.
+        Largest distance of a vertex from an edge that it splits.
 
     Returns
     -------
     triangles : (s, 3) int64
     owner : (s,) int64
-        Row of the triangle that each was cut from.
+        Row of the original triangle of each triangle.
     edges : dict of str to (e, 2) int64
 
     Raises
     ------
     BuildingError
-        If vertices are so close to each other that there is no end to it.
+        If splitting does not terminate because vertices are too close to each other, or no cell is wide enough.
     """
     owner = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):
@@ -62,6 +62,12 @@ def split_at_vertices(
             cut_from += [row] * len(parts)
         triangles, owner = np.array(pieces, dtype=np.int64), owner[cut_from]
         is_wide = least_height(vertices[triangles]) > distance
+        if not is_wide.any():
+            x, y, z = vertices[triangles[0, 0]]
+            raise BuildingError(
+                f"{source}: no cell is wider than building.weld ({distance:g} m), for example at ({x:z.2f}, {y:z.2f}, "
+                f"{z:z.2f}): the surface must be drawn in metres; set building.scale, or decrease building.weld"
+            )
         triangles, owner = triangles[is_wide], owner[is_wide]
         edges = {
             name: np.array([part for a, b in pairs.tolist() for part in _parts(a, b, hanging)], dtype=np.int64)
@@ -69,9 +75,9 @@ def split_at_vertices(
         }
     x, y, z = vertices[next(iter(hanging.values()))[0]]
     raise BuildingError(
-        f"{source}: vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) lie hardly farther apart than building.weld "
-        f"({distance:g} m), so cells cannot be split at them; repair the mesh there, or set building.weld to some "
-        "times that"
+        f"{source}: the distance of vertices around ({x:z.2f}, {y:z.2f}, {z:z.2f}) is close to building.weld "
+        f"({distance:g} m), so cells cannot be split at them; repair the mesh there, or set building.weld to a "
+        "multiple of its value"
     )
 
 
@@ -106,7 +112,7 @@ def _vertices_on_edges(vertices: FloatArray, edges: IndexArray, candidates: Inde
 
 
 def _on_sides(vertices: FloatArray, corners: tuple[int, int, int], hanging: Hanging) -> Hanging:
-    """Return the vertices on the sides of one triangle, each on the nearest side only."""
+    """Return the vertices on the sides of one triangle, each assigned to the nearest side only."""
     sides = itertools.combinations(sorted(corners), 2)
     own = {side: [p for p in hanging[side] if p not in corners] for side in sides if side in hanging}
     if len(own) > 1:
@@ -120,19 +126,19 @@ def _on_sides(vertices: FloatArray, corners: tuple[int, int, int], hanging: Hang
 
 
 def _distance(vertices: FloatArray, p: int, edge: tuple[int, int]) -> float:
-    """Distance of vertex `p` from the line through an edge [m]."""
+    """Return the distance of vertex `p` from the line through an edge [m]."""
     a, b = vertices[list(edge)]
     return float(np.linalg.norm(np.cross(b - a, vertices[p] - a)) / np.linalg.norm(b - a))
 
 
 def _parts(a: int, b: int, hanging: Hanging) -> list[tuple[int, int]]:
-    """Cut the edge from a to b at the vertices on it."""
+    """Divide the edge from a to b at the vertices on it."""
     between = hanging.get((min(a, b), max(a, b)), [])
     return list(itertools.pairwise([a, *(between if a < b else between[::-1]), b]))
 
 
 def _split_triangle(a: int, b: int, c: int, hanging: Hanging) -> list[tuple[int, int, int]]:
-    """Cut a triangle at the vertices on its sides: a fan from c over side ab, whose outer cells take the others."""
+    """Split a triangle at the vertices on its sides: a fan from c over side ab, whose outer cells are split further."""
     for _ in range(3):
         if len(_parts(a, b, hanging)) > 1:
             break

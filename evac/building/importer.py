@@ -1,6 +1,7 @@
-"""Importers: files of buildings to tagged surfaces. The base class of importer plugins."""
+"""Importers, which read building files: the base class of importer plugins."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -14,19 +15,35 @@ if TYPE_CHECKING:
 
 
 class Importer(Configurable, ABC):
-    """Reads the files of one format, or of some, to a `Plan` or a `SurfaceMesh`.
+    """Base class of importers: reads files of one or more formats into a `Plan` or a `SurfaceMesh`.
 
-    An importer says what stands in the file: storeys and what joins them, or a surface with tags. The core makes a
-    building of it. What an importer found, assumed, repaired or left out, it adds as findings, with their places.
-    What it assumes is a parameter of it, so that a user can say otherwise.
+    An importer returns the content of the file: storeys and the stairs between them, or a surface with tags. The core
+    builds the `Building` from it. An importer reports what it found, assumed, repaired and left out as findings with
+    their places. Every assumption is a parameter, so that users can change it.
     """
 
-    #: Endings of the file names that it reads, in lower case, with the dot.
+    #: File name extensions that it reads, in lower case, with the dot.
     suffixes: ClassVar[tuple[str, ...]]
+
+    def files(self, path: Path) -> Sequence[Path]:
+        """Return the files that `read` reads: this one by default.
+
+        An importer of files that name others returns these as well: a study goes on only where none has changed.
+
+        Parameters
+        ----------
+        path : Path
+
+        Raises
+        ------
+        ValueError, BuildingError
+            As `read`.
+        """
+        return (path,)
 
     @abstractmethod
     def read(self, path: Path) -> "SurfaceMesh | Plan":
-        """Read a file that is there and not empty.
+        """Read a file, which exists and is not empty.
 
         Parameters
         ----------
@@ -39,30 +56,30 @@ class Importer(Configurable, ABC):
         Raises
         ------
         ValueError
-            The file is damaged. The text says what is wrong and where; the core adds the file's name.
+            The file is damaged. The message says what is wrong and where; the core adds the name of the file.
         BuildingError
-            What is drawn in it does not make a building; names the file and the place.
+            The content of the file does not form a building; names the file and the place.
         """
 
 
 def optional_library(path: Path, module: str, extra: str) -> None:
-    """Say what to install if a library is missing that only one importer needs.
+    """Raise an error that says what to install if an optional library is missing.
 
     Parameters
     ----------
     path : Path
         The file that is to be read.
     module : str
-        The library's name when it is imported.
+        Import name of the library.
     extra : str
-        Of evac, with which the library is installed.
+        Name of the extra of evac that installs the library.
 
     Raises
     ------
     BuildingError
-        It is not installed.
+        The library is not installed.
     """
     if find_spec(module) is None:
         raise BuildingError(
-            f"{path}: to read it, {module} is needed, which is not installed: pip install 'evac[{extra}]'"
+            f"{path}: reading this file requires {module}, which is not installed: pip install 'evac[{extra}]'"
         )

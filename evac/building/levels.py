@@ -1,4 +1,4 @@
-"""Cells to levels: which cells belong together, what each level is called, which stair it is part of."""
+"""Division of cells into levels: the cells, the name and the stair of each level."""
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from evac.building.polygons import union
 from evac.building.surface import Surface
 from evac.errors import BuildingError
 
-#: Cells of a flight may rise so far aside from its mean direction [degrees]: at 90 their up would be its down.
+#: Largest angle between the uphill directions of a cell and of its flight [degrees]; at 90, up would become down.
 MOST_TURN = 60.0
 
 
@@ -31,15 +31,15 @@ class LevelSet:
 
 
 def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
-    """Divide a surface into levels: maximal edge-connected sets of cells of one slope class and one tag.
+    """Divide a surface into levels: maximal edge-connected sets of cells with one slope class and one tag.
 
-    Sloped neighbours that rise against each other (a ridge or a trough) are divided too. Levels are
+    Sloped neighbours that rise in opposite directions (a ridge or a trough) are also divided. Levels are
     ordered by mid height, then by plan position.
 
     Raises
     ------
     BuildingError
-        If a cell carries two tags of floors or stairs, or a flight turns too far.
+        If a cell has two tags of floors or stairs, or a flight turns too far.
     """
     names = sorted(name for name in surface.cell_tags if name.startswith(("floor:", "stair:")))
     group = _groups(source, surface, names)
@@ -53,7 +53,7 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
 
     shared = table.partner >= 0
     pairs = np.column_stack([label[table.cell[shared]], label[table.partner[shared]]])
-    neighbours = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)  # every pair both ways round
+    neighbours = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)  # every pair in both orders
     levels = _mark_landings(levels, neighbours, is_tagged_area)
     levels = _name_stairs(levels, neighbours)
     levels = _name_levels(levels, tag_of)
@@ -66,7 +66,7 @@ def find_levels(source: Path, surface: Surface, table: EdgeTable) -> LevelSet:
 
 
 def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
-    """Row of `names` that each cell carries, -1 for none."""
+    """Return the row in `names` of the tag of each cell, -1 for none."""
     group = np.full(len(surface.triangles), -1, dtype=np.int64)
     for row, name in enumerate(names):
         mask = surface.cell_tags[name]
@@ -74,15 +74,15 @@ def _groups(source: Path, surface: Surface, names: list[str]) -> IndexArray:
         if len(twice):
             x, y, z = surface.vertices[surface.triangles[twice[0]]].mean(axis=0)
             raise BuildingError(
-                f"{source}: the cell at ({x:z.2f}, {y:z.2f}, {z:z.2f}) carries both {names[group[twice[0]]]!r} and "
-                f"{name!r}; a cell belongs to one floor or stair"
+                f"{source}: the cell at ({x:z.2f}, {y:z.2f}, {z:z.2f}) has both tags {names[group[twice[0]]]!r} and "
+                f"{name!r}; remove one, since a cell belongs to one floor or stair"
             )
         group[mask] = row
     return group
 
 
 def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, names: list[str]) -> IndexArray:
-    """Label of each cell's level, in no particular order; flat cells without a group join a floor (in `group` too)."""
+    """Label the level of each cell, in no particular order; untagged flat cells join a floor (also in `group`)."""
     shared = (table.partner >= 0) & (table.cell < table.partner)
     one, other, ends = table.cell[shared], table.partner[shared], table.ends[shared]
     sloped = surface.is_sloped
@@ -112,7 +112,7 @@ def _connected_cells(surface: Surface, table: EdgeTable, group: IndexArray, name
 
 
 def _order(surface: Surface, label: IndexArray) -> IndexArray:
-    """Renumber labels by mid height, then by the middle of the plan extent, then by least cell."""
+    """Renumber labels by mid height, then by the centre of the plan extent, then by the smallest cell."""
     keys = []
     for index in range(label.max() + 1):
         cells = np.flatnonzero(label == index)
@@ -125,7 +125,7 @@ def _order(surface: Surface, label: IndexArray) -> IndexArray:
 
 
 def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> Level:
-    """Measure one level; its names come later."""
+    """Create one level, without its final names."""
     cells = np.flatnonzero(label == index)
     corners = surface.vertices[surface.triangles[cells]]
     uphill, slope = np.zeros(2), 0.0
@@ -134,7 +134,7 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
         plan_area = shapely.area(shapely.polygons(corners[:, :, :2]))
         gradient = surface.gradient[cells]
         mean = plan_area @ gradient
-        # Of a flight that turns, the steepness of its cells counts, not what is left of it where they cancel.
+        # The mean steepness of the cells, since their gradients cancel in a flight that turns.
         uphill, slope = mean / np.hypot(*mean), float(np.arctan(np.average(np.hypot(*gradient.T), weights=plan_area)))
     stair = tag.removeprefix("stair:") if tag and tag.startswith("stair:") else None
     return Level(
@@ -152,7 +152,7 @@ def _level(surface: Surface, label: IndexArray, index: int, tag: str | None) -> 
 
 
 def _mark_landings(levels: list[Level], neighbours: IndexArray, is_area: BoolArray) -> list[Level]:
-    """Call a flat level a landing if it leads to flights only, up and down, and is no larger than they are."""
+    """Mark a flat level as a landing if it only joins flights, up and down, and is not larger than they are."""
     marked = list(levels)
     for level in levels:
         around = [levels[other] for other in neighbours[neighbours[:, 0] == level.index, 1]]
@@ -170,7 +170,7 @@ def _mark_landings(levels: list[Level], neighbours: IndexArray, is_area: BoolArr
 
 
 def _name_stairs(levels: list[Level], neighbours: IndexArray) -> list[Level]:
-    """Number the chains of flights and landings that no tag names: ``stair 1`` has the least level."""
+    """Number the chains of flights and landings without a tag; ``stair 1`` has the lowest level index."""
     is_untagged = np.array([level.kind != "floor" and level.stair is None for level in levels])
     chain = connected_components(len(levels), neighbours[is_untagged[neighbours].all(axis=1)])
     taken = {level.stair for level in levels}
@@ -207,7 +207,7 @@ def _name_levels(levels: list[Level], tag_of: dict[int, str]) -> list[Level]:
 
 
 def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: list[Level]) -> tuple[Finding, ...]:
-    """Refuse flights that turn, for a level rises in one direction; warn of those that are not plane."""
+    """Refuse flights that turn too far, since a level rises in one direction; warn of flights that are not plane."""
     notes = []
     for level in levels:
         if level.kind == "flight":
@@ -217,15 +217,15 @@ def _check_flights(source: Path, surface: Surface, label: IndexArray, levels: li
             turn = float(np.degrees(np.arccos(np.clip(along.min(), -1.0, 1.0))))
             if turn > MOST_TURN:
                 raise BuildingError(
-                    f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) it rises {turn:.0f} degrees aside "
-                    f"from its mean direction, the most is {MOST_TURN:.0f}, for who walks on a flight goes either up "
-                    "or down; divide it into flights that turn less, with flat landings at least 1 m deep between them"
+                    f"{source}: level {level.name!r} turns: at ({x:z.2f}, {y:z.2f}) its uphill direction differs by "
+                    f"{turn:.0f} degrees from its mean, more than {MOST_TURN:.0f}; divide it into flights that turn "
+                    "less, with flat landings at least 1 m deep between them"
                 )
             worst = float(np.hypot(*(gradient - np.tan(level.slope) * level.uphill).T).max())
             if worst > 0.1:
                 text = (
-                    f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in rise and "
-                    f"{turn:.0f} degrees in direction from its mean, which stands for all of it"
+                    f"the flight is not plane: its cells differ by up to {100 * worst:.0f} % in slope and "
+                    f"{turn:.0f} degrees in direction from its mean, which is used for all of it"
                 )
                 notes.append(Finding("warning", text, level.name, (float(x), float(y))))
     return tuple(notes)

@@ -1,4 +1,4 @@
-"""Rooms of drawn lines: walls noded and closed up to a gap, doors where they are interrupted, faces to floor."""
+"""Rooms from drawn lines: walls are noded, gaps are closed, doors are found where walls are interrupted."""
 
 import math
 from collections.abc import Sequence
@@ -13,21 +13,21 @@ from evac.arrays import FloatArray, IndexArray
 from evac.building.shapes import GRID, LEAST_LENGTH, flat_parts
 from evac.building.welding import weld_points
 
-#: Lines are noded on this grid, on which those that were meant to be the same are [m].
+#: Grid on which lines are noded [m]; lines that were meant to coincide do so on this grid.
 NODING = 1e-4
-#: Corners of lines become one within this share of the gap.
+#: Corners of lines are merged within this share of the gap.
 WELDED = 0.05
-#: Rooms are wider than this; narrower faces are the inside of walls drawn with both their sides [m].
+#: Minimum width of a room [m]; narrower faces are the interior of walls drawn with both sides.
 THICKEST_WALL = 0.6
-#: Smaller faces are columns, ducts or what a door sweeps, not rooms [m2].
+#: Minimum area of a room [m2]; smaller faces are columns, ducts or the swing of doors.
 LEAST_ROOM = 1.5
-#: How far beside a line it is asked whether there is floor [m].
+#: Distance from a line at which the presence of floor is tested [m].
 BESIDE = 0.01
-#: Lines run into the same direction if they differ by less than 25 degrees.
+#: Lines have the same direction if they differ by less than this (25 degrees).
 PARALLEL = 0.9
-#: An end is joined to what is at most so many times as far as what is nearest to it.
+#: An end is joined to lines up to this multiple of the distance to the nearest one.
 FARTHER = 2.0
-#: So many times as far along a wall as across, its end is beside another part of it and not beside its own.
+#: A wall end is joined to its own wall only if the path along the wall is this many times longer than the gap.
 DETOUR = 3.0
 
 Lines = NDArray[np.object_]
@@ -35,14 +35,14 @@ Lines = NDArray[np.object_]
 
 @dataclass(frozen=True)
 class Faces:
-    """What lines enclose.
+    """Faces enclosed by lines.
 
     Attributes
     ----------
     pieces : (n,) array of LineString [m]
-        The lines, cut wherever they meet, and what closes their gaps.
+        The lines, divided where they meet, and the lines that close gaps.
     faces : list of polygon [m]
-        Everything that they enclose, without what is narrower than the gap: lines that were drawn twice.
+        Enclosed faces, without those narrower than the gap, which come from lines drawn twice.
     closed : (c, 4) float64 [m]
         Gaps that were closed.
     loose : list of LineString [m]
@@ -57,12 +57,12 @@ class Faces:
 
 @dataclass(frozen=True)
 class Rooms:
-    """Rooms that walls enclose.
+    """Rooms enclosed by walls.
 
     Attributes
     ----------
     floor : shapely polygon or multipolygon [m]
-        Rooms, joined by the doors between them.
+        Union of the rooms and the doors between them.
     closed : (c, 4) float64 [m]
         Gaps in walls that were closed.
     doors : (d, 4) float64 [m]
@@ -70,9 +70,9 @@ class Rooms:
     openings : (o, 4) float64 [m]
         Openings with floor on one side only.
     loose : list of LineString [m]
-        Walls outside that enclose nothing.
+        Walls outside the rooms that enclose nothing.
     left_out : list of polygon [m]
-        What is enclosed and is no room, but no inside of a wall either.
+        Enclosed faces that are neither rooms nor the interior of walls.
     """
 
     floor: BaseGeometry
@@ -84,7 +84,7 @@ class Rooms:
 
 
 def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
-    """Return what lines enclose once their ends are joined to what is nearest within a gap [m].
+    """Return the faces enclosed by lines after their ends are joined to the nearest lines within a gap [m].
 
     Parameters
     ----------
@@ -105,23 +105,23 @@ def faces_of(lines: Sequence[BaseGeometry], gap: float) -> Faces:
 def rooms_of(
     lines: Sequence[BaseGeometry], gap: float, door: float, wall: float, doors: Sequence[BaseGeometry] = ()
 ) -> Rooms:
-    """Return the rooms that walls enclose.
+    """Return the rooms enclosed by walls.
 
-    Ends of walls are joined to what is nearest within `gap`. What is wider, up to `door`, and lies straight ahead of an
-    end of a wall is a door. What is then enclosed are rooms, the inside of walls drawn with two sides, or columns.
+    Ends of walls are joined to the nearest lines within `gap`. Wider openings, up to `door`, straight ahead of the end
+    of a wall are doors. The enclosed faces are then rooms, the interior of walls drawn with both sides, or columns.
 
     Parameters
     ----------
     lines : sequence of LineString [m]
         Walls, closed or not.
     gap : float [m]
-        Ends no farther from another line are joined to it.
+        Ends at most this far from another line are joined to it.
     door : float [m]
-        Widest door that is found; 0 finds none.
+        Width of the widest door that is searched for; 0 for none.
     wall : float [m]
         Thickness of walls that are drawn as one line between two rooms.
     doors : sequence of LineString [m]
-        Lines that close openings and are no walls.
+        Lines that close openings but are not walls, such as door leaves.
     """
     drawn = faces_of(lines, gap)
     found = _door_lines(drawn.pieces, gap, door)
@@ -147,14 +147,14 @@ def rooms_of(
 
 
 def _welded(lines: Sequence[BaseGeometry], distance: float) -> Lines:
-    """Return lines whose corners no farther apart than a distance are one."""
+    """Merge corners of lines that are at most a given distance apart [m]."""
     corners = shapely.get_coordinates([*lines])
     vertices, index = weld_points(np.column_stack([corners, np.zeros(len(corners))]), distance)
     return np.asarray(shapely.set_coordinates(np.array([*lines], dtype=object), vertices[index][:, :2]))
 
 
 def _noded(lines: Sequence[BaseGeometry] | Lines) -> Lines:
-    """Return lines cut wherever they meet, on a grid, each into pieces of two points, in order."""
+    """Divide lines where they meet, on a grid, into sorted pieces of two points."""
     joined = shapely.union_all([*lines], grid_size=NODING)
     pieces = []
     for part in shapely.get_parts(joined):
@@ -178,14 +178,14 @@ def _ends(lines: Sequence[BaseGeometry]) -> FloatArray:
 
 
 def _nodes(pieces: Lines) -> tuple[FloatArray, IndexArray, IndexArray]:
-    """Return the points where pieces meet, the two of each piece, and how many pieces each point has."""
+    """Return the nodes where pieces meet, the two nodes of each piece, and the number of pieces at each node."""
     ends = shapely.get_coordinates(pieces)
     nodes, at, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     return nodes, at.reshape(-1, 2), count
 
 
 def _without_overshoots(pieces: Lines, gap: float) -> Lines:
-    """Return pieces without those no longer than a gap that end in nothing beyond another wall."""
+    """Drop pieces that overshoot another wall by at most the gap and end freely."""
     if not len(pieces):
         return pieces
     _, at, count = _nodes(pieces)
@@ -195,10 +195,10 @@ def _without_overshoots(pieces: Lines, gap: float) -> Lines:
 
 
 def _closings(pieces: Lines, gap: float) -> FloatArray:
-    """Return lines (c, 4) that join the ends of walls to other ends and walls within a gap, the nearest first.
+    """Return lines (c, 4) that join ends of walls to other ends and walls within a gap, nearest first.
 
-    Ends that are joined are one cluster, which is joined to each other end and wall once. What is much farther from an
-    end than what is nearest to it is left.
+    Joined ends form one cluster, which is joined to every other end and wall once. Lines much farther from an end than
+    the nearest one are not joined to it.
     """
     if not len(pieces) or not gap > 0.0:
         return np.empty((0, 4))
@@ -235,7 +235,7 @@ def _closings(pieces: Lines, gap: float) -> FloatArray:
 def _along_walls(
     count: int, at: IndexArray, length: FloatArray, ends: IndexArray, reach: float
 ) -> dict[tuple[int, int], float]:
-    """Return how far it is along walls from ends to the nodes within a reach [m]."""
+    """Return the distances along walls from ends to the nodes within a reach [m]."""
     beside: list[list[tuple[int, float]]] = [[] for _ in range(count)]
     for (a, b), far in zip(at.tolist(), length.tolist(), strict=True):
         beside[a].append((b, far))
@@ -252,7 +252,7 @@ def _along_walls(
 
 
 def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the doors: where each is (4,), and the lines (1 or 2, 4) that close it, one for each side of its wall."""
+    """Return the doors: the segment (4,) of each, and the lines (1 or 2, 4) that close it, one per side of the wall."""
     if not len(pieces) or not door > gap:
         return []
     nodes, at, count = _nodes(pieces)
@@ -283,13 +283,13 @@ def _door_lines(pieces: Lines, gap: float, door: float) -> list[tuple[FloatArray
 
 
 def _key(ends: FloatArray) -> tuple[float, ...]:
-    """Return what is the same for a door that was found from both its sides."""
+    """Return a key that is equal for the same door found from both of its sides."""
     one, other = sorted(np.round(ends.reshape(2, 2), 2).tolist())
     return (*one, *other)
 
 
 def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
-    """Return whether a piece is the end of a wall, both whose sides lead away from it alike."""
+    """Return whether a piece is the end face of a wall: both sides of the wall lead away from it in one direction."""
     lengths = [float(np.hypot(*one)) for one in back]
     width = float(np.hypot(*across))
     alike = float(back[0] @ back[1]) > PARALLEL * lengths[0] * lengths[1]
@@ -297,7 +297,7 @@ def _is_jamb(across: FloatArray, back: list[FloatArray]) -> bool:
 
 
 def _ahead(pieces: Lines, tree: shapely.STRtree, start: FloatArray, way: FloatArray, reach: float) -> float | None:
-    """Return how far ahead of a point the next wall is [m], None if there is none within reach."""
+    """Return the distance from a point to the next wall in a direction [m]; None if there is none within reach."""
     ray = shapely.LineString([start + LEAST_LENGTH * way, start + reach * way])
     hit = pieces[tree.query(ray, predicate="intersects")]
     met = shapely.intersection(ray, hit)
@@ -310,7 +310,7 @@ def _hull(pair: FloatArray) -> BaseGeometry:
 
 
 def _with_floor(lines: Sequence[BaseGeometry] | Lines, floor: BaseGeometry) -> NDArray[np.bool_]:
-    """Return whether there is floor to the left and to the right (n, 2) of the middles of lines of two points."""
+    """Return whether there is floor to the left and right (n, 2) of the midpoints of lines of two points."""
     if not len(lines):
         return np.empty((0, 2), dtype=bool)
     ends = shapely.get_coordinates([*lines]).reshape(-1, 2, 2)

@@ -1,4 +1,4 @@
-"""Edges to portals, tagged exits and walls; links that are closed."""
+"""Portals, tagged exits and walls from edges; closing of links."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
+from evac.building.elevation import level_elevation
 from evac.building.levels import LevelSet
-from evac.building.model import Building, Exit, Level, Portal
+from evac.building.model import Building, Door, Exit, Level, Portal
 from evac.building.surface import Surface
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
 
 def find_portals(surface: Surface, table: EdgeTable, level_set: LevelSet) -> tuple[Portal, ...]:
-    """Make a portal of each chain of edges that two levels share, ordered by levels and place."""
+    """Make a portal from each chain of edges shared by two levels, ordered by levels and place."""
     shared = np.flatnonzero(table.partner >= 0)
     pairs = np.column_stack([table.cell[shared], table.partner[shared]])
     pairs = level_set.level_of_cell[pairs]
@@ -43,7 +44,7 @@ def find_exits_and_walls(
     Raises
     ------
     BuildingError
-        If an edge of an exit is no free edge, has two exits, or an exit lies on two levels.
+        If an edge of an exit is not free or belongs to two exits, or an exit lies on two levels.
     """
     free = np.flatnonzero(table.partner < 0)
     level = level_set.level_of_cell[table.cell]
@@ -56,9 +57,11 @@ def find_exits_and_walls(
             row = row_of.get((a, b))
             if row is None or row in taken:
                 place = edge_place(surface.vertices, np.array([a, b]))
-                cause = "is not a free edge of the walkable surface" if row is None else f"is also {taken[row]!r}"
+                cause = (
+                    "is not a free edge of the walkable surface" if row is None else f"also has the tag {taken[row]!r}"
+                )
                 near = "" if row is not None else _nearest_free_edge(surface, table.ends[free], (a, b))
-                raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}{near}")
+                raise BuildingError(f"{source}: the edge {place} of {tag!r} {cause}; move or remove the tag{near}")
             rows.append(row)
             taken[row] = tag
         exits.append(_tagged_exit(source, surface, table, level_set, len(exits), tag, np.array(rows, dtype=np.int64)))
@@ -73,14 +76,30 @@ def find_exits_and_walls(
     return tuple(exits), *sorted_walls(np.concatenate(walls), np.concatenate(wall_level))
 
 
+def find_doors(surface: Surface, levels: tuple[Level, ...]) -> tuple[Door, ...]:
+    """Return the doors of a surface, each on the level that is nearest to its middle."""
+    doors = []
+    for name, ends in surface.doors:
+        middle = ends.mean(axis=0)
+        point = shapely.Point(middle[:2])
+        off = []
+        for level in levels:
+            near = shapely.get_coordinates(shapely.shortest_line(level.polygon, point))[:1]
+            height = float(level_elevation(surface.vertices, level, near)[0])
+            off.append(float(level.polygon.distance(point)) + abs(height - float(middle[2])))
+        segment = ends[:, :2].ravel()
+        doors.append(Door(name, int(np.argmin(off)), segment, float(np.hypot(*(segment[2:] - segment[:2])))))
+    return tuple(doors)
+
+
 def sorted_walls(walls: FloatArray, wall_level: NDArray[np.integer]) -> tuple[FloatArray, IntArray]:
-    """Put walls (w, 4) in the order of level, x1, y1, x2, y2."""
+    """Sort walls (w, 4) by level, x1, y1, x2, y2."""
     order = np.lexsort((*walls.T[::-1], wall_level))
     return np.ascontiguousarray(walls[order]), wall_level[order].astype(np.int32)
 
 
 def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, ...], plan: FloatArray) -> str:
-    """Describe for a message the wall nearest to some plan points (n, 2), its place and its distance."""
+    """Describe, for a message, the wall nearest to plan points (n, 2), with its place and distance."""
     if not len(walls):
         return "there is no free edge"
     distance = shapely.distance(shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.multipoints(plan))
@@ -95,20 +114,20 @@ def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, .
 def _tagged_exit(
     source: Path, surface: Surface, table: EdgeTable, level_set: LevelSet, index: int, tag: str, rows: IndexArray
 ) -> Exit:
-    """Make the exit of one tag from its rows of the edge table."""
+    """Make the exit of one tag from rows of the edge table."""
     if not len(rows):
         raise BuildingError(f"{source}: the edges of {tag!r} have no length; tag edges longer than building.weld")
     on = np.unique(level_set.level_of_cell[table.cell[rows]])
     if len(on) > 1:
         names = " and ".join(repr(level_set.levels[level].name) for level in on)
-        raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part a name of its own")
+        raise BuildingError(f"{source}: {tag!r} lies on the levels {names}; give each part its own name")
     parts = [straight_segments(surface.vertices, chain) for chain in chains(table.ends[rows])]
     segments = np.concatenate(parts)
     return Exit(index, tag.removeprefix("exit:"), int(on[0]), segments, float(segment_lengths(segments).sum()))
 
 
 def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]) -> str:
-    """Describe for a message the free edge whose middle is nearest to that of an edge."""
+    """Describe, for a message, the free edge whose midpoint is nearest to that of an edge."""
     middle = surface.vertices[list(edge)].mean(axis=0)
     distance = np.linalg.norm(surface.vertices[free].mean(axis=1) - middle, axis=1)
     if not len(free):
@@ -117,12 +136,12 @@ def _nearest_free_edge(surface: Surface, free: IndexArray, edge: tuple[int, int]
 
 
 def links_named(building: Building, name: str) -> frozenset[int]:
-    """Return the links that are an exit or a portal of a name, or the portals of a stair.
+    """Return the links of an exit or portal with a given name, or the portals of a stair.
 
     Raises
     ------
     BuildingError
-        If nothing has such a name.
+        No exit, portal or stair has this name.
     """
     links = {building.link_of(way) for way in building.exits if way.name == name}
     links |= {portal.index for portal in building.portals if portal.name == name}
@@ -136,18 +155,18 @@ def links_named(building: Building, name: str) -> frozenset[int]:
 
 
 def close_links(building: Building, names: Sequence[str]) -> Building:
-    """Return the building with exits, portals and stairs closed during the whole run: walls on both sides.
+    """Return the building with exits, portals and stairs closed for the whole run; closed links are walls.
 
     Parameters
     ----------
     building : Building
     names : sequence of str
-        Of exits, portals or stairs; all portals of a stair are closed.
+        Names of exits, portals or stairs; all portals of a stair are closed.
 
     Raises
     ------
     BuildingError
-        If nothing has such a name.
+        No exit, portal or stair has this name.
     """
     closed, stairs = set(building.closed), set[int]()
     for name in names:

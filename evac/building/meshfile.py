@@ -1,4 +1,4 @@
-"""Surface mesh to a Gmsh 2.2 file, its tags as physical groups."""
+"""Writing of a surface mesh to a Gmsh 2.2 file, with its tags as physical groups."""
 
 from pathlib import Path
 
@@ -7,19 +7,19 @@ import numpy as np
 from evac.building.surfacemesh import SurfaceMesh, checked
 from evac.errors import BuildingError
 
-#: Gmsh's numbers of element types.
+#: Element type numbers of Gmsh.
 LINE, TRIANGLE = 1, 2
 
 
 def write_surface(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a surface mesh, cut into triangles; the same mesh gives the same bytes.
+    """Write a triangulated surface mesh; equal meshes give identical files.
 
-    A cell or edge with several tags is written once for each of them, as Gmsh does; reading joins them again.
+    A cell or edge with several tags is written once for each of them, as in Gmsh; readers merge them.
 
     Raises
     ------
     BuildingError
-        The mesh is not sound, or the file cannot be written.
+        The mesh is invalid, or the file cannot be written.
     """
     whole = checked(path, mesh)
     groups = [(1, LINE, tag, pairs) for tag, pairs in whole.edge_tags.items()]
@@ -38,4 +38,4 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
     try:
         path.write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
     except OSError as error:
-        raise BuildingError(f"{path}: cannot be written: {error.strerror}; choose another place") from error
+        raise BuildingError(f"{path}: cannot be written ({error.strerror}); choose another path") from error

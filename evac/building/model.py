@@ -1,4 +1,4 @@
-"""The building as every other part sees it: levels, portals, exits, areas, walls. Frozen data only."""
+"""Data model of a building: levels, portals, exits, areas, walls. All classes are immutable."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,20 +12,20 @@ from evac.building.findings import Finding, warnings_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: How a level is walked: on the flat, up or down its slope. Columns of speeds and lengths.
+#: Slope classes: walking on the flat, up or down a slope. Columns of speeds and lengths.
 FLAT, UP, DOWN = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class Level:
-    """A maximal edge-connected set of cells of one slope class: a floor, a flight or a landing.
+    """A maximal edge-connected set of cells with one slope class: a floor, a flight or a landing.
 
     Attributes
     ----------
     index : int
-        Its row in every per-level array.
+        Row in all per-level arrays.
     name : str
-        Tag of the mesh, or made from what it is and where (``"flight z=0.00..1.50"``); unique.
+        Tag of the mesh, or generated from kind and height (``"flight z=0.00..1.50"``); unique.
     kind : str
         ``"floor"``, ``"flight"`` (sloped) or ``"landing"`` (flat, between flights of one stair).
     stair : str or None
@@ -33,9 +33,9 @@ class Level:
     triangles : (t, 3) int32
         Rows of ``Building.vertices``.
     polygon : shapely polygon or multipolygon
-        The plan, holes included.
+        The level in plan, with holes.
     uphill : (2,) float64
-        Unit plan vector of steepest ascent, zero on a flat level.
+        Unit vector of steepest ascent in plan, zero on a flat level.
     slope : float
         Angle with the horizontal [rad].
     z_min, z_max : float
@@ -56,19 +56,19 @@ class Level:
 
 @dataclass(frozen=True)
 class Portal:
-    """An edge chain shared by two levels; open for walking both ways.
+    """A chain of edges shared by two levels, which people can cross in both directions.
 
     Attributes
     ----------
     index : int
-        Its row in ``Building.portals``, which is its link as well.
+        Row in ``Building.portals``, and link index.
     name : str
     levels : (int, int)
-        The two levels that it joins.
+        Indices of the two levels that it joins.
     segments : (s, 4) float64
         x1, y1, x2, y2 [m], each with the first level's inside on its left.
     width : float
-        Length of its segments together [m].
+        Total length of its segments [m].
     """
 
     index: int
@@ -83,30 +83,50 @@ class Portal:
         return second if level == first else first
 
     def segments_from(self, level: int) -> FloatArray:
-        """Return the segments (s, 4) [m] with the inside of one of its levels on their left."""
+        """Return the segments (s, 4) [m] oriented with the inside of the given level on their left."""
         return self.segments if level == self.levels[0] else self.segments[:, [2, 3, 0, 1]]
 
 
 @dataclass(frozen=True)
 class Exit:
-    """An edge chain on the boundary of one level; whoever's centre crosses it is out.
+    """A chain of edges on the boundary of one level; people leave the building when their centre crosses it.
 
     Attributes
     ----------
     index : int
-        Its row in ``Building.exits``; its link is `Building.link_of` it.
+        Row in ``Building.exits``; `Building.link_of` gives its link index.
     name : str
     level : int
     segments : (s, 4) float64
         x1, y1, x2, y2 [m], each with the level's inside on its left.
     width : float
-        Length of its segments together [m].
+        Total length of its segments [m].
     """
 
     index: int
     name: str
     level: int
     segments: FloatArray
+    width: float
+
+
+@dataclass(frozen=True)
+class Door:
+    """A door between rooms: an opening in a wall within one level, and part of its floor.
+
+    Attributes
+    ----------
+    name : str
+    level : int
+    segment : (4,) float64
+        Its ends x1, y1, x2, y2 [m].
+    width : float
+        Clear width [m].
+    """
+
+    name: str
+    level: int
+    segment: FloatArray
     width: float
 
 
@@ -119,7 +139,7 @@ class Area:
     name : str
     level : int
     polygon : shapely polygon or multipolygon
-        Its plan [m].
+        The area in plan [m].
     """
 
     name: str
@@ -129,14 +149,14 @@ class Area:
 
 @dataclass(frozen=True)
 class Building:
-    """Everything that stands still: the first station of the main path.
+    """The fixed geometry of a case: levels, portals, exits, areas and walls.
 
-    Portals and exits together are its links: portals first, then exits.
+    Portals and exits together are called links; link indices number the portals first, then the exits.
 
     Attributes
     ----------
     source : Path
-        The mesh file.
+        The file that it was read from, for messages.
     vertices : (v, 3) float64
         Welded vertices [m].
     levels : tuple of Level
@@ -145,15 +165,17 @@ class Building:
     areas : tuple of Area
     walls : (w, 4) float64
         Segments x1, y1, x2, y2 [m], each with the level's inside on its left: free edges of the mesh that are
-        no exit, and outlines of obstacles; collinear neighbours of one level are merged.
+        not exits, and outlines of obstacles; collinear neighbours of one level are merged.
     wall_level : (w,) int32
-        Level that each wall stands on.
+        Level of each wall.
     stairs : dict of str to tuple of int
         Levels of each stair, from top to bottom.
     findings : tuple of Finding
-        What a user should know and that stops nothing, each with its place.
+        Warnings and other facts that do not prevent a run, with their places.
     closed : frozenset of int
-        Links that are walls during the whole run.
+        Indices of links that are closed for the whole run and act as walls.
+    doors : tuple of Door
+        Doors between rooms, if the source names them as plans do; empty for meshes.
     """
 
     source: Path
@@ -167,13 +189,14 @@ class Building:
     stairs: dict[str, tuple[int, ...]]
     findings: tuple[Finding, ...] = field(default=())
     closed: frozenset[int] = frozenset()
+    doors: tuple[Door, ...] = ()
 
     def __repr__(self) -> str:
         exits = ", ".join(exit_.name for exit_ in self.exits) or "none"
         return f"<Building {self.source.name}: {len(self.levels)} levels, exits {exits}>"
 
     def plot(self) -> "Figure":
-        """Return the plan of every storey, with names, widths and warnings, as a figure of matplotlib."""
+        """Return a matplotlib figure with the plan of every storey, including names, widths and warnings."""
         from evac.output.notebook import building_figure
 
         return building_figure(self)
@@ -189,7 +212,7 @@ class Building:
         return warnings_of(self.findings)
 
     def level_named(self, name: str) -> Level | None:
-        """Return the level of that name, or None."""
+        """Return the level with a given name, or None."""
         return next((level for level in self.levels if level.name == name), None)
 
     @property
@@ -198,7 +221,7 @@ class Building:
         return len(self.portals) + len(self.exits)
 
     def link_of(self, exit_: Exit) -> int:
-        """Return the link of an exit; that of a portal is its index."""
+        """Return the link index of an exit. The link index of a portal is its `index`."""
         return len(self.portals) + exit_.index
 
     def is_open(self, link: Portal | Exit) -> bool:
@@ -206,9 +229,9 @@ class Building:
         return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
 
     def portals_of(self, level: int) -> list[Portal]:
-        """Return the portals of a level, closed ones too."""
+        """Return the portals of a level, including closed ones."""
         return [portal for portal in self.portals if level in portal.levels]
 
     def exits_of(self, level: int) -> list[Exit]:
-        """Return the exits of a level, closed ones too."""
+        """Return the exits of a level, including closed ones."""
         return [exit_ for exit_ in self.exits if level == exit_.level]

@@ -1,4 +1,4 @@
-"""Places too narrow for a body: portals, exits, and necks inside a level."""
+"""Places too narrow for a body: portals, exits, and constrictions inside a level."""
 
 import numpy as np
 import shapely
@@ -8,21 +8,21 @@ from evac.arrays import FloatArray
 from evac.building.findings import Finding
 from evac.building.model import Building, Exit, Level, Portal
 
-#: Ground that a body's centre can reach and that is smaller than this is a niche, not a room behind a neck [m2].
+#: Minimum area of ground behind a constriction that a body's centre can reach [m2]; smaller ground is a niche.
 LEAST_PART = 0.05
-#: A level that falls apart even for a body as wide as this is closed there, not narrow [m].
+#: A constriction that is impassable even for a body of this width is a closed wall, not a narrow place [m].
 CLOSED = 0.02
-#: Points no farther apart along an outline than so many widths make no gap, nor do those that rounding parts [m].
+#: Points closer along an outline than this many widths, or closer than the rounding length [m], do not form a gap.
 FAR_ALONG, ROUNDING = 5.0, 1e-7
-#: To what a neck's width is found [m].
+#: Accuracy of the width of a constriction [m].
 PRECISION = 1e-3
 
 
 def narrow_places(building: Building, width: float) -> tuple[Finding, ...]:
-    """Return a warning for each place that a body cannot pass.
+    """Return a warning for each place that is too narrow for a body.
 
-    Inside a level, the ground that a centre can reach is the polygon less everything nearer to a wall than half
-    a width; where that falls apart, there is a neck.
+    Inside a level, the centre of a body can reach the polygon minus all points nearer to a wall than half the
+    width. Where this set is disconnected, there is a constriction.
 
     Parameters
     ----------
@@ -40,16 +40,16 @@ def narrow_places(building: Building, width: float) -> tuple[Finding, ...]:
             notes.append(_note(f"exit {way.name!r}", building.levels[way.level].name, way, width))
     for level in building.levels:
         for neck, place in necks(building, level, width):
-            text = f"only {neck:.2f} m wide, less than the widest person ({width:.2f} m): widen it"
+            text = f"only {neck:.2f} m wide, less than the widest person ({width:.2f} m): widen this place"
             notes.append(Finding("warning", text, level.name, place))
     return tuple(notes)
 
 
 def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
-    """Return segments (g, 4) across the gaps of a level narrower than a width [m].
+    """Return segments (g, 4) across gaps of a level that are narrower than `width` [m].
 
-    By default those where walls miss each other. Each goes from a corner of the outline to the nearest point of a side
-    within that distance, through the level. Sides that follow one another along the outline make no gap.
+    By default, these are gaps between walls that fail to meet. Each segment leads through the level from a corner of
+    the outline to the nearest point of a side within that distance. Consecutive sides do not form a gap.
     """
     rings = shapely.get_rings(shapely.get_parts(polygon))
     sides, ring_of = [], []
@@ -64,7 +64,7 @@ def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
     ends = shapely.get_coordinates(gap).reshape(-1, 2, 2)
     along = np.full(len(one), np.inf)
     same = of[one] == of[other]
-    # Where on their ring: the sides before, and the way along the side itself.
+    # Arc length on the ring: the sides before, plus the distance along the side itself.
     length = shapely.length(lines)
     before = np.cumsum(length) - length
     at = before[other] + np.hypot(*(ends[:, 1] - side[other, 0]).T)
@@ -73,22 +73,22 @@ def gaps_below(polygon: BaseGeometry, width: float = CLOSED) -> FloatArray:
     across = (shapely.length(gap) > ROUNDING) & (along > FAR_ALONG * width)
     shapely.prepare(polygon)
     across[across] = shapely.contains(polygon, gap[across])
-    # The least end first, so that a gap between two corners is found once.
+    # The smaller end first, so that a gap between two corners is found once.
     found: FloatArray = np.unique([sorted(pair) for pair in ends[across].tolist()], axis=0).reshape(-1, 4)
     return found
 
 
 def necks(building: Building, level: Level, width: float) -> list[tuple[float, tuple[float, float]]]:
-    """Return width [m] and plan position of each neck of `level` that a body `width` wide cannot pass."""
+    """Return the width [m] and plan position of each constriction that a body `width` wide cannot pass."""
     width -= PRECISION  # a body as wide as the neck passes
     walls = shapely.multilinestrings(building.walls[building.wall_level == level.index].reshape(-1, 2, 2))
-    walls = shapely.line_merge(walls)  # a buffer around chains of walls is made many times as fast
+    walls = shapely.line_merge(walls)  # buffering merged chains of walls is many times faster
     parts = _reachable(level, walls, width)
     parts = sorted((part for part in parts if part.area > LEAST_PART), key=lambda part: part.area)
     found: dict[tuple[float, float], tuple[float, tuple[float, float]]] = {}
     for index in range(len(parts) - 1):
         neck = _neck_of(level, walls, width, parts[index], shapely.union_all(parts[:index] + parts[index + 1 :]))
-        if neck is not None:  # seen from both of its sides, it counts once
+        if neck is not None:  # found from both sides, it counts once
             found.setdefault((round(neck[1][0], 1), round(neck[1][1], 1)), neck)
     return list(found.values())
 
@@ -96,7 +96,7 @@ def necks(building: Building, level: Level, width: float) -> list[tuple[float, t
 def _neck_of(
     level: Level, walls: BaseGeometry, width: float, part: BaseGeometry, others: BaseGeometry
 ) -> tuple[float, tuple[float, float]] | None:
-    """Find by bisection the greatest width that joins `part` to `others`, and the place where it does."""
+    """Find, by bisection, the largest width at which `part` is connected to `others`, and the place."""
     passes, stops = CLOSED, width
     joined = _around(level, walls, passes, part)
     if not joined.intersects(others):
@@ -120,7 +120,7 @@ def _neck_of(
 
 
 def _around(level: Level, walls: BaseGeometry, width: float, part: BaseGeometry) -> BaseGeometry:
-    """Return everything that a body `width` wide can reach from `part`, which is reached by a wider one."""
+    """Return the ground that a body `width` wide can reach from `part`, which a wider body can reach."""
     return shapely.union_all([piece for piece in _reachable(level, walls, width) if piece.intersects(part)])
 
 

@@ -1,4 +1,4 @@
-"""Plane patches of a mesh: cells of one plane joined to a polygon in plan, and cut into cells again."""
+"""Plane patches of a mesh: coplanar cells joined to a polygon in plan, and triangulated again."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,24 +12,24 @@ from evac.building.components import connected_components
 from evac.building.shapes import GRID, LEAST_AREA, flat_parts, place_of
 from evac.building.stairs import below
 
-#: Cells are of one plane if their rises agree to this, and their heights at the origin of the patch to this [m].
+#: Tolerances for coplanar cells: of their slopes, and of their heights at the origin of the patch [m].
 SAME_RISE, SAME_HEIGHT = 1e-3, 2e-3
 
 
 @dataclass(frozen=True)
 class Patch:
-    """Cells of one body and one plane, with the same tags, that touch each other.
+    """Adjacent coplanar cells of one body with the same tags.
 
     Attributes
     ----------
     body : int
-        Part of the mesh, connected by vertices, to which it belongs.
+        Vertex-connected component of the mesh that the patch belongs to.
     tags : frozenset of str
     plan : shapely polygon or multipolygon [m]
     rise : (2,) float64
-        Slope along x and y.
+        Gradient (dz/dx, dz/dy).
     z : float [m]
-        Height of its plane at x = y = 0.
+        Height of the plane at x = y = 0.
     """
 
     body: int
@@ -40,7 +40,7 @@ class Patch:
 
     @property
     def is_flat(self) -> bool:
-        """Whether it is horizontal."""
+        """Whether the patch is horizontal."""
         return bool(np.hypot(*self.rise) < SAME_RISE)
 
     def height(self, points: FloatArray) -> FloatArray:
@@ -49,11 +49,11 @@ class Patch:
         return heights
 
     def without(self, away: BaseGeometry) -> "Patch":
-        """Return the patch with a part of its plan cut away."""
+        """Return the patch without a part of its plan."""
         return replace(self, plan=flat_parts(shapely.difference(self.plan, away, grid_size=GRID)))
 
     def over(self, other: "Patch", least: float, most: float) -> BaseGeometry:
-        """Return where this patch lies over another one, higher by more than `least` and less than `most` [m]."""
+        """Return the polygon where this patch is between `least` and `most` [m] above another one."""
         common = flat_parts(shapely.intersection(self.plan, other.plan, grid_size=GRID))
         if common.is_empty:
             return common
@@ -74,14 +74,14 @@ class Patch:
 
 
 def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags: dict[str, np.ndarray]) -> list[Patch]:
-    """Return the patches that cells, none of them upright, are made of, in the order of their places.
+    """Join cells, none of them upright, to patches, sorted by place.
 
     Parameters
     ----------
     points : (v, 3) float64 [m]
     triangles : (t, 3) int64
     body : (t,) int64
-        Of each cell.
+        Body of each cell.
     tags : dict of str to (t,) bool
     """
     corners = points[triangles]
@@ -109,12 +109,12 @@ def patches_of(points: FloatArray, triangles: IndexArray, body: IndexArray, tags
 
 
 def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]]:
-    """Return patches as triangles (t, 3, 3) [m], and the tags of each.
+    """Triangulate patches; return triangles (t, 3, 3) [m] and the tags of each triangle.
 
     Raises
     ------
     ValueError
-        A patch comes too close to itself to be cut into triangles; names the place.
+        Parts of a patch's outline are too close to each other for triangulation; names the place.
     """
     corners, tags = [np.empty((0, 3, 3))], list[frozenset[str]]()
     for patch in patches:
@@ -123,7 +123,7 @@ def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]
                 pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
             except shapely.GEOSException as error:
                 x, y = place_of(part)
-                raise ValueError(f"the ground at ({x:z.2f}, {y:z.2f}) cannot be cut into triangles: {error}") from error
+                raise ValueError(f"the ground at ({x:z.2f}, {y:z.2f}) cannot be triangulated: {error}") from error
             plan = np.array([shapely.get_coordinates(piece)[:3] for piece in pieces]).reshape(-1, 2)
             solid = np.column_stack([plan, patch.height(plan)]).reshape(-1, 3, 3)
             corners.append(solid)
@@ -132,7 +132,7 @@ def cells_of(patches: Iterable[Patch]) -> tuple[FloatArray, list[frozenset[str]]
 
 
 def bodies(count: int, triangles: IndexArray) -> IndexArray:
-    """Return the number of the body of each cell: cells that share vertices are of one."""
+    """Return the body index of each cell; cells that share vertices belong to one body."""
     pairs = np.concatenate([triangles[:, :2], triangles[:, 1:]])
     part: IndexArray = connected_components(count, pairs)[triangles[:, 0]]
     return part

@@ -1,4 +1,4 @@
-"""Exits, areas and obstacles that a case adds to a building: segments and polygons on a level."""
+"""Exits, areas and obstacles that a case adds to a building, given as segments and polygons on a level."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,22 +14,24 @@ from evac.building.elevation import level_elevation
 from evac.building.findings import Finding
 from evac.building.links import nearest_wall, sorted_walls
 from evac.building.model import Area, Building, Exit, Level
+from evac.building.outlines import between_floors
+from evac.building.planparts import DOOR_REACH
 from evac.building.polygons import union
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
-#: An exit may be drawn this far off the free edge that it is snapped to [m].
+#: Largest distance of an exit from the free edge that it is snapped to [m].
 EXIT_REACH = 0.05
-#: A height given for a level may differ this much from the level's own [m].
+#: Largest difference between a height given for a level and the height of the level [m].
 HEIGHT_REACH = 0.5
-#: An area that leaves its level by more than this share is warned of.
+#: Share of an area outside its level above which a warning is issued.
 CUT_OFF = 0.01
 #: Remainders of walls and exits shorter than this are dropped [m].
 LEAST_LENGTH = 1e-3
 
 
 def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
-    """Open an exit on the free edges of a level along a segment, which is snapped to them.
+    """Add an exit along a segment, which is snapped to the free edges of a level.
 
     Parameters
     ----------
@@ -39,8 +41,8 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
     Raises
     ------
     BuildingError
-        If the name is taken, the level is not found, or part of the segment is farther than
-        `EXIT_REACH` from every free edge of the level.
+        If the name is already used, the level is not found, or part of the segment is farther than
+        `EXIT_REACH` from every free edge of the level, or it is at a wall with the level on both sides.
     """
     name, what = item["name"], f"exit {item['name']!r}"
     if any(other.name == name for other in building.exits):
@@ -60,9 +62,15 @@ def add_exit(building: Building, item: Mapping[str, Any]) -> Building:
         raise BuildingError(
             f"{building.source}: {what}, ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) on level {level.name!r}, does "
             f"not lie on a free edge (within {EXIT_REACH} m all along); "
-            + (f"{free:.2f} m of it do not: shorten it, or look for another exit or a portal there" if opened else near)
+            + (f"{free:.2f} m of it are off: shorten it, or check for an exit or a portal there" if opened else near)
         )
     segments = np.array(opened)
+    if between_floors(level.polygon, segments, DOOR_REACH).any():
+        x, y = ends.mean(axis=0)
+        raise BuildingError(
+            f"{building.source}: {what} does not lead outside: level {level.name!r} has floor on both sides of the "
+            f"wall at ({x:z.2f}, {y:z.2f}); move it to the outer outline"
+        )
     width = float(segment_lengths(segments).sum())
     new = Exit(len(building.exits), name, level.index, segments, width)
     return replace(_with_walls(building, level, np.array(kept).reshape(-1, 4)), exits=(*building.exits, new))
@@ -79,7 +87,7 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
     Raises
     ------
     BuildingError
-        If the name is taken, or no part of the polygon is on the level.
+        If the name is already used, or no part of the polygon is on the level.
     """
     name, what = item["name"], f"area {item['name']!r}"
     if any(other.name == name for other in building.areas):
@@ -97,7 +105,7 @@ def add_area(building: Building, item: Mapping[str, Any]) -> Building:
 
 
 def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Building:
-    """Take obstacles out of the polygons of levels and areas; their outlines become walls.
+    """Cut obstacles out of the polygons of levels and areas; their outlines become walls.
 
     Parameters
     ----------
@@ -124,16 +132,15 @@ def add_obstacles(building: Building, items: Sequence[Mapping[str, Any]]) -> Bui
 
 
 def find_level(building: Building, item: Mapping[str, Any], what: str, geometry: BaseGeometry) -> Level:
-    """Find the level that ``level`` names, or the one at about the height ``z`` on which most of `geometry` lies.
+    """Find the level named ``level``, or the level at about the height ``z`` on which most of `geometry` lies.
 
-    Of a polygon the area on the level counts, of a segment the length along the level's walls: a flight that ends
-    at the height of a floor has none of what lies on the floor. Where that is equal, the nearest level is taken,
-    then the one nearest to ``z``, then a floor before a flight.
+    Levels are compared by the area of a polygon on them, or by the length of a segment along their walls. For equal
+    levels, the nearest one in plan is chosen, then the one nearest to ``z``, then a floor rather than a flight.
 
     Raises
     ------
     BuildingError
-        If there is none, naming those there are.
+        If there is none; the message names the existing levels.
     """
     if item.get("level") is not None:
         found = building.level_named(item["level"])
@@ -165,7 +172,7 @@ def find_level(building: Building, item: Mapping[str, Any], what: str, geometry:
 
 
 def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
-    """Area of a polygon on a level [m2], or length of a segment along its walls [m]."""
+    """Return the area of a polygon on a level [m2], or the length of a segment along its walls [m]."""
     if geometry.geom_type != "LineString":
         return float(geometry.intersection(level.polygon).area)
     ends = shapely.get_coordinates(geometry)
@@ -174,7 +181,7 @@ def _overlap(building: Building, level: Level, geometry: BaseGeometry) -> float:
 
 
 def _coordinates(building: Building, item: Mapping[str, Any], what: str, key: str, least: int) -> FloatArray:
-    """Check and return the plan coordinates (k, 2) under a key; a segment has exactly two different ends."""
+    """Check and return the plan coordinates (k, 2) of a key; a segment must have exactly two different ends."""
     try:
         plan = np.array(item.get(key, ()), dtype=np.float64)
     except (TypeError, ValueError):
@@ -196,13 +203,13 @@ def _polygon(building: Building, item: Mapping[str, Any], what: str) -> BaseGeom
     if not polygon.is_valid or polygon.area <= LEAST_LENGTH**2:
         cause = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
         raise BuildingError(
-            f"{building.source}: {what}: its polygon is no simple outline: {cause}; draw it without crossings"
+            f"{building.source}: {what}: polygon is not a valid outline: {cause}; draw it without crossings"
         )
     return polygon
 
 
 def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Divide a wall into what remains and the piece (at most one) that lies along the segment `ends`."""
+    """Divide a wall into the remaining pieces and the piece (at most one) that lies along the segment `ends`."""
     start, end = wall[:2], wall[2:]
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
@@ -224,7 +231,7 @@ def _cut(wall: FloatArray, ends: FloatArray) -> tuple[list[FloatArray], list[Flo
 
 
 def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float]:
-    """Parts of the segment `ends` that no piece lies along: all together, and the longest [m]."""
+    """Return the total and the longest length of the segment `ends` that is not covered by pieces [m]."""
     length = float(np.hypot(*(ends[1] - ends[0])))
     along = (ends[1] - ends[0]) / length
     spans = sorted(sorted(((piece.reshape(2, 2) - ends[0]) @ along).tolist()) for piece in pieces)
@@ -237,7 +244,7 @@ def _uncovered(ends: FloatArray, pieces: list[FloatArray]) -> tuple[float, float
 
 
 def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: str) -> None:
-    """Refuse an obstacle over a way through."""
+    """Refuse an obstacle that covers part of a portal or an exit."""
     ways = [("portal", portal.name, portal.segments) for portal in building.portals_of(level.index)]
     ways += [("exit", way.name, way.segments) for way in building.exits_of(level.index)]
     for kind, name, segments in ways:
@@ -251,7 +258,7 @@ def _check_open(building: Building, level: Level, polygon: BaseGeometry, what: s
 
 
 def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Building:
-    """Subtract an obstacle from a level and its areas, and put walls along its outline."""
+    """Subtract an obstacle from a level and its areas, and add walls along its outline."""
     polygon = _plane_part(level.polygon.difference(obstacle))
     if polygon.is_empty:
         raise BuildingError(f"{building.source}: obstacles cover all of level {level.name!r}; make them smaller")
@@ -277,7 +284,7 @@ def _take_out(building: Building, level: Level, obstacle: BaseGeometry) -> Build
 
 
 def _sides(polygon: BaseGeometry) -> FloatArray:
-    """Sides (s, 4) of a polygon or multipolygon, its inside on their left."""
+    """Return the sides (s, 4) of a polygon or multipolygon, with its interior on their left."""
     rings = []
     for part in shapely.get_parts(polygon):
         oriented = shapely.orient_polygons(part)
@@ -286,13 +293,13 @@ def _sides(polygon: BaseGeometry) -> FloatArray:
 
 
 def _plane_part(geometry: BaseGeometry) -> BaseGeometry:
-    """Drop the points and lines that an overlay may leave beside polygons."""
+    """Drop points and lines that an overlay operation may return in addition to polygons."""
     parts = [part for part in shapely.get_parts(geometry) if part.geom_type in ("Polygon", "MultiPolygon")]
     return shapely.union_all(parts) if parts else shapely.Polygon()
 
 
 def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
-    """Exchange the walls of one level."""
+    """Replace the walls of one level."""
     other = building.wall_level != level.index
     walls, wall_level = sorted_walls(
         np.concatenate([building.walls[other], own]),
@@ -302,6 +309,6 @@ def _with_walls(building: Building, level: Level, own: FloatArray) -> Building:
 
 
 def _extent(level: Level) -> str:
-    """Describe for a message the plan extent of a level, and how to fix a place that is not on it."""
+    """Describe, for a message, the plan extent of a level and how to correct a place that is not on it."""
     x1, y1, x2, y2 = level.polygon.bounds
-    return f", which reaches from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"
+    return f", which extends from ({x1:z.2f}, {y1:z.2f}) to ({x2:z.2f}, {y2:z.2f}); move it there"

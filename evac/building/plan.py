@@ -13,7 +13,7 @@ from evac.building.findings import Finding
 from evac.building.planparts import DOOR_REACH, OUTSIDE, Item, Stair, Storey
 from evac.building.shapes import Shape, polygons_of, segment_of
 from evac.defaults import HEADROOM
-from evac.errors import BuildingError
+from evac.errors import BuildingError, counted
 
 if TYPE_CHECKING:
     from evac.building.model import Building
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
 
 
 class Plan:
-    """A building in plan, from which its surface, and so a `Building` and a case, is made.
+    """A building drawn in plan, from which a surface mesh, a `Building` or a case can be made.
 
     Shapes are shapely geometries, WKT, GeoJSON, lists of corners [x, y], or lists of these; lengths are in metres.
-    Things may be added in any order. What is wrong with them together is found by `surface`.
+    Items may be added in any order. Errors in their combination are found by `surface`.
 
     Parameters
     ----------
     source : str or Path
-        What messages call it.
+        Name of the plan in messages.
     headroom : float [m]
-        Floors are cut away where they leave less height above or below a stair; 0 cuts nothing.
+        Minimum free height above and below stairs; floors that leave less are cut away. 0 cuts nothing.
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class Plan:
     stairs : list of Stair
     doors, exits, openings, areas, obstacles : list of Item
     pieces : list of (str, str, tuple)
-        Flights and landings that are given one by one: the stair, the kind and its shape.
+        Flights and landings added one by one: the stair, the kind and the shape.
     findings : list of Finding
-        What was repaired or left out when shapes were added; importers add what they have found.
+        Repairs and omissions made when shapes were added, and findings of importers.
 
     Examples
     --------
@@ -68,6 +68,14 @@ class Plan:
         self.pieces: list[tuple[str, str, tuple[Any, ...]]] = []
         self.findings: list[Finding] = []
 
+    def __repr__(self) -> str:
+        parts = {
+            "storey": len(self.storeys),
+            "stair": len({*(stair.name for stair in self.stairs), *(piece[0] for piece in self.pieces)}),
+            "exit": len(self.exits),
+        }
+        return f"<Plan {str(self.source)!r}: {', '.join(counted(number, what) for what, number in parts.items())}>"
+
     def storey(
         self,
         name: str,
@@ -84,27 +92,27 @@ class Plan:
         ----------
         name : str
         polygons : shape
-            The ground that can be walked on; its holes are obstacles. Polygons that overlap or touch are joined.
+            Ground that people can walk on; holes are obstacles. Polygons that overlap or touch are joined.
         z : float [m]
             Height of its floor.
         wall : float [m]
             If greater than 0, polygons that touch are rooms with walls of this thickness between them.
         file : str or Path
-            Instead of polygons: a file with one storey in any format that an importer reads as a plan. What else is in
-            it, such as exits, comes with it.
+            Instead of polygons: a file with one storey in any format that an importer reads as a plan. Other items in
+            the file, such as exits, are added too.
         options : mapping
-            Parameters of the importer of that file.
+            Parameters of the importer of the file.
 
         Raises
         ------
         BuildingError
-            The name is taken, or the shape is none.
+            The name is already used, or the shape is invalid.
         """
         what = f"storey {name!r}"
         if name in self.storeys:
             raise BuildingError(f"{self.source}: there are two storeys named {name!r}; rename one")
         if (polygons is None) == (file is None):
-            raise BuildingError(f"{self.source}: {what}: give either its polygons or a file")
+            raise BuildingError(f"{self.source}: {what}: give either polygons or file, and not both")
         self._number(what, "z", z)
         self._number(what, "wall", wall, least=0.0)
         found = () if polygons is None else self._polygons(what, name, polygons)
@@ -129,8 +137,8 @@ class Plan:
     ) -> None:
         """Add a stair between two storeys: straight, straight with landings, or U-shaped with a half landing.
 
-        - Straight between two edges: both edges; of one edge: `length`, and `direction` if it is not clear.
-        - With landings on the way: `landing` as well, and `landings` if there are several.
+        - Straight: both edges; or one edge, `length`, and `direction` if it is ambiguous.
+        - Straight with landings: additionally `landing`, and `landings` if there are several.
         - U-shaped: two edges side by side and the `length` of the first flight; or one edge, `length` and `turn`.
 
         Parameters
@@ -139,43 +147,43 @@ class Plan:
         lower, upper : str
             Names of the storeys.
         lower_edge, upper_edge : segments
-            Where the stair begins and ends; their length is the width of the stair.
+            Edges at which the stair begins and ends; their length is the width of the stair.
         length : float [m]
             Length in plan: of the whole stair, or of the first flight of a U-shaped one.
         direction : (x, y)
-            Into which the first flight leaves the lower edge. By default away from the lower floor.
+            Direction of the first flight from the lower edge. By default away from the lower floor.
         landing : float [m]
-            Depth of each landing in plan; the half landing of a U-shaped stair is as deep as the stair is wide unless
-            this says otherwise.
+            Depth of each landing in plan. By default, the half landing of a U-shaped stair is as deep as the stair is
+            wide.
         landings : int
-            How many there are on a straight stair, 1 unless given.
+            Number of landings of a straight stair, 1 by default.
         turn : "left" or "right"
-            Where the second flight of a U-shaped stair is, seen upwards, if `upper_edge` is not given.
+            Side of the second flight of a U-shaped stair, seen in upward direction, if `upper_edge` is not given.
         gap : float [m]
-            Between the two flights, if `turn` is given.
+            Gap between the two flights, if `turn` is given.
 
         Raises
         ------
         BuildingError
-            The name is taken, or the arguments do not make a stair.
+            The name is already used, or the arguments do not define a stair.
         """
         what = f"stair {name!r}"
         if any(one.name == name for one in self.stairs):
             raise BuildingError(f"{self.source}: there are two stairs named {name!r}; rename one")
         if upper_edge is None and length is None:
-            raise BuildingError(f"{self.source}: {what}: give its upper_edge, or its length")
+            raise BuildingError(f"{self.source}: {what}: give upper_edge or length")
         if turn not in (None, "left", "right") or (turn is not None and upper_edge is not None):
-            raise BuildingError(f"{self.source}: {what}: turn is 'left' or 'right', and replaces upper_edge")
+            raise BuildingError(f"{self.source}: {what}: turn must be 'left' or 'right', given instead of upper_edge")
         for key, value in (("length", length), ("landing", landing), ("gap", gap)):
             if value is not None:
                 self._number(what, key, value, least=0.0)
         if direction is not None and (np.shape(direction) != (2,) or not np.linalg.norm(direction) > 0.0):
-            raise BuildingError(f"{self.source}: {what}: direction is a vector [x, y], not {direction!r}")
+            raise BuildingError(f"{self.source}: {what}: direction must be a vector [x, y], not {direction!r}")
         edge = None if upper_edge is None else self._segment(what, "upper_edge", upper_edge)
         way = None if direction is None else np.asarray(direction, np.float64)
         count = 1 if landing is not None and landings is None else landings or 0
         if count and landing is None:
-            raise BuildingError(f"{self.source}: {what}: landings need the depth of one: landing = 1.5")
+            raise BuildingError(f"{self.source}: {what}: landings requires a landing depth, such as landing = 1.5")
         foot = self._segment(what, "lower_edge", lower_edge)
         self.stairs.append(Stair(name, lower, foot, upper, edge, length, way, landing, count, turn, gap))
 
@@ -195,64 +203,65 @@ class Plan:
     def door(
         self, name: str, storey: str, segment: Shape, *, reach: float = DOOR_REACH, outside: str = "refuse"
     ) -> None:
-        """Join two rooms by an opening in the wall between them.
+        """Add a door: an opening in the wall between two rooms.
 
         Parameters
         ----------
         name, storey : str
         segment : segment
-            Along the wall, as long as the opening is wide, anywhere in the thickness of the wall.
+            Along the wall, as long as the opening is wide, anywhere within the thickness of the wall. It is moved to a
+            wall at most 0.15 m beside it, and turned along a wall that it crosses at a small angle; both are findings.
         reach : float [m]
-            How far from the segment the rooms may begin.
+            Largest distance between the segment and the rooms.
         outside : "refuse", "exit" or "opening"
-            What it is if there is a room on one side only: an error, an exit, or an opening that `evac import` offers
-            as an exit.
+            Meaning of a door with a room on one side only: an error, an exit, or an opening that `evac import`
+            suggests as an exit.
 
         Raises
         ------
         BuildingError
-            An argument is not as it must be.
+            An argument is invalid.
         """
         what = f"door {name!r}"
         if outside not in OUTSIDE:
-            raise BuildingError(f"{self.source}: {what}: outside is one of {', '.join(OUTSIDE)}, not {outside!r}")
+            raise BuildingError(f"{self.source}: {what}: outside must be one of {', '.join(OUTSIDE)}, not {outside!r}")
         self._number(what, "reach", reach, least=0.0)
         self.doors.append(Item(name, storey, self._segment(what, "segment", segment), (), float(reach), outside))
 
     def exit(self, name: str, storey: str, segment: Shape | None = None, *, polygon: Shape | None = None) -> None:
-        """Add an exit: whoever's centre crosses it is out.
+        """Add an exit; people leave the building when their centre crosses it.
 
         Parameters
         ----------
         name, storey : str
         segment : segment
-            Along the outline of the floor, at most 0.15 m off it; or on the outer face of a wall at most 0.6 m thick,
-            through which a recess of its width is then made.
+            Along the outer outline of the floor, at most 0.15 m from it; or on the outer face of a wall at most 0.6 m
+            thick, through which the floor is then extended.
         polygon : shape
-            Instead of a segment: ground that is outside. It is cut out of the floor, and every edge that it then shares
-            with the floor is exit.
+            Instead of a segment: ground outside. It is cut out of the floor, and every edge that it then shares with
+            the floor is part of the exit.
 
         Raises
         ------
         BuildingError
-            The name is taken, or the shape is none.
+            The name is already used, or the shape is invalid.
         """
         what = f"exit {name!r}"
         if any(one.name == name for one in self.exits):
             raise BuildingError(f"{self.source}: there are two exits named {name!r}; rename one")
         if (segment is None) == (polygon is None):
-            raise BuildingError(f"{self.source}: {what}: give either its segment or a polygon")
+            raise BuildingError(f"{self.source}: {what}: give either segment or polygon, and not both")
         ends = None if segment is None else self._segment(what, "segment", segment)
         found = () if polygon is None else self._polygons(what, storey, polygon)
         self.exits.append(Item(name, storey, ends, found))
 
     def opening(self, storey: str, segment: Shape, name: str = "") -> None:
-        """Note where an exit may be, for `evac import` to offer: an opening to the outside that nothing calls an exit.
+        """Add an opening to the outside that is not declared as an exit; `evac import` suggests it as an exit.
 
         Raises
         ------
         BuildingError
-            The segment is none.
+            The segment is invalid.
         """
         self.openings.append(Item(name, storey, self._segment("an opening", "segment", segment)))
 
@@ -262,34 +271,34 @@ class Plan:
         Raises
         ------
         BuildingError
-            The name is taken, or the shape is none.
+            The name is already used, or the shape is invalid.
         """
         if any(one.name == name for one in self.areas):
             raise BuildingError(f"{self.source}: there are two areas named {name!r}; rename one")
         self.areas.append(Item(name, storey, polygons=self._polygons(f"area {name!r}", storey, polygon)))
 
     def obstacle(self, name: str, storey: str, polygon: Shape) -> None:
-        """Add an obstacle: it is cut out of the floor of its storey, and its outline is a wall.
+        """Add an obstacle: it is cut out of the floor of its storey, and its outline becomes a wall.
 
         Raises
         ------
         BuildingError
-            The shape is none.
+            The shape is invalid.
         """
         self.obstacles.append(Item(name, storey, polygons=self._polygons(f"obstacle {name!r}", storey, polygon)))
 
     def take(self, name: str, other: "Plan") -> None:
-        """Take polygons and everything on them from a plan of one storey, for a storey that was given as a file.
+        """Copy the polygons and all items of another plan with one storey to a storey that was given as a file.
 
         Raises
         ------
         BuildingError
-            The other plan has not one storey, or what it names is there already.
+            The other plan does not have exactly one storey, or a name in it is already used.
         """
         if len(other.storeys) != 1 or other.stairs or other.pieces:
             raise BuildingError(
                 f"{other.source}: has {len(other.storeys)} storeys ({', '.join(other.storeys)}); the file of a storey "
-                "holds one storey and no stair"
+                "must have exactly one storey and no stairs"
             )
         (taken,) = other.storeys.values()
         own = self.storeys[name]
@@ -305,23 +314,28 @@ class Plan:
         self.findings += [replace(one, level=name if one.level == taken.name else one.level) for one in other.findings]
 
     def note(self, kind: str, text: str, storey: str | None = None, place: tuple[float, float] | None = None) -> None:
-        """Add a finding; importers say with it what they have found, assumed, repaired or left out."""
+        """Add a finding, such as what an importer has found, assumed, repaired or left out."""
         self.findings.append(Finding(kind, text, storey, place))
 
+    @property
+    def files(self) -> list[Path]:
+        """The files of storeys that are given as such."""
+        return [storey.file for storey in self.storeys.values() if storey.file is not None]
+
     def surface(self) -> "SurfaceMesh":
-        """Return the tagged surface: a floor for each storey, with areas, obstacles and exits, and the stairs.
+        """Return the tagged surface mesh: a floor for each storey with areas, obstacles and exits, and the stairs.
 
         Raises
         ------
         BuildingError
-            Parts do not fit together; names them and the place.
+            Items do not fit together; names them and the place.
         """
         from evac.building.drawing import draw
 
         return draw(self)
 
     def building(self, **options: Any) -> "Building":
-        """Return the building, without a file; the options are those of `evac.building.build.build_building`.
+        """Return the building; the options are those of `evac.building.build.build_building`.
 
         Raises
         ------
@@ -333,7 +347,7 @@ class Plan:
         return build_building(self.surface(), self.source, **options)
 
     def write(self, path: str | Path) -> None:
-        """Write the surface to a Gmsh 2.2 file, its tags as physical groups; the same plan gives the same bytes.
+        """Write the surface to a Gmsh 2.2 file, with tags as physical groups; equal plans give identical files.
 
         Raises
         ------

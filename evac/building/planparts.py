@@ -1,4 +1,4 @@
-"""The parts of a plan as they are kept: storeys, stairs, and what is on a storey."""
+"""Data classes of a plan: storeys, stairs, and items on a storey."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,17 +9,17 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray
 
-#: How far an exit, or the end of a stair, may lie off the outline of its floor [m].
+#: Largest distance of an exit or a stair end from the outline of its floor [m].
 SNAP = 0.15
-#: How far a door may lie from the rooms that it joins [m]: half of a thick wall, or all of it.
+#: Default distance of a door from the rooms that it joins [m].
 DOOR_REACH = 0.6
-#: What becomes of a door with a room on one side only.
+#: Options for a door with a room on one side only.
 OUTSIDE = ("refuse", "exit", "opening")
 
 
 @dataclass(frozen=True)
 class Storey:
-    """A storey: its polygons, or the file that they are in; see `evac.building.plan.Plan.storey`."""
+    """A storey: its polygons, or the file that contains them; see `evac.building.plan.Plan.storey`."""
 
     name: str
     z: float

@@ -1,4 +1,4 @@
-"""Plans as tables: the content of a plan file, or of ``[building.plan]`` in a case."""
+"""Conversion between plans and tables, as in plan files and ``[building.plan]`` of a case."""
 
 import inspect
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from evac.defaults import HEADROOM
 from evac.errors import BuildingError
 from evac.parameters import did_you_mean
 
-#: Each list of tables, and the method of `Plan` that takes one table's keys as its arguments.
+#: Name of each list of tables, and the method of `Plan` that takes the keys of one table as arguments.
 SECTIONS = {
     "storeys": "storey",
     "stairs": "stair",
@@ -34,19 +34,19 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
     Parameters
     ----------
     table : mapping
-        ``headroom`` [m], and lists of tables by the keys of `SECTIONS`, with the arguments of that method of
+        ``headroom`` [m], and lists of tables under the keys of `SECTIONS`, with the arguments of that method of
         `evac.building.plan.Plan`.
     source : Path
-        What messages call it.
+        Name of the plan in messages.
     folder : Path
-        What files of storeys are relative to.
+        Folder that paths of storey files are relative to.
     prefix : str
-        What stands before the keys in messages.
+        Prefix of keys in messages.
 
     Raises
     ------
     BuildingError
-        A key is unknown or missing, or a value is not as it must be; names the key.
+        A key is unknown or missing, or a value is invalid; names the key.
     """
     for key in table:
         if key != "headroom" and key not in SECTIONS:
@@ -67,7 +67,7 @@ def plan_of(table: Mapping[str, Any], source: Path, folder: Path, prefix: str = 
 
 
 def table_of(plan: Plan) -> dict[str, Any]:
-    """Return a plan as a table of plain data, from which `plan_of` makes the same plan."""
+    """Return a plan as a table of plain data; `plan_of` is the inverse."""
     table: dict[str, Any] = {"headroom": plan.headroom}
     table["storeys"] = [
         {"name": one.name, "z": one.z, "wall": one.wall}
@@ -92,7 +92,7 @@ def table_of(plan: Plan) -> dict[str, Any]:
 
 
 def _check_keys(what: str, item: Any, method: Any) -> None:
-    """Refuse a table that is none, lacks a key, or has one that means nothing."""
+    """Refuse an item that is not a table, lacks a key, or has an unknown key."""
     if not isinstance(item, Mapping):
         raise BuildingError(f"{what}: must be a table, not {item!r}")
     known = inspect.signature(method).parameters
@@ -101,10 +101,10 @@ def _check_keys(what: str, item: Any, method: Any) -> None:
             raise BuildingError(f"{what}.{key}: unknown key; {did_you_mean(str(key), list(known))}")
     for key, parameter in known.items():
         if parameter.default is inspect.Parameter.empty and key not in item:
-            raise BuildingError(f"{what}.{key}: missing; its keys are {', '.join(known)}")
+            raise BuildingError(f"{what}.{key}: missing; the known keys are {', '.join(known)}")
     for key in ("name", "storey", "lower", "upper", "stair", "turn", "outside", "file"):
         if key in item and not (isinstance(item[key], str) and item[key]):
-            raise BuildingError(f"{what}.{key}: must be a text, not {item[key]!r}")
+            raise BuildingError(f"{what}.{key}: must be a string, not {item[key]!r}")
 
 
 def _stair(stair: Stair) -> dict[str, Any]:
@@ -130,5 +130,5 @@ def _item(item: Item) -> dict[str, Any]:
 
 
 def _wkt(polygons: tuple[Any, ...]) -> list[str]:
-    """Return polygons, which are on the grid of plans, without loss."""
+    """Return polygons, whose coordinates are on the grid of plans, as WKT without loss of digits."""
     return [str(shapely.to_wkt(one, rounding_precision=6)) for one in polygons]

@@ -1,4 +1,4 @@
-"""Polygons in plan: cut into triangles, the same ones however a polygon is wound; measured; and joined without loss."""
+"""Polygons in plan: triangulation independent of orientation, areas, and robust unions."""
 
 from collections.abc import Sequence
 
@@ -9,21 +9,21 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IndexArray
 
-#: Polygons with a normal so flat (vertical part over length) are upright: walls, whose outline in plan does not matter.
+#: Polygons whose unit normal has a smaller vertical component are upright (walls); their plan outline is not checked.
 UPRIGHT = 0.2
-#: A union that lacks no more than this share of the polygons' area lacks nothing.
+#: A union may lack at most this share of the polygons' area, as rounding error.
 SAME_AREA = 1e-8
-#: Grid that coordinates are snapped to where the union would lack a polygon otherwise [m].
+#: Grid to which coordinates are snapped if the union would otherwise lack a polygon [m].
 SNAP = 1e-8
-#: How far a polygon may reach beyond the union that holds it [m].
+#: Largest distance by which a polygon may extend beyond its union [m].
 ROUNDING = 1e-6
 
 
 def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Cut polygons of k corners into triangles.
+    """Triangulate polygons with k corners each.
 
-    Polygons that are convex in plan become fans about their first corner in the order of (x, y, z);
-    others constrained Delaunay triangles.
+    Polygons that are convex in plan become fans around their first corner in the order of (x, y, z);
+    others are divided by a constrained Delaunay triangulation.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
     -------
     triangles : (t, 3) int64
     owner : (t,) int64
-        Row of `polygons` that each triangle was cut from.
+        Row of `polygons` of each triangle.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def triangulate(points: FloatArray, polygons: IndexArray) -> tuple[IndexArray, I
 
 
 def least_height(corners: FloatArray) -> FloatArray:
-    """Least height of triangles (t, 3, 3), zero where corners coincide [m]."""
+    """Return the smallest heights (t,) of triangles (t, 3, 3), zero where corners coincide [m]."""
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
     twice_area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -72,17 +72,17 @@ def least_height(corners: FloatArray) -> FloatArray:
 
 
 def plan_area(corners: FloatArray) -> FloatArray:
-    """Areas in plan of triangles (t, 3, 3), whichever way they are wound [m2]."""
+    """Return the unsigned areas in plan (t,) of triangles (t, 3, 3) [m2]."""
     one, other = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
     area: FloatArray = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
     return area
 
 
 def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometry:
-    """Return the union of polygons, every one of which it covers.
+    """Return the union of polygons; it is checked to cover every polygon.
 
-    GEOS may leave out a polygon, without an error, whose side has vertices of its neighbour a rounding error off. Such
-    a union is computed again on a grid, where overlays are exact.
+    GEOS may omit a polygon, without an error, if vertices of its neighbour are a rounding error away from its side.
+    Such a union is computed again on a grid, where overlays are exact.
     """
     joined = shapely.union_all(polygons)
     total = float(shapely.area(polygons).sum())
@@ -96,7 +96,7 @@ def union(polygons: Sequence[BaseGeometry] | NDArray[np.object_]) -> BaseGeometr
 
 
 def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
-    """Turn and flip each polygon so that its least corner comes first and its lesser neighbour second."""
+    """Rotate and flip the corners so that the smallest one comes first and its smaller neighbour second."""
     k = polygons.shape[1]
     rank = np.empty(len(points), dtype=np.int64)
     rank[np.lexsort(points.T[::-1])] = np.arange(len(points))
@@ -108,12 +108,12 @@ def _start_at_least(points: FloatArray, polygons: IndexArray) -> IndexArray:
 
 
 def _delaunay(points: FloatArray, polygon: IndexArray) -> IndexArray:
-    """Cut one polygon that is not convex."""
+    """Triangulate a non-convex polygon."""
     plan = points[polygon, :2]
     outline = shapely.Polygon(plan)
     if not outline.is_valid:
         corners = points[polygon] - points[polygon[0]]
-        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's
+        normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)  # Newell's method
         if abs(normal[2]) < UPRIGHT * float(np.linalg.norm(normal)):
             return np.array([polygon[[0, i, i + 1]] for i in range(1, len(polygon) - 1)])
         x, y, z = points[polygon[0]]

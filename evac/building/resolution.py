@@ -1,4 +1,4 @@
-"""How finely the coordinates of a mesh file are resolved: float32 far from the origin, or too few digits."""
+"""Resolution of the coordinates in a mesh file, limited by float32 or by the number of digits."""
 
 from pathlib import Path
 
@@ -8,24 +8,24 @@ from evac.arrays import FloatArray
 from evac.defaults import WELD
 from evac.errors import BuildingError
 
-#: Significant digits of numbers that are written with a fixed number of them: ``%g`` and ``%e`` of C.
+#: Usual numbers of significant digits, as written by the formats ``%g`` and ``%e`` of C.
 DIGITS = (6, 7)
-#: A number is on a grid if it is no farther off than this share of the grid's step.
+#: A number is on a grid if its distance is at most this share of the grid step.
 ON_GRID = 1e-3
-#: Where no more than this share of an axis' different coordinates have decimals that the other axis lacks, the plan was
-#: drawn so: in whole metres with an odd wall, say.
+#: If at most this share of the distinct coordinates of an axis has decimals that the other axis lacks, the coordinates
+#: were not rounded, but drawn so, for example in whole metres except for one wall.
 DRAWN_SO = 0.25
-#: An axis along which all coordinates are smaller than this says nothing about digits [units of the file].
+#: Axes whose coordinates are all smaller than this are not used to estimate digits [units of the file].
 LEAST_EXTENT = 1e-6
-#: Coordinates coarser than this cannot describe doors and walls, whatever the weld [m].
+#: Coordinates coarser than this cannot represent doors and walls, whatever the weld [m].
 COARSEST = 0.02
 
 
 def check_resolution(source: Path, points: FloatArray, scale: float, weld: float) -> None:
-    """Refuse coordinates that were rounded so coarsely that cells which touch in the building miss in the file.
+    """Refuse coordinates rounded so coarsely that adjacent cells of the building do not meet in the file.
 
-    A coarse grid alone is no reason, for a room may be drawn in whole metres: the step of the grid must follow from
-    how numbers are stored, see `rounding_step`.
+    A coarse grid alone is accepted, since a room may be drawn in whole metres. The grid step must result from the
+    number format, see `rounding_step`.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def check_resolution(source: Path, points: FloatArray, scale: float, weld: float
     Raises
     ------
     BuildingError
-        If the step that x or y were rounded to is greater than `weld` and than its default, which is fine enough.
+        If the rounding step of x or y is greater than both `weld` and its default, which is fine enough.
     """
     plan = points[:, :2]
     step = rounding_step(plan) * scale
@@ -47,18 +47,18 @@ def check_resolution(source: Path, points: FloatArray, scale: float, weld: float
     unit = 10.0 ** np.floor(np.log10(step))
     weaker = "" if step > COARSEST else f", or set building.weld to {2.0 * np.ceil(step / unit) * unit:g}"
     raise BuildingError(
-        f"{source}: coordinates as large as those of the vertex ({x:z.2f}, {y:z.2f}, {z:z.2f}) were rounded to steps "
-        f"of {step:.2g} m where they were stored: too coarse for neighbours to meet (building.weld = {weld:g} m); "
+        f"{source}: coordinates as large as those of the vertex ({x:z.2f}, {y:z.2f}, {z:z.2f}) are rounded to steps "
+        f"of {step:.2g} m in the file, too coarse for neighbours to meet (building.weld = {weld:g} m); "
         f"export the mesh relative to an origin in the building, or in double precision with all digits{weaker}"
     )
 
 
 def rounding_step(plan: FloatArray) -> float:
-    """Estimate the step that plan coordinates were rounded to where they were stored; 0 if there is no sign of it.
+    """Estimate the rounding step of stored plan coordinates; 0 if there is no evidence of rounding.
 
-    There are two signs. All coordinates are numbers of float32, as they are or as the shortest decimals for them, and
-    some use its last bit: the greatest spacing of float32 is the step. Or the two axes, of different magnitude, have
-    the same number of significant digits, the greater one fewer decimals: its last decimal is the step.
+    There are two kinds of evidence. All coordinates are float32 numbers, or their shortest decimal representations, and
+    some use the last bit: the step is the largest spacing of float32. Or the two axes have different magnitudes but the
+    same number of significant digits, so that the larger one has fewer decimals: the step is its last decimal.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ def rounding_step(plan: FloatArray) -> float:
 
 
 def _float32_step(plan: FloatArray) -> float:
-    """Greatest spacing of float32 among the coordinates, if they are all its numbers and use its last bit."""
+    """Return the largest spacing of float32 among the coordinates, if all are float32 numbers and use the last bit."""
     values = np.unique(plan)
     single = values.astype(np.float32)
     spacing = np.spacing(np.abs(single)).astype(np.float64)
-    # Small numbers may be written with a fixed number of decimals, fewer than float32 has: they are no counter-example.
+    # Small numbers may be written with a fixed number of decimals, fewer than float32 has, and are not evidence.
     off = (np.abs(values - single) > ON_GRID * spacing) & (spacing > ON_GRID * spacing.max())
     if off.any():
-        # The shortest decimals that are read back as the same float32; on a coarser grid, they were drawn so.
+        # Shortest decimals that are read back as the same float32. Coordinates on a coarser grid were drawn so.
         coarser = 10.0 ** np.ceil(np.log10(spacing[off]))
         pairs = zip(values[off].tolist(), single[off], strict=True)
         if _on_grid(values[off], coarser) or any(float(str(number)) != value for value, number in pairs):
@@ -85,7 +85,7 @@ def _float32_step(plan: FloatArray) -> float:
 
 
 def _decimal_step(plan: FloatArray) -> float:
-    """Last decimal of the axis with fewer decimals, if both axes have the same number of significant digits."""
+    """Return the last decimal of the axis with fewer decimals, if both axes have equally many significant digits."""
     largest = np.abs(plan).max(axis=0)
     if largest.min() < LEAST_EXTENT:
         return 0.0
@@ -103,11 +103,11 @@ def _decimal_step(plan: FloatArray) -> float:
 
 
 def _share_off_grid(values: FloatArray, step: float) -> float:
-    """Return the share of the different values that are no multiples of a step."""
+    """Return the share of the distinct values that are not multiples of a step."""
     cells = np.unique(values) / step
     return float((np.abs(cells - np.round(cells)) > ON_GRID).mean())
 
 
 def _on_grid(values: FloatArray, step: float | FloatArray) -> bool:
-    """Return whether all values are multiples of a step, or each of its own."""
+    """Return whether all values are multiples of a common step, or each of its own step."""
     return bool((np.abs(values / step - np.round(values / step)) <= ON_GRID).all())

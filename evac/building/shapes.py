@@ -1,4 +1,4 @@
-"""Plane shapes as users have them: shapely geometries, WKT, GeoJSON or coordinates, to polygons and segments."""
+"""Conversion of plane shapes (shapely geometries, WKT, GeoJSON, coordinates) to polygons and segments."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -11,12 +11,12 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building.findings import Finding
 
-#: What polygons can be given as: one of these, or a list of them.
+#: Accepted representations of a shape: one of these, or a list of them.
 Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 
-#: Coordinates of plans are rounded to this grid, on which overlays are exact [m].
+#: Grid to which coordinates of plans are rounded, on which overlays are exact [m].
 GRID = 1e-6
-#: Polygons and what a repair changes count from this area on [m2].
+#: Minimum area of polygons, and of changes by repairs that are reported [m2].
 LEAST_AREA = 1e-6
 #: Shortest segment [m].
 LEAST_LENGTH = 1e-3
@@ -29,12 +29,12 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
     ----------
     given : shapely geometry, str, mapping or sequence
         WKT if it is text, GeoJSON (geometry, feature or collection) if it is a mapping; a sequence of points (x, y) is
-        the outline of a polygon, any other sequence is one of shapes.
+        the outline of a polygon, any other sequence is a sequence of shapes.
 
     Raises
     ------
     ValueError
-        It is none of these.
+        The value is none of these.
     """
     if isinstance(given, BaseGeometry):
         yield from _simple(given)
@@ -46,59 +46,59 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
         items = list(given)
         if items and all(_is_point(item) for item in items):
             if len(items) < 3:
-                raise ValueError(f"an outline has at least three corners [x, y], not {len(items)}")
+                raise ValueError(f"an outline needs at least three corners [x, y], not {len(items)}")
             corners = np.array(items, dtype=np.float64)
             if not np.isfinite(corners).all():
-                raise ValueError("a coordinate is not finite")
+                raise ValueError("a coordinate is not finite; correct it")
             yield shapely.Polygon(corners)
         else:
             for item in items:
                 yield from geometries(item)
     else:
-        raise ValueError(f"a shape is a shapely geometry, WKT, GeoJSON or a list of corners, not {given!r}")
+        raise ValueError(f"a shape must be a shapely geometry, WKT, GeoJSON or a list of corners, not {given!r}")
 
 
 def from_wkt(text: str) -> BaseGeometry:
-    """Return the geometry of a text; raise ValueError if it is none."""
+    """Parse WKT; raise ValueError if it is invalid."""
     try:
         with np.errstate(invalid="ignore"):
             return shapely.from_wkt(text)
     except shapely.GEOSException as error:
-        raise ValueError(f"no WKT: {error}") from error
+        raise ValueError(f"invalid WKT: {error}") from error
 
 
 def polygons_of(given: Shape, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
-    """Return the polygons of a shape in plan, on the grid of plans and valid; what is repaired or left out is noted.
+    """Return the valid polygons of a shape on the grid of plans; add a finding for each repair or omission.
 
     Parameters
     ----------
     given : shape
         As for `geometries`.
     level : str, optional
-        Names the storey in findings.
+        Name of the storey for findings.
     findings : list of Finding
         To add to.
 
     Raises
     ------
     ValueError
-        It is no shape, a coordinate is not finite, or there is no polygon with an area in it.
+        The shape is invalid, a coordinate is not finite, or there is no polygon with a positive area.
     """
     found: list[BaseGeometry] = []
     others: list[BaseGeometry] = []
     for one in geometries(given):
         if not np.isfinite(shapely.get_coordinates(one)).all():
-            raise ValueError("a coordinate is not finite")
+            raise ValueError("a coordinate is not finite; correct it")
         if one.geom_type == "Polygon":
             found += _valid(shapely.force_2d(one), level, findings)
         elif not one.is_empty:
             others.append(one)
     if others:
         kinds = ", ".join(sorted({one.geom_type for one in others}))
-        text = f"{len(others)} shapes that are no polygons ({kinds}), the first here"
+        text = f"{len(others)} shapes that are not polygons ({kinds}); the first one is here"
         findings.append(Finding("left out", text, level, place_of(others[0])))
     if not found:
-        raise ValueError("there is no polygon with an area in it")
+        raise ValueError("the shape contains no polygon with an area")
     return found
 
 
@@ -108,7 +108,7 @@ def segment_of(given: Shape) -> FloatArray:
     Raises
     ------
     ValueError
-        It is no line of two different points.
+        The shape is not a line of two different points.
     """
     if isinstance(given, (str, Mapping)):
         lines = list(geometries(given))
@@ -118,13 +118,13 @@ def segment_of(given: Shape) -> FloatArray:
     except (TypeError, ValueError):
         ends = np.empty(0)
     if ends.shape != (2, 2) or not np.isfinite(ends).all() or np.hypot(*(ends[1] - ends[0])) < LEAST_LENGTH:
-        raise ValueError(f"a segment is two different points [[x1, y1], [x2, y2]], not {given!r}")
+        raise ValueError(f"a segment must be two different points [[x1, y1], [x2, y2]], not {given!r}")
     rounded: FloatArray = np.round(ends, 6) + 0.0
     return rounded
 
 
 def flat_parts(geometry: BaseGeometry) -> BaseGeometry:
-    """Return the polygons of a geometry; points and lines that overlays leave beside them are dropped."""
+    """Return the polygons of a geometry; points and lines left by overlay operations are dropped."""
     parts = [part for part in shapely.get_parts(geometry, return_index=False) if part.geom_type == "Polygon"]
     kept = [part for part in parts if part.area > LEAST_AREA]
     return kept[0] if len(kept) == 1 else shapely.MultiPolygon(kept)
@@ -136,12 +136,12 @@ def united(polygons: Sequence[BaseGeometry]) -> BaseGeometry:
 
 
 def cut(geometry: BaseGeometry, away: BaseGeometry) -> BaseGeometry:
-    """Return a polygon without another one, on the grid of plans."""
+    """Return the difference of two polygons, on the grid of plans."""
     return flat_parts(shapely.difference(geometry, away, grid_size=GRID))
 
 
 def common(geometry: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
-    """Return what two polygons have in common, on the grid of plans."""
+    """Return the intersection of two polygons, on the grid of plans."""
     return flat_parts(shapely.intersection(geometry, other, grid_size=GRID))
 
 
@@ -152,7 +152,7 @@ def place_of(geometry: BaseGeometry) -> tuple[float, float]:
 
 
 def _simple(geometry: BaseGeometry) -> Iterator[BaseGeometry]:
-    """Yield the parts of a geometry, however deep they are nested."""
+    """Yield the simple parts of a geometry, which may be nested."""
     if geometry.geom_type.startswith("Multi") or geometry.geom_type == "GeometryCollection":
         for part in geometry.geoms:
             yield from _simple(part)
@@ -175,7 +175,7 @@ def _of_geojson(given: Mapping[str, Any]) -> Iterator[BaseGeometry]:
                 made = shape(given)
             yield from _simple(made)
         except (shapely.GEOSException, AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
-            raise ValueError(f"no GeoJSON geometry of type {kind!r}: {error}") from error
+            raise ValueError(f"invalid GeoJSON geometry of type {kind!r}: {error}") from error
 
 
 def _is_point(item: Any) -> bool:
@@ -188,14 +188,15 @@ def _is_point(item: Any) -> bool:
 
 
 def _valid(polygon: BaseGeometry, level: str | None, findings: list[Finding]) -> list[BaseGeometry]:
-    """Return the valid polygons that one polygon stands for."""
+    """Return a polygon repaired, as valid polygons."""
     if polygon.is_empty:
         return []
     if not polygon.is_valid:
-        x, y = place_of(polygon) if polygon.area > 0.0 else tuple(shapely.get_coordinates(polygon)[0].tolist())
-        reason = shapely.is_valid_reason(polygon)
+        reason, _, at = shapely.is_valid_reason(polygon).rstrip("]").partition("[")
+        x, y = map(float, at.split()[:2]) if at else shapely.get_coordinates(polygon)[0].tolist()
         repaired = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-        findings.append(Finding("repaired", f"an outline that crosses itself ({reason})", level, (x, y)))
+        text = f"an outline that crosses itself here ({reason}), of which {repaired.area:.2f} m2 are kept"
+        findings.append(Finding("repaired", text, level, (x, y)))
         polygon = repaired
     snapped = flat_parts(shapely.set_precision(polygon, GRID))
     if snapped.is_empty:

@@ -1,4 +1,4 @@
-"""Solid bodies of a mesh: what of their faces people can walk on."""
+"""Solid bodies of a mesh: the parts of their faces that people can walk on."""
 
 from dataclasses import replace
 
@@ -12,16 +12,16 @@ from evac.building.patches import Patch
 from evac.building.shapes import GRID, place_of
 from evac.building.treads import APART, MOST_RISER
 
-#: Faces no farther apart in height lie on each other [m].
+#: Faces whose heights differ by at most this are in contact [m].
 TOUCHING = 0.02
-#: Ground on a body that is smaller than this, or narrower, is the top of a wall or of furniture [m2, m].
+#: Minimum area [m2] and width [m] of ground on a body; smaller faces are tops of walls or furniture.
 LEAST_TOP, NARROWEST_TOP = 1.0, 0.6
-#: Faces of a body that lie farther over each other than this are not looked for [m].
+#: Largest vertical distance of faces of a body that is searched [m].
 HIGHEST = 1e3
 
 
 def closed_bodies(triangles: IndexArray, body: IndexArray) -> set[int]:
-    """Return the bodies all whose edges have an even number of cells: they enclose a volume."""
+    """Return the closed bodies, which enclose a volume: all of their edges have an even number of cells."""
     sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     _, row, uses = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     is_open = uses[row.ravel()] % 2 == 1
@@ -31,13 +31,13 @@ def closed_bodies(triangles: IndexArray, body: IndexArray) -> set[int]:
 def walked_on(
     patches: list[Patch], solid: set[int], closed: set[int], headroom: float
 ) -> tuple[list[Patch], list[Finding]]:
-    """Return what people can walk on of patches: outside of bodies, and with enough height above.
+    """Return the parts of patches that people can walk on: outside of bodies and with enough headroom.
 
     Parameters
     ----------
     patches : list of Patch
     solid, closed : sets of int
-        Bodies with upright faces; of these, those that enclose a volume.
+        Bodies with upright faces, and those of them that enclose a volume.
     headroom : float [m]
     """
     own = [patch for patch in patches if patch.body in solid]
@@ -57,26 +57,26 @@ def walked_on(
         free += [replace(rest, plan=part) for part in shapely.get_parts(rest.without(low).plan)]
     bodies = len({patch.body for patch, inside in zip(own, inner, strict=True) if not inside.is_empty})
     if bodies:
-        notes.append(Finding("found", f"{bodies} solid bodies, on the upper faces of which people walk (headroom)"))
+        notes.append(Finding("found", f"{bodies} solid bodies; people walk on their upper faces (headroom)"))
     if stood:
-        text = f"{len(stood)} bodies stand on the ground of others and are cut out of it, such as the one here"
+        text = f"{len(stood)} bodies stand on the ground of others and are cut out of it; one of them is here"
         notes.append(Finding("found", text, place=place_of(stood[0])))
     if low_area:
-        text = f"{low_area:.2f} m2 with less than {headroom:g} m of height above, the first here (headroom)"
+        text = f"{low_area:.2f} m2 of ground with less headroom than {headroom:g} m; the first part is here (headroom)"
         notes.append(Finding("left out", text, place=places[0]))
     beside = _beside(free)
     is_top = [_is_top(part) and not any(_is_step(part, free[j]) for j in beside[k]) for k, part in enumerate(free)]
     if any(is_top):
         first = free[is_top.index(True)]
         place = place_of(first.plan)
-        text = f"{sum(is_top)} tops of walls, furniture and the like, the first here: too small to be floors"
+        text = f"{sum(is_top)} faces too small for floors, such as tops of walls and furniture; the first one is here"
         notes.append(Finding("left out", text, place=(*place, float(first.height(np.array([place]))[0]))))
     kept = [part for part, top in zip(free, is_top, strict=True) if not top]
     return [patch for patch in patches if patch.body not in solid] + kept, notes
 
 
 def _beside(patches: list[Patch]) -> list[list[int]]:
-    """Return for each patch the others that it meets in plan."""
+    """Return, for each patch, the other patches that it touches in plan."""
     plans = np.array([patch.plan for patch in patches], dtype=object)
     found: list[list[int]] = [[] for _ in patches]
     if patches:
@@ -88,7 +88,7 @@ def _beside(patches: list[Patch]) -> list[list[int]]:
 
 
 def _inside(own: list[Patch], k: int, beside: list[int]) -> BaseGeometry:
-    """Return where an odd number of faces of its body lies over a patch: it is seen from inside there."""
+    """Return the part of a patch inside its body: where an odd number of faces of the body lies above it."""
     inside: BaseGeometry = shapely.Polygon()
     for other in (own[j] for j in beside if own[j].body == own[k].body):
         above = other.over(own[k], TOUCHING, HIGHEST)
@@ -98,11 +98,11 @@ def _inside(own: list[Patch], k: int, beside: list[int]) -> BaseGeometry:
 
 
 def _is_top(part: Patch) -> bool:
-    """Return whether a part is too small for a floor."""
+    """Return whether a patch is too small for a floor."""
     return part.plan.area < LEAST_TOP or bool(part.plan.buffer(-NARROWEST_TOP / 2).is_empty)
 
 
 def _is_step(one: Patch, other: Patch) -> bool:
-    """Return whether two patches meet in plan at heights that a foot takes: one may be a tread."""
+    """Return whether two patches touch in plan and differ in height by at most a riser: one may be a tread."""
     here = shapely.get_coordinates(shapely.shortest_line(one.plan, other.plan))[:1]
     return abs(float(one.height(here)[0] - other.height(here)[0])) <= MOST_RISER

@@ -1,4 +1,4 @@
-"""Stairs of plans: from the edges at their ends to plane flights and flat landings."""
+"""Stairs of plans: plane flights and flat landings from the edges at their ends."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from evac.arrays import FloatArray
 from evac.building.conforming import Height
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH
 
-#: The edges at both ends of a flight may differ in direction by so much [degrees].
+#: Largest angle between the edges at both ends of a flight [degrees].
 MOST_SKEW = 45.0
-#: Shortest flight in plan [m].
+#: Minimum length of a flight in plan [m].
 LEAST_RUN = 0.2
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A flight or a landing: its plan, its height over the plan, and its least and greatest height [m]."""
+    """A flight or a landing: polygon in plan, height as a function of (x, y), minimum and maximum height [m]."""
 
     plan: BaseGeometry
     height: Height
@@ -28,7 +28,7 @@ class Piece:
 
 
 def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float) -> list[Piece]:
-    """Return the flight between two edges: one plane, or two triangles where the edges are not parallel.
+    """Return the flight between two edges: one plane, or two triangles if the edges are not parallel.
 
     Parameters
     ----------
@@ -40,20 +40,20 @@ def flight(lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float)
     Raises
     ------
     ValueError
-        The edges are too close to each other, or turned against each other too far.
+        The edges are too close to each other, or the angle between them is too large.
     """
     upper = _like(lower, upper)
     along, beside = lower[1] - lower[0], upper[1] - upper[0]
     skew = np.degrees(np.arccos(np.clip(along @ beside / (np.hypot(*along) * np.hypot(*beside)), -1.0, 1.0)))
     if skew > MOST_SKEW:
         raise ValueError(
-            f"the edges at both ends of a flight differ by {skew:.0f} degrees in direction, the most is "
+            f"the edges at both ends of a flight differ by {skew:.0f} degrees in direction, more than "
             f"{MOST_SKEW:.0f}: put a landing between two flights"
         )
     outline = shapely.Polygon([lower[0], lower[1], upper[1], upper[0]])
     run = float(shapely.LineString(lower).distance(shapely.LineString(upper)))
     if run < LEAST_RUN or not outline.is_valid:
-        raise ValueError(f"its edges are {run:.2f} m apart in plan; a flight is at least {LEAST_RUN:g} m long")
+        raise ValueError(f"its edges are {run:.2f} m apart in plan; move them at least {LEAST_RUN:g} m apart")
     corners = np.array([*lower, *upper[::-1]])
     heights = np.array([z_lower, z_lower, z_upper, z_upper])
     plane = _plane(corners[:3], heights[:3])
@@ -74,7 +74,7 @@ def landing(plan: BaseGeometry, z: float) -> Piece:
 def straight(
     lower: FloatArray, z_lower: float, upper: FloatArray, z_upper: float, depth: float, landings: int
 ) -> list[Piece]:
-    """Return flights in a row with landings of a depth between them; all flights are equal.
+    """Return equal flights in a row, with landings of a given depth between them.
 
     Raises
     ------
@@ -87,7 +87,8 @@ def straight(
     flight_share = (1.0 - landings * share) / (landings + 1)
     if flight_share * run < LEAST_RUN:
         raise ValueError(
-            f"{landings} landings of {depth:g} m leave {flight_share * run:.2f} m for a flight, on a run of {run:.2f} m"
+            f"{landings} landings of {depth:g} m leave {flight_share * run:.2f} m per flight on a run of {run:.2f} m; "
+            "shorten the landings or lengthen the stair"
         )
     found: list[Piece] = []
     for k in range(landings + 1):
@@ -111,29 +112,29 @@ def switchback(
     lower, upper : (2, 2) float64 [m]
         Parallel edges side by side.
     way : (2,) float64
-        Unit vector in which the first flight goes.
+        Unit vector in the direction of the first flight.
     run : float [m]
         Length of the first flight in plan; the second one begins at the same landing.
     depth : float [m]
-        Of the landing.
+        Depth of the landing.
 
     Raises
     ------
     ValueError
-        The second flight has no length, or the flights lie over each other.
+        The second flight has no length, or the flights overlap in plan.
     """
     upper = _like(lower, upper)
     across = np.array([way[1], -way[0]])
     back = run - float((upper.mean(axis=0) - lower.mean(axis=0)) @ way)
     if back < LEAST_RUN:
-        raise ValueError(f"a first flight of {run:g} m leaves {back:.2f} m for the second one; set length")
+        raise ValueError(f"a first flight of {run:g} m leaves {back:.2f} m for the second one; increase length")
     z_middle = z_lower + (z_upper - z_lower) * run / (run + back)
     turn_lower, turn_upper = lower + run * way, upper + back * way
     first = flight(lower, z_lower, _rounded(turn_lower), z_middle)
     second = flight(_rounded(turn_upper), z_middle, upper, z_upper)
     both = shapely.union_all([one.plan for one in first]).intersection(shapely.union_all([one.plan for one in second]))
     if both.area > LEAST_AREA:
-        raise ValueError("the flights up and back lie over each other; put the upper edge beside the lower one")
+        raise ValueError("the two flights overlap in plan; put the upper edge beside the lower one")
     side = np.concatenate([turn_lower, turn_upper]) @ across
     level = float((turn_lower @ way).mean())
     corners = [level * way + s * across for s in (side.min(), side.max())]
@@ -142,7 +143,7 @@ def switchback(
 
 
 def too_low(piece: Piece, z: float, headroom: float) -> BaseGeometry:
-    """Return the part of a piece's plan that is less than a height above or below a floor at `z` [m]."""
+    """Return the part of a piece in plan that is less than `headroom` above or below a floor at height `z` [m]."""
     if piece.z_min >= z + headroom or piece.z_max <= z - headroom:
         return shapely.Polygon()
     if not callable(piece.height):
@@ -160,7 +161,7 @@ def _turned_over(height: Callable[[float, float], float]) -> Callable[[float, fl
 
 
 def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float) -> BaseGeometry:
-    """Return the part of a plan over which a plane is lower than `z`."""
+    """Return the part of a polygon where a plane is lower than `z` [m]."""
     x, y = plan.centroid.coords[0]
     here = height(x, y)
     uphill = np.array([height(x + 1.0, y) - here, height(x, y + 1.0) - here])
@@ -173,7 +174,7 @@ def below(plan: BaseGeometry, height: Callable[[float, float], float], z: float)
 
 
 def _plane(corners: FloatArray, heights: FloatArray) -> Callable[[float, float], float]:
-    """Return the height over (x, y) of the plane through three points."""
+    """Return the height of the plane through three points as a function of (x, y)."""
     origin = corners[0]
     gradient = np.linalg.solve(corners[1:] - origin, heights[1:] - heights[0])
 
@@ -184,7 +185,7 @@ def _plane(corners: FloatArray, heights: FloatArray) -> Callable[[float, float],
 
 
 def _like(lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return the upper edge in the direction of the lower one."""
+    """Return the upper edge with the same orientation as the lower one."""
     return upper if (upper[1] - upper[0]) @ (lower[1] - lower[0]) >= 0.0 else upper[::-1]
 
 

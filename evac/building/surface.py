@@ -1,6 +1,6 @@
-"""A clean walkable surface: welded, free of degenerate cells and hanging nodes, in an order of its own.
+"""Clean walkable surface: welded, without degenerate cells and hanging nodes, in canonical order.
 
-The result depends on the geometry alone: shuffling the vertices, cells or winding of a file changes nothing.
+The result depends only on the geometry, not on the order of vertices and cells in a file or on their orientation.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
-from evac.building.extent import helpful_factor
+from evac.building.extent import helpful_factor, is_plausible
 from evac.building.findings import Finding
 from evac.building.foreign import walked_surface
 from evac.building.hanging import split_at_vertices
@@ -19,14 +19,19 @@ from evac.building.surfacemesh import TriangleMesh
 from evac.building.welding import weld_points
 from evac.errors import BuildingError
 
-#: Welding may change the area of the ground by this share.
+#: Largest share by which welding may change the area of the ground.
 MOST_CHANGE = 5e-4
 
-#: The lower edge of a door is level to this [m].
+#: Largest difference in height along the lower edge of a door [m].
 SILL = 0.02
 
-#: Extent of a building, and the distance of its farthest point from the origin [m].
+#: Greatest rise of a riser, and smallest slope of the sides of a stair, which are not flights [m, degrees].
+MOST_RISER, UPRIGHT = 0.5, 85.0
+
+#: Maximum extent of a building, and maximum distance of its points from the origin [m].
 LARGEST, FARTHEST = 1e5, 1e8
+#: Minimum width of a building [m], in its larger direction: nobody fits into a smaller one.
+LEAST_WIDTH = 0.5
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,19 @@ class Surface:
     vertices : (v, 3) float64 [m]
         In the order of (x, y, z).
     triangles : (t, 3) int64
-        Counter-clockwise in plan, least vertex first, in the order of their vertices.
+        Counter-clockwise in plan, smallest vertex first, sorted by their vertices.
     gradient : (t, 2) float64
-        Rise of each cell along x and y.
+        Gradient (dz/dx, dz/dy) of each cell.
     is_sloped : (t,) bool
         False on flat cells.
     cell_tags : dict of str to (t,) bool
     exit_edges : dict of str to (e, 2) int64
         Tagged edges; ``exit:NAME`` is the key.
     obstacles : dict of str to (o, 3, 3) float64 [m]
-        Corners of the cells of each tag ``obstacle:``, which are not among `triangles`.
+        Corners of the cells of each tag ``obstacle:``; they are not in `triangles`.
     findings : tuple of Finding
+    doors : tuple of (str, (2, 3) float64) [m]
+        Name and ends of each door between rooms.
     """
 
     vertices: FloatArray
@@ -59,26 +66,37 @@ class Surface:
     exit_edges: dict[str, IndexArray]
     obstacles: dict[str, FloatArray]
     findings: tuple[Finding, ...]
+    doors: tuple[tuple[str, FloatArray], ...] = ()
 
 
 def _check_extent(mesh: TriangleMesh, points: FloatArray, scale: float) -> list[Finding]:
-    """Refuse what is too large or too far off [m] to be a building in metres; doubt what is of an unusual size."""
+    """Refuse buildings too large, too small or too far from the origin; warn of those of an unusual size."""
     used = points[mesh.triangles.ravel()]
     low, high = used.min(axis=0), used.max(axis=0)
     width, depth, height = (high - low).tolist()
     factor = helpful_factor(max(width, depth))
-    helps = "" if factor is None else f" ({factor * scale:.4g} would help)"
+    helps = "" if factor is None else f" (for example to {factor * scale:.4g})"
     if (high - low).max() > LARGEST or max(np.abs(low).max(), np.abs(high).max()) > FARTHEST:
         raise BuildingError(
             f"{mesh.source}: the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height, and "
-            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); at most {LARGEST:g} m are allowed, no farther "
-            f"than {FARTHEST:g} m from the origin: set building.scale{helps}, or move it"
+            f"begins at ({low[0]:.4g}, {low[1]:.4g}, {low[2]:.4g}); it must measure at most {LARGEST:g} m and be "
+            f"within {FARTHEST:g} m of the origin: set building.scale{helps}, or move the building"
+        )
+    if max(width, depth) < LEAST_WIDTH:
+        # Without a scale first: it is the usual mistake in a file that is drawn in metres.
+        factor = 1.0 / scale if is_plausible(max(width, depth) / scale) else factor
+        helps = (
+            "" if factor is None else f"; building.scale = {factor * scale:.4g} makes it {factor * width:.4g} m wide"
+        )
+        raise BuildingError(
+            f"{mesh.source}: the building is only {1e3 * width:.4g} mm wide and {1e3 * depth:.4g} mm deep with "
+            f"building.scale = {scale:g}; one of them must be at least {LEAST_WIDTH:g} m{helps}"
         )
     if factor is None:
         return []
     text = (
-        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height: if its unit is another, "
-        f"building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
+        f"the building measures {width:.4g} x {depth:.4g} m in plan, {height:.4g} m in height; if its unit is not the "
+        f"metre, building.scale = {factor * scale:.4g} would make it {factor * width:.4g} x {factor * depth:.4g} m"
     )
     return [Finding("warning", text)]
 
@@ -92,24 +110,24 @@ def clean_surface(
     headroom: float,
     treads: bool,
 ) -> Surface:
-    """Weld, sort out and split the cells of a mesh until it is a walkable surface.
+    """Convert a mesh to a walkable surface: weld vertices, drop cells that are not walkable, and split cells.
 
     Parameters
     ----------
     weld : float [m]
-        Vertices no farther apart become one; a vertex no farther from the edge of a cell splits it.
+        Vertices at most this far apart are merged; an edge is split at vertices at most this far from it.
     flat_angle, walkable_angle : float [degrees]
-        Cells below the first are flat, above the second dropped, between them sloped.
+        Cells with a slope below `flat_angle` are flat, above `walkable_angle` dropped, in between sloped.
     scale : float
         Metres per unit of the file.
     headroom, treads
-        As `evac.building.foreign.walked_surface`.
+        See `evac.building.foreign.walked_surface`.
 
     Raises
     ------
     BuildingError
-        If the coordinates are too coarse for `weld`, no walkable cell is left, or cells that are too narrow for
-        `weld` make up a part of the ground that counts.
+        If the coordinates are too coarse for `weld`, a stair is too steep, no walkable cell is left, or cells too
+        narrow for `weld` form a significant part of the ground.
     """
     check_resolution(mesh.source, mesh.points, scale, weld)
     points = mesh.points * scale
@@ -125,7 +143,7 @@ def clean_surface(
 
     is_sliver = least_height(vertices[triangles]) <= weld
     if is_sliver.any():
-        text = f"{_count(is_sliver)} without extent dropped"
+        text = f"{_count(is_sliver)} dropped as degenerate (height below building.weld)"
         notes.append(Finding("warning", text, place=_first_place(vertices, triangles, is_sliver)))
     is_obstacle = _any_tag(tags, "obstacle", len(triangles))
     obstacles = {
@@ -133,19 +151,22 @@ def clean_surface(
     }
     is_steep = np.rad2deg(slope_angle(vertices[triangles])) > walkable_angle + 1e-9
     dropped = is_steep & ~is_obstacle & ~is_sliver
+    _check_stairs(
+        mesh.source, vertices[triangles], {name: mask & dropped for name, mask in tags.items()}, walkable_angle
+    )
     if dropped.any():
         text = (
-            f"{_count(dropped)} steeper than {walkable_angle:g} degrees dropped: walls are not needed, and stairs are "
-            "drawn as inclined surfaces, not as treads and risers"
+            f"{_count(dropped)} dropped as steeper than {walkable_angle:g} degrees: walls are not needed, and stairs "
+            "must be drawn as inclined surfaces, not as treads and risers"
         )
         notes.append(Finding("warning", text, place=_first_place(vertices, triangles, dropped)))
     walkable = ~is_steep & ~is_obstacle & ~is_sliver
     if not walkable.any():
         x, y, z = vertices[triangles[0]].mean(axis=0)
         raise BuildingError(
-            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees), such as the one at "
+            f"{mesh.source}: no cell is walkable (slope of at most {walkable_angle:g} degrees), for example the one at "
             f"({x:z.2f}, {y:z.2f}, {z:z.2f}); the surface must be drawn in metres with z upwards, in cells larger than "
-            f"building.weld ({weld:g} m): set building.scale, or turn the mesh"
+            f"building.weld ({weld:g} m): set building.scale or building.up"
         )
     has_collapsed = (np.diff(triangles, axis=1) == 0).any(axis=1)
     counted = walkable | (is_sliver & ~is_obstacle)
@@ -161,20 +182,45 @@ def clean_surface(
     triangles, tags = triangles[order], _select(tags, order)
     gradient = _gradient(vertices[triangles])
     is_sloped = np.rad2deg(np.arctan(np.hypot(*gradient.T))) >= flat_angle
-    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes))
+    doors = tuple((name, scale * ends) for name, ends in mesh.doors)
+    return Surface(vertices, triangles, gradient, is_sloped, tags, exit_edges, obstacles, tuple(notes), doors)
 
 
 def slope_angle(corners: FloatArray) -> FloatArray:
-    """Angle of triangles (t, 3, 3) with the horizontal [rad], whichever way they are wound."""
+    """Return the angles (t,) of triangles (t, 3, 3) with the horizontal [rad], independent of their orientation."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     angle: FloatArray = np.arctan2(np.hypot(normal[:, 0], normal[:, 1]), np.abs(normal[:, 2]))
     return angle
 
 
-def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
-    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and join their tags.
+def _check_stairs(source: Path, corners: FloatArray, steep: dict[str, BoolArray], walkable_angle: float) -> None:
+    """Refuse flights of tagged stairs that are too steep; risers and the sides of stairs are no flights.
 
-    Returns the cells, the row of `triangles` that each stands for, and the tags.
+    Parameters
+    ----------
+    corners : (t, 3, 3) float64 [m]
+    steep : dict of str to (t,) bool
+        Cells that are too steep to walk on, by tag.
+    """
+    rise, angle = np.ptp(corners[:, :, 2], axis=1), slope_angle(corners)
+    is_flight = (rise > MOST_RISER) & (np.rad2deg(angle) < UPRIGHT)
+    for name, mask in sorted(steep.items()):
+        rows = np.flatnonzero(mask & is_flight)
+        if name.startswith("stair:") and len(rows):
+            row = rows[rise[rows].argmax()]
+            x, y, _ = corners[row].mean(axis=0)
+            raise BuildingError(
+                f"{source}: stair {name.removeprefix('stair:')!r} rises {rise[row]:.2f} m over "
+                f"{rise[row] / np.tan(angle[row]):.2f} m in plan ({np.rad2deg(angle[row]):.0f} degrees) at ({x:z.2f}, "
+                f"{y:z.2f}), steeper than building.walkable_angle ({walkable_angle:g} degrees): make it at least "
+                f"{np.ceil(100.0 * rise[row] / np.tan(np.deg2rad(walkable_angle))) / 100.0:.2f} m long"
+            )
+
+
+def _distinct(triangles: IndexArray, tags: dict[str, BoolArray]) -> tuple[IndexArray, IndexArray, dict[str, BoolArray]]:
+    """Drop repeated cells (Gmsh 2.2 writes a cell once for each of its groups) and merge their tags.
+
+    Returns the distinct cells, the row of `triangles` of each, and the tags.
     """
     distinct, first, row = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
     joined = {}
@@ -191,7 +237,7 @@ def _lower_edges(
     walkable_angle: float,
     edges: dict[str, IndexArray],
 ) -> dict[str, IndexArray]:
-    """Return the edges of exits, with the level lower edges of their upright cells, which are drawn as doors."""
+    """Return the edges of exits, including the level lower edges of upright cells, which represent doors."""
     found: dict[str, IndexArray] = {}
     for name in (name for name in tags if name.startswith("exit:")):
         cells = triangles[tags[name]]
@@ -211,7 +257,7 @@ def _cut_exits(
     tags: dict[str, BoolArray],
     edges: dict[str, IndexArray],
 ) -> tuple[IndexArray, dict[str, BoolArray], dict[str, IndexArray]]:
-    """Cut away the cells of exits, which are ground outside; the edges that they share with the rest are exits."""
+    """Remove the cells of exits, which are ground outside; the edges that they share with the rest become exits."""
     is_exit = _any_tag(tags, "exit", len(triangles))
     if not is_exit.any():
         return triangles, {name: mask for name, mask in tags.items() if not name.startswith("exit:")}, edges
@@ -224,7 +270,7 @@ def _cut_exits(
             x, y, z = vertices[triangles[tags[name]][0]].mean(axis=0)
             raise BuildingError(
                 f"{source}: the cells of {name!r} at ({x:z.2f}, {y:z.2f}, {z:z.2f}) share no edge with the floor; draw "
-                "them beside it (within building.weld), or put the tag on edges of its outline"
+                "them adjacent to the floor (within building.weld), or tag edges of its outline instead"
             )
         edges[name] = np.concatenate([edges.get(name, np.empty((0, 2), dtype=np.int64)), np.array(own)])
     kept = {name: mask[~is_exit] for name, mask in tags.items() if not name.startswith("exit:")}
@@ -232,10 +278,10 @@ def _cut_exits(
 
 
 def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: FloatArray, weld: float) -> None:
-    """Refuse cells (t, 3, 3) so narrow that welding changes how much ground there is in plan.
+    """Refuse cells (t, 3, 3) so narrow that welding changes the area of the ground in plan.
 
-    Cells that are not sure are slivers, which may be ground of their own or lie over that of others: the ground
-    must be right either way.
+    Cells that are not `is_sure` are slivers, which may be separate ground or overlap other cells: the area must be
+    right in both cases.
     """
     drawn = plan_area(before)
     for least in (drawn.sum(), drawn[is_sure].sum()):
@@ -243,14 +289,14 @@ def _check_ground(source: Path, before: FloatArray, is_sure: BoolArray, after: F
         if abs(change) > MOST_CHANGE * least:
             x, y, z = before[np.argmin(least_height(before))].mean(axis=0)
             raise BuildingError(
-                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because cells are "
-                f"hardly wider than building.weld ({weld:g} m), such as the one at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
-                "remove it or draw larger cells, or set building.weld lower"
+                f"{source}: welding changes the ground from {least:.4g} m2 by {change:+.2g} m2, because the width of "
+                f"cells is close to building.weld ({weld:g} m), for example at ({x:z.2f}, {y:z.2f}, {z:z.2f}); "
+                "remove such cells, draw larger cells, or decrease building.weld"
             )
 
 
 def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArray:
-    """Sort the corners of each triangle, then swap the last two where it is clockwise in plan."""
+    """Sort the corners of each triangle, then swap the last two if it is clockwise in plan."""
     triangles = np.sort(triangles, axis=1)
     first, second = np.diff(vertices[triangles][:, :, :2], axis=1).transpose(1, 0, 2)
     clockwise = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] < 0
@@ -259,19 +305,19 @@ def _counter_clockwise(vertices: FloatArray, triangles: IndexArray) -> IndexArra
 
 
 def _gradient(corners: FloatArray) -> FloatArray:
-    """Gradient of z over the plan of triangles (t, 3, 3)."""
+    """Return the gradients (t, 2) of z over the plan of triangles (t, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     gradient: FloatArray = -normal[:, :2] / normal[:, 2:]
     return gradient + 0.0
 
 
 def _select(tags: dict[str, BoolArray], rows: BoolArray | IndexArray) -> dict[str, BoolArray]:
-    """Take some rows of every mask."""
+    """Select rows of every mask."""
     return {name: mask[rows] for name, mask in tags.items()}
 
 
 def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
-    """Cells that carry a tag of a kind."""
+    """Return the mask of cells with a tag of a given kind."""
     found = np.zeros(n_cells, dtype=bool)
     for name, mask in tags.items():
         if name.startswith(f"{kind}:"):
@@ -280,12 +326,12 @@ def _any_tag(tags: dict[str, BoolArray], kind: str, n_cells: int) -> BoolArray:
 
 
 def _count(mask: BoolArray) -> str:
-    """Describe the number of cells for a message."""
+    """Describe a number of cells, for a message."""
     number = int(mask.sum())
-    return "1 cell" if number == 1 else f"{number} cells, the first here,"
+    return "1 cell" if number == 1 else f"{number} cells (the first one is here)"
 
 
 def _first_place(vertices: FloatArray, triangles: IndexArray, mask: BoolArray) -> tuple[float, float, float]:
-    """Return the least vertex of some cells."""
+    """Return the first vertex, in the order of (x, y, z), of the marked cells."""
     x, y, z = vertices[triangles[mask].min()].tolist()
     return x, y, z

@@ -1,4 +1,4 @@
-"""A clean surface as a tagged mesh in which every level has its name."""
+"""Conversion of a clean surface to a mesh in which every level is tagged with its name."""
 
 import numpy as np
 
@@ -9,15 +9,15 @@ from evac.building.surfacemesh import SurfaceMesh
 
 
 def tagged_surface(surface: Surface, building: Building) -> SurfaceMesh:
-    """Return a surface with a tag for each floor and stair of the building that was made of it.
+    """Return a surface as a mesh with a tag for each floor and stair of its building.
 
-    Read again, it gives a building of the same levels, areas, tagged exits and obstacles.
+    A building read from this mesh has the same levels, areas, tagged exits and obstacles.
 
     Parameters
     ----------
     surface : Surface
     building : Building
-        Made of it by `evac.building.build.building_of`.
+        The result of `evac.building.build.building_of` for `surface`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Stairs drawn as treads become inclined flights."""
+"""Replacement of stairs drawn as treads by inclined flights."""
 
 from dataclasses import dataclass, replace
 
@@ -10,19 +10,19 @@ from evac.building.findings import Finding
 from evac.building.patches import Patch
 from evac.building.shapes import GRID, flat_parts
 
-#: Rises of stairs [m].
+#: Range of the riser, the difference in height of consecutive treads [m].
 LEAST_RISER, MOST_RISER = 0.05, 0.25
-#: A tread is at most so deep; a stair has at least so many [m].
+#: Maximum depth of a tread [m], and minimum number of treads of a stair.
 DEEPEST, FEWEST = 0.65, 3
-#: Treads that follow each other are at most so far apart in plan, and meet over at least this width [m].
+#: Largest gap in plan between consecutive treads, and minimum width over which they meet [m].
 APART, LEAST_WIDTH = 0.04, 0.4
-#: The middles of the treads of a flight lie on a line to this [m].
+#: Largest distance of the centres of the treads of a flight from a straight line [m].
 STRAIGHT = 0.15
 
 
 @dataclass(frozen=True)
 class Flight:
-    """Treads in a row, from the lowest up, and the patches that they join, if there are any."""
+    """Consecutive treads from bottom to top, and the patches that they join, if there are any."""
 
     treads: list[Patch]
     lower: Patch | None
@@ -30,10 +30,10 @@ class Flight:
 
 
 def with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], list[Finding]]:
-    """Return patches with every row of treads replaced by one inclined patch.
+    """Replace every row of treads by one inclined patch.
 
-    A flight begins at the height of the floor before its first riser and ends at that of the floor behind its last one;
-    where there is none, one riser lower or higher. What it leaves too little height under is cut away.
+    A flight begins at the height of the floor below its first riser and ends at the height of the floor above its last
+    one, or one riser lower or higher if there is no floor. Ground with too little headroom below a flight is removed.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ def with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], li
             gone += flight.treads
             heights = inclined.height(shapely.get_coordinates(inclined.plan))
             text = (
-                f"a flight of {len(flight.treads)} treads, from {heights.min():z.2f} to {heights.max():z.2f} m, is one "
-                "inclined surface (treads)"
+                f"a flight of {len(flight.treads)} treads, from {heights.min():z.2f} to {heights.max():z.2f} m, is "
+                "replaced by one inclined surface (treads)"
             )
             notes.append(Finding("assumed", text, place=(x, y, flight.treads[0].z)))
         else:
             text = (
-                f"a stair of {len(flight.treads)} treads that turns is no flight: draw it as straight flights with "
+                f"a stair of {len(flight.treads)} treads turns and is not replaced: draw it as straight flights with "
                 "landings between them"
             )
             notes.append(Finding("warning", text, place=(x, y, flight.treads[0].z)))
@@ -72,13 +72,13 @@ def with_flights(patches: list[Patch], headroom: float) -> tuple[list[Patch], li
 
 
 def may_have_treads(heights: FloatArray) -> bool:
-    """Return whether enough flat cells at heights (n,) [m] are risers apart."""
+    """Return whether enough flat cells at heights (n,) [m] differ in height by a riser."""
     steps = np.diff(np.unique(np.round(heights, 3)))
     return bool(((steps >= LEAST_RISER) & (steps <= MOST_RISER)).sum() >= FEWEST - 1)
 
 
 def _flights(patches: list[Patch]) -> list[Flight]:
-    """Return the rows of treads, in the order of their lowest."""
+    """Return the rows of treads, sorted by their lowest tread."""
     flat = [patch for patch in patches if patch.is_flat]
     is_tread = [_is_tread(patch) for patch in flat]
     plans = np.array([patch.plan for patch in flat], dtype=object)
@@ -109,7 +109,7 @@ def _flights(patches: list[Patch]) -> list[Flight]:
 
 
 def _is_tread(patch: Patch) -> bool:
-    """Return whether a flat patch is as deep as a tread, and wide enough for one, and no floor."""
+    """Return whether a flat patch has the depth and width of a tread and is not a floor."""
     is_floor = any(tag.startswith(("floor:", "area:", "obstacle:")) for tag in patch.tags)
     return not is_floor and patch.plan.buffer(-DEEPEST / 2).is_empty and patch.plan.length > 2.0 * LEAST_WIDTH
 
@@ -121,7 +121,7 @@ def _meet(one: Patch, other: Patch) -> bool:
 
 
 def _inclined(flight: Flight, way: FloatArray) -> Patch:
-    """Return the plane patch that stands for a row of treads."""
+    """Return the plane patch that replaces a row of treads."""
     treads = flight.treads
     riser = (treads[-1].z - treads[0].z) / (len(treads) - 1)
     z_lower = treads[0].z - riser if flight.lower is None else flight.lower.z

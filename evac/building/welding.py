@@ -1,4 +1,4 @@
-"""Vertices that lie closer together than ``building.weld`` become one."""
+"""Merging of vertices that are closer together than ``building.weld``."""
 
 import math
 
@@ -8,13 +8,13 @@ import shapely
 from evac.arrays import FloatArray, IndexArray
 from evac.building.components import connected_components
 
-#: A cluster of close vertices is merged into one where it reaches no farther than this, in units of the weld;
-#: a longer one, such as a finely divided arc, is thinned: merged into one, it would lose its shape.
+#: Maximum extent of a cluster of close vertices that is merged into one vertex, in units of the weld. A larger cluster,
+#: such as a finely divided arc, is thinned instead, to preserve its shape.
 LARGEST_CLUSTER = 2.0
 
-#: Close points are looked for in plan, sheared by so much per metre of height: many points may stand upon each other.
+#: Shear of plan coordinates per metre of height, so that points above each other do not coincide in the plan search.
 SHEAR = (0.367, 0.713)
-#: Rounding errors of positions in plan, in units of the greatest coordinate.
+#: Rounding errors of positions in plan, relative to the largest coordinate.
 ROUNDING = 1e-14
 
 
@@ -25,14 +25,14 @@ def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexA
     ----------
     points : (n, 3) float64 [m]
     distance : float [m]
-        Points no farther apart become one; a point is moved by at most `LARGEST_CLUSTER` of it.
+        Points at most this far apart are merged; a point is moved by at most `LARGEST_CLUSTER` times this.
 
     Returns
     -------
     vertices : (v, 3) float64 [m]
-        The least point of each cluster, in the order of (x, y, z).
+        The first point of each cluster in the order of (x, y, z).
     index : (n,) int64
-        Vertex that each point became.
+        Row in `vertices` of each point.
     """
     distinct, row = np.unique(points + 0.0, axis=0, return_inverse=True)  # + 0.0 turns -0.0 into 0.0
     pairs = close_pairs(distinct, distance)
@@ -49,7 +49,7 @@ def weld_points(points: FloatArray, distance: float) -> tuple[FloatArray, IndexA
 
 
 def close_pairs(points: FloatArray, distance: float) -> IndexArray:
-    """Return the pairs (p, 2) of points (n, 3) no farther apart than `distance` [m], the lower row first, in order."""
+    """Return the sorted pairs (p, 2) of points (n, 3) at most `distance` apart [m], with the lower row first."""
     sheared = shapely.points(points[:, :2] + points[:, 2:] * SHEAR)
     reach = distance * math.hypot(1.0, *SHEAR) + ROUNDING * float(np.abs(points).max())
     one, other = shapely.STRtree(sheared).query(sheared, predicate="dwithin", distance=reach)
@@ -59,7 +59,7 @@ def close_pairs(points: FloatArray, distance: float) -> IndexArray:
 
 
 def _thin(kept: IndexArray, pairs: IndexArray) -> None:
-    """Let each point of `pairs`, which are in order, become the first one before it that is kept itself and close."""
+    """Merge each point of the sorted `pairs` into the first close point before it that is kept."""
     for one, other in pairs.tolist():
         if kept[one] == one and kept[other] == other:
             kept[other] = one

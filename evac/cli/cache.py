@@ -1,6 +1,6 @@
-"""evac cache: show, fill or empty the folder of compiled kernels, or build a wheel that contains compiled kernels.
+"""evac cache: show, fill or clear the folder of compiled kernels, or build a wheel that contains compiled kernels.
 
-Kernels are compiled when they are first needed, and kept in a folder of the user, or in EVAC_CACHE_DIR if that is set.
+Kernels are compiled when they are first needed, and kept in the user's cache folder, or in EVAC_CACHE_DIR if it is set.
 """
 
 import argparse
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from evac.jit.store import Store
 
 ACTIONS = {
-    "show": "show the folder and what is in it (the default)",
+    "show": "show the folder and its content (the default)",
     "compile": "compile all kernels of evac and of its plugins that are not in the folder",
     "clear": "remove all compiled kernels from the folder",
     "wheel": "build a wheel of evac that contains compiled kernels for a generic processor",
@@ -43,7 +43,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Do what is asked for and return 0."""
+    """Execute the action and return 0."""
     if arguments.action == "wheel":
         from evac.cli.wheel import build_wheel
 
@@ -77,7 +77,7 @@ def _clear() -> None:
 
 
 def _show() -> None:
-    """Print where kernels are kept, how many, and what they are compiled by and for."""
+    """Print the folder, the number and size of kernels, and the versions and processor they are compiled for."""
     from evac.cli.screen import show_facts
     from evac.jit.digest import versions
     from evac.jit.processor import host
@@ -100,7 +100,7 @@ def _show() -> None:
 
 
 def _exposed(store: "Store | None") -> dict[str, str]:
-    """Tell why the folder is not used, if it is not."""
+    """Return why the folder is not used; empty if it is used."""
     from evac.jit.store import exposure
 
     problem = exposure(store.folder) if store and store.folder.is_dir() else ""
@@ -108,7 +108,7 @@ def _exposed(store: "Store | None") -> dict[str, str]:
 
 
 def _shipped() -> str:
-    """Tell whether kernels of the wheel are used."""
+    """Return the number of kernels in the wheel, and whether they are used."""
     from evac.jit.digest import versions
     from evac.jit.loading import SHIPPED
     from evac.jit.processor import generic, missing_features
@@ -128,7 +128,7 @@ def _shipped() -> str:
 
 
 def all_entries() -> "list[Entry]":
-    """Return the kernels that runs may need: of all modules below the commands, and of plugins that are imported."""
+    """Return the kernels that runs may need: those of evac except its commands, and of the imported plugins."""
     import evac
     from evac.jit.kernels import entries_of
 

@@ -21,7 +21,7 @@ def declare_case(parser: argparse.ArgumentParser, metavar: str = "CASE") -> None
         default=[],
         help="change keys of the case, such as contact.model=nsm1 people.class_1.number=5",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of everything random (simulation.seed)")
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random numbers (simulation.seed)")
     declare_plugin(parser)
 
 
@@ -33,12 +33,12 @@ def declare_plugin(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         action="append",
         default=[],
-        help="a Python file with a plugin, beside those installed (may be repeated)",
+        help="a Python file with a plugin, in addition to installed plugins (may be repeated)",
     )
 
 
 def case_of(arguments: argparse.Namespace) -> "Case":
-    """Load the case that the arguments name; plugin files that the case itself names are not run.
+    """Load the case named by the arguments; plugin files named in the case are not executed.
 
     Raises
     ------
@@ -52,25 +52,33 @@ def case_of(arguments: argparse.Namespace) -> "Case":
     for override in overrides:
         shown = override.encode("utf-8", "backslashreplace").decode()
         if shown != override:
-            raise ScenarioError(f"--set {shown}: holds bytes that are no text in the encoding of this system")
+            raise ScenarioError(f"--set {shown}: not valid text in the encoding of this system; use UTF-8")
     if arguments.seed is not None:
         overrides.append(f"simulation.seed={arguments.seed}")
     case = arguments.loaded = load_case(arguments.case, overrides, arguments.plugins)
     return case
 
 
+def note_unused_plugins(case: "Case") -> None:
+    """Print a note for each plugin file in addition to the case none of whose models and behaviours the case uses."""
+    from evac.scenario.trust import unused_files
+
+    for path, tables in unused_files(case):
+        print(f"note: plugin {path} is not used by the case: add {' or '.join(tables)}", file=sys.stderr)
+
+
 def loaded_case(arguments: argparse.Namespace | None) -> "Case | None":
-    """Return the case that `case_of` has loaded, if it has."""
+    """Return the case that `case_of` has loaded; None if there is none."""
     return getattr(arguments, "loaded", None)
 
 
 def case_to_run(arguments: argparse.Namespace) -> "Case":
-    """Load the case that the arguments name and run its plugin files, see `with_plugin_files`."""
+    """Load the case named by the arguments and execute its plugin files, see `with_plugin_files`."""
     return with_plugin_files(case_of(arguments))
 
 
 def with_plugin_files(case: "Case") -> "Case":
-    """Run the plugin files that a case names, which must lie in its folder, and say so.
+    """Execute the plugin files named in a case, which must be in its folder, and print their paths.
 
     Raises
     ------
@@ -79,15 +87,15 @@ def with_plugin_files(case: "Case") -> "Case":
     """
     from evac.scenario.trust import run_plugin_files
 
-    return run_plugin_files(case, tell_plugin_file)
+    return run_plugin_files(case, announce_plugin_file)
 
 
-def tell_plugin_file(path: Path) -> None:
-    """Say that a plugin file of the case is run."""
+def announce_plugin_file(path: Path) -> None:
+    """Print the path of a plugin file of the case before it is executed."""
     print(f"running plugin file of the case: {path}", file=sys.stderr)
 
 
 def default_folder(case: "Case") -> Path:
-    """Return where results go if nothing is said: ``./CASE-result``."""
+    """Return the default result folder: ``./CASE-result``."""
     name = case.folder.name if case.source.name == "case.toml" else case.source.stem
     return Path(f"{name}-result")

@@ -1,4 +1,4 @@
-"""evac list: the cases that evac and the installed plugins ship."""
+"""evac list: list the cases shipped with evac and installed plugins."""
 
 import argparse
 import tomllib
@@ -8,7 +8,7 @@ from evac.cli.cases import declare_plugin
 from evac.cli.screen import show_table
 from evac.errors import ScenarioError
 
-#: Of the built-in plugins only this one ships cases; the others, and numba with them, are not loaded for a list.
+#: The only built-in plugin with cases; the others need not be loaded to list cases.
 CASE_PLUGINS = ("evac_plugins.cases",)
 
 

@@ -1,6 +1,7 @@
-"""evac check: read a case or the file of a building and show what evac makes of it.
+"""evac check: read a case or a building file and show levels, exits, areas and warnings.
 
-Plugin files that a case names are listed and not run; what they would add cannot be checked. --plugin FILE runs one.
+Plugin files named in a case are listed but not executed, so names that they provide cannot be checked; --plugin FILE
+executes one.
 """
 
 import argparse
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 #: Ending of plan files, which are TOML as cases are.
 PLAN = ".plan.toml"
+#: Kinds of findings in the list of assumptions.
+ASSUMED = ("assumed", "repaired", "left out")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -32,12 +35,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--picture",
         type=Path,
         metavar="FILE",
-        help="draw every level with all names, each warning marked at its place (.png, .svg, .pdf)",
+        help="draw every level with all names and with warnings marked at their places (.png, .svg, .pdf)",
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Show the building, and of a case people and directions; raise what is wrong with it."""
+    """Show the building, and for a case the people; raise the error if something is not valid."""
     path = Path(arguments.case)
     if path.is_file() and (path.suffix != ".toml" or path.name.lower().endswith(PLAN)):
         from evac.building.checks import check_exits
@@ -46,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
         show_building(building)
         show_warnings(building.warnings)
         _draw(arguments.picture, building, building.findings, path.name)
-        # Last: the levels just shown are what an exit is put on.
+        # Last, so that a user who has to add an exit sees the levels first.
         check_exits(building)
         return 0
     case = case_of(arguments)
@@ -62,7 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
         with Display(has_lines=False) as display:
             simulation = Simulation(case, will_run=False, compiling=display.compiling)
     except EvacError:
-        # What is wrong with people or directions is easier to see beside the building.
+        # The building helps to understand errors about people or directions.
         from evac.assembly import make_building
 
         building = make_building(case)
@@ -81,34 +84,34 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _known_part(case: "Case") -> "Case | None":
-    """Show the plugin files that have not been run, and return what can be checked without; None if it cannot be."""
+    """Show the plugin files not executed, and return the case without what needs them; None if it cannot be checked."""
     from evac.assembly import make_building, make_importers
     from evac.scenario.problems import dotted
     from evac.scenario.trust import is_inside, without_unknown
 
     rows = [
-        (path, "yes" if is_inside(path, case.folder) else "only with --plugin: it is outside of the case's folder")
+        (path, "yes" if is_inside(path, case.folder) else "only with --plugin: it is outside the case's folder")
         for path in case.unloaded_files
     ]
-    show_table("Plugin files of the case, not run", ("file", "evac run runs it"), rows)
+    show_table("Plugin files of the case, not executed", ("file", "executed by evac run"), rows)
     unchecked = [dotted(key, {}) for key in case.unchecked]
     option = " ".join(f"--plugin {path}" for path in case.unloaded_files)
-    names = ", ".join(unchecked) or "none that the case uses"
-    show_warnings([f"names that cannot be checked without the plugin files: {names}; with them: {option}"])
+    names = ", ".join(unchecked) or "none"
+    show_warnings([f"keys that cannot be checked without the plugin files: {names}; to check them, use {option}"])
     try:
         make_importers(case)
     except BuildingError:
-        show_warnings([f"{case.mesh}: no importer reads it without the plugin files, so it is not checked either"])
+        show_warnings([f"{case.mesh}: not checked, because no importer reads it without the plugin files"])
         return None
     if ("contact", "model") in case.unchecked:
         show_building(make_building(case))
-        show_warnings(["without the contact model people are not placed"])
+        show_warnings(["people are not checked, because the contact model needs the plugin files"])
         return None
     return without_unknown(case)
 
 
 def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]", title: str) -> None:
-    """Draw the levels, if a picture is asked for."""
+    """Draw the levels to `path`, unless it is None."""
     if path is not None:
         from evac.output.annotated import draw_levels
 
@@ -117,18 +120,18 @@ def _draw(path: Path | None, building: "Building", findings: "Sequence[Finding]"
 
 
 def _read_file(path: Path, arguments: argparse.Namespace) -> "Building":
-    """Read a building's file alone."""
+    """Read a building file without a case."""
     from evac.assembly import read_building
     from evac.errors import ScenarioError
     from evac.registry import Registry
 
     if arguments.overrides or arguments.seed is not None:
-        raise ScenarioError(f"{path}: --set and --seed change a case, and this is a building alone; leave them out")
+        raise ScenarioError(f"{path}: --set and --seed apply to a case, not to a building file; remove them")
     return read_building(path, registry=Registry(arguments.plugins), need_exit=False)
 
 
 def show_building(building: "Building") -> None:
-    """Show levels, portals, exits, areas and stairs."""
+    """Show levels, portals, exits, doors, areas, stairs, and what was assumed about them."""
     show_facts({"building": building.source, "walls": f"{len(building.walls)} segments"})
     levels = [
         (
@@ -156,23 +159,30 @@ def show_building(building: "Building") -> None:
     if building.exits:
         exits = [(e.name, names[e.level], round(e.width, 3), state(e)) for e in building.exits]
         show_table("Exits", ("exit", "level", "width [m]", ""), exits)
+    if building.doors:
+        doors = [(door.name, names[door.level], round(door.width, 3)) for door in building.doors]
+        show_table("Doors between rooms", ("door", "level", "clear width [m]"), doors)
     if building.areas:
         areas = [(area.name, names[area.level], round(area.polygon.area, 2)) for area in building.areas]
         show_table("Areas", ("area", "level", "m2"), areas)
     if building.stairs:
         stairs = [(name, ", ".join(names[index] for index in levels)) for name, levels in building.stairs.items()]
         show_table("Stairs", ("stair", "levels, from top to bottom"), stairs)
+    assumed = [one for one in building.findings if one.kind in ASSUMED]
+    if assumed:
+        found = [(one.kind, one.where, one.text) for one in assumed]
+        show_table("Assumed, repaired or left out", ("kind", "place", "description"), found)
 
 
 def show_people(simulation: "Simulation") -> None:
-    """Show the groups, where they start and how far it is; `check_ways` has walked everybody's way to an exit."""
+    """Show the groups with their start levels and their times to an exit."""
     import numpy as np
 
     population = simulation.population
     crowd = population.crowd
     lengths = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Nobody needs time for a way that is not there, even at speed zero.
+        # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
     names = [level.name for level in simulation.building.levels]
     rows = [
@@ -185,8 +195,8 @@ def show_people(simulation: "Simulation") -> None:
         )
         for group in population.groups
     ]
-    columns = ("group", "people", "on", "seconds to an exit, alone", "radius [m]")
-    title = f"People: {len(crowd.level)}. All are led to an exit; see warnings for narrow places."
+    columns = ("group", "people", "levels", "unimpeded time to an exit [s]", "radius [m]")
+    title = f"People: {len(crowd.level)}. All can reach an exit; see warnings for narrow places."
     show_table(title, columns, rows)
 
 

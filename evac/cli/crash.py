@@ -1,4 +1,4 @@
-"""What becomes of errors that evac does not expect: one line, and a file with what is needed to find the cause."""
+"""Unexpected errors: a one-line message, and a crash file with the details needed to find the cause."""
 
 import importlib.metadata
 import json
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
 #: Exit status of an error in evac itself, EX_SOFTWARE of sysexits.h.
 INTERNAL_ERROR = 70
 
-#: So many names are tried for a file, if some are taken.
+#: Number of file names that are tried for a crash file.
 MOST_FILES = 100
 
 
-def tell_crash(error: BaseException, what: str, case: "Case | None" = None, notes: list[str] | None = None) -> None:
-    """Print one line on an unexpected error, and where its crash file is.
+def report_crash(error: BaseException, what: str, case: "Case | None" = None, notes: list[str] | None = None) -> None:
+    """Print a one-line message on an unexpected error with the path of its crash file.
 
     Parameters
     ----------
     error : BaseException
     what : str
-        What it is, such as ``"internal error"``.
+        Kind of error, such as ``"internal error"``.
     case : Case, optional
-        That was being worked on.
+        The case that was loaded when the error occurred.
     notes : list of str, optional
         Warnings that were not shown.
     """
@@ -47,14 +47,14 @@ def tell_crash(error: BaseException, what: str, case: "Case | None" = None, note
 
 
 def crash_file(error: BaseException, case: "Case | None" = None, notes: list[str] | None = None) -> str:
-    """Write a crash file to the current folder, or else to that of temporary files; return a sentence on it.
+    """Write a crash file to the current folder, or else to the temporary folder; return a sentence with its path.
 
-    It has the traceback, the command, versions and the settings of the case; nothing of the environment, and no values
-    of variables.
+    It contains the traceback, the command, versions and the settings of the case, but no environment variables and no
+    values of variables.
     """
     try:
         text = "".join(_report(error, case, notes or []))
-    except Exception as failure:  # memory, for example
+    except Exception as failure:  # such as a MemoryError
         text = f"{in_one_line(error)}\nno report, {in_one_line(failure)}\n"
     stamp = f"evac-crash-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}"
     why = ""
@@ -67,7 +67,7 @@ def crash_file(error: BaseException, case: "Case | None" = None, notes: list[str
 
 
 def _written(folder: Path, stamp: str, text: str) -> Path:
-    """Write a new file that nobody else may read, and return its path; leave none that is not whole."""
+    """Write a new file that only the user can read, and return its path; an incomplete file is removed."""
     for k in range(MOST_FILES):
         path = folder / f"{stamp}{f'-{k}' if k else ''}.txt"
         try:
@@ -85,7 +85,7 @@ def _written(folder: Path, stamp: str, text: str) -> Path:
 
 
 def _report(error: BaseException, case: "Case | None", notes: list[str]) -> Iterator[str]:
-    """Yield the parts of a crash file; what cannot be found out is left out with the reason."""
+    """Yield the parts of a crash file; a part that cannot be determined is replaced by the reason."""
     yield "evac crash report\n\n"
     parts: dict[str, Callable[[], str]] = {
         "time": lambda: time.strftime("%Y-%m-%d %H:%M:%S %z"),
@@ -108,7 +108,7 @@ def _report(error: BaseException, case: "Case | None", notes: list[str]) -> Iter
 
 
 def _versions() -> str:
-    """Return evac and what it is installed with, with versions."""
+    """Return the versions of Python, evac and the packages that it depends on."""
     required = [line for line in importlib.metadata.requires("evac") or () if "extra ==" not in line]
     names = ["evac", *(re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in required)]
     return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in names)
@@ -121,17 +121,17 @@ def _settings(case: "Case") -> str:
 
 
 def catch_the_rest() -> None:
-    """Tell what fails beside the command in one line too: threads, destructors, and what is called at the exit."""
+    """Report errors in threads, destructors and exit handlers in one line, too."""
 
     def of_thread(args: threading.ExceptHookArgs) -> None:
         if args.exc_value is not None and not isinstance(args.exc_value, SystemExit):
-            tell_crash(args.exc_value, "a thread failed")
+            report_crash(args.exc_value, "a thread failed")
 
     def ignored(unraisable: Any) -> None:
         if unraisable.exc_value is not None:
             print(f"warning: ignored: {in_one_line(unraisable.exc_value)}", file=sys.stderr)
 
     def of_process(kind: type[BaseException], error: BaseException, trace: Any) -> None:
-        tell_crash(error, "internal error")
+        report_crash(error, "internal error")
 
     threading.excepthook, sys.unraisablehook, sys.excepthook = of_thread, ignored, of_process

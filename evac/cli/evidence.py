@@ -9,17 +9,17 @@ from evac.evidence import KINDS
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("kind", choices=KINDS, help="what is computed")
+    parser.add_argument("kind", choices=KINDS, help="kind of evidence to compute")
     effort = parser.add_mutually_exclusive_group()
-    effort.add_argument("--quick", action="store_true", help="smaller and fewer: seconds instead of minutes")
-    effort.add_argument("--page-only", action="store_true", help="measure nothing: write the page of DIR/KIND again")
+    effort.add_argument("--quick", action="store_true", help="fewer and smaller cases: seconds instead of minutes")
+    effort.add_argument("--page-only", action="store_true", help="only write the page again from the files in DIR/KIND")
     parser.add_argument(
         "--out", type=Path, default=Path("evidence"), metavar="DIR", help="folder; the page goes to DIR/KIND (evidence)"
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Compute, and say where the page is."""
+    """Compute the evidence and print the path of the page."""
     from evac.evidence.command import run_evidence
 
     if not arguments.page_only:

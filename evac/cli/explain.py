@@ -1,13 +1,13 @@
-"""evac explain: what a case needs, part by part, and why.
+"""evac explain: show which parts of the program a case needs, and why.
 
-What is left out changes no bit of the trajectories; `evac run --full` forces everything in. Forces and behaviours say
-themselves what they need: plugin files of the case are run, as by `evac run`.
+Leaving out the others does not change the trajectories in any bit; `evac run --full` includes all parts. Forces and
+behaviours decide themselves whether they are needed: plugin files of the case are executed, as by `evac run`.
 """
 
 import argparse
 
-from evac.cli.cases import case_to_run, declare_case
-from evac.cli.screen import show_table
+from evac.cli.cases import case_to_run, declare_case, note_unused_plugins
+from evac.cli.screen import show_facts, show_table
 from evac.display import Display
 
 
@@ -17,12 +17,15 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print every part that can be left out, in or out, and why."""
+    """Print every optional part, whether it is used, and why."""
     case = case_to_run(arguments)
+    note_unused_plugins(case)
+    from evac.cli.report import response_times
     from evac.simulation import Simulation
 
     with Display(has_lines=False) as display:
-        plan = Simulation(case, will_run=False, compiling=display.compiling).plan
-    rows = [part.as_row() for part in plan]
+        simulation = Simulation(case, will_run=False, compiling=display.compiling)
+    rows = [part.as_row() for part in simulation.plan]
     show_table(case.title or str(case.source), ("part", "in or out", "why"), rows)
+    show_facts({"response times": response_times(simulation.population.crowd)})
     return 0

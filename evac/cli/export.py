@@ -1,7 +1,6 @@
-"""evac export: write what a run recorded in a format of other programs.
+"""evac export: write a recorded run in the format of another program.
 
-Works on a run that goes on, and on what is left of a killed one, as well. Formats are plugins: `evac plugins` lists
-them with the other plugins.
+Also works during a run and after a run was killed. Formats are plugins: `evac plugins` lists them.
 """
 
 import argparse
@@ -11,19 +10,20 @@ from typing import Any
 
 from evac.cli.cases import declare_plugin
 from evac.cli.results import declare_result, trajectory_of
+from evac.errors import counted
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     declare_result(parser)
     parser.add_argument(
-        "--to", default="vtk", metavar="FORMAT", help="vtk (default), jupedsim, csv, parquet, geojson, or of a plugin"
+        "--to", default="vtk", metavar="FORMAT", help="vtk (default), jupedsim, csv, parquet, geojson, or from a plugin"
     )
     parser.add_argument(
         "--out",
         type=Path,
         metavar="PATH",
-        help="file, or folder for formats of several files (default: RESULT/export/..., of vtk RESULT)",
+        help="file, or folder for formats with several files (default: RESULT/export/..., for vtk RESULT)",
     )
     parser.add_argument(
         "--set", dest="parameters", metavar="NAME=VALUE", nargs="+", default=[], help="parameters of the exporter"
@@ -32,7 +32,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Write the files and name those that a user opens."""
+    """Write the files and print the paths of those that a user opens."""
     from evac.output.exporter import export
     from evac.registry import BUILTIN_EXPORTERS, Registry
 
@@ -42,7 +42,7 @@ def execute(arguments: argparse.Namespace) -> int:
     for path in export(trajectory, exporter, arguments.out):
         print(path)
     if len(trajectory):
-        print(f"{len(trajectory)} frames up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
+        print(f"{counted(len(trajectory), 'frame')} up to {trajectory.time[-1]:.2f} s", file=sys.stderr)
     return 0
 
 

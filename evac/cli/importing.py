@@ -1,9 +1,9 @@
-"""evac import: make a case of a building's files.
+"""evac import: create a case from building files.
 
-Writes to --out the surface as a tagged mesh (building.msh), a case.toml with people to fill in, a picture of every
-level (levels.png) and a report of each thing found, assumed, repaired or left out (report.md). Several files are the
-storeys of one building, from the lowest up. Where the files name no exit, the outer openings are listed and numbered,
-widest first, and --exit takes them.
+Writes to --out the surface as a tagged mesh (building.msh), a case.toml with preliminary people, a picture of every
+level (levels.png) and a report on everything found, assumed, repaired or left out (report.md). Several files are the
+storeys of one building, from the lowest up. If the files name no exit, the outer openings are listed and numbered,
+widest first; choose exits among them with --exit.
 """
 
 import argparse
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.cases import declare_plugin
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, counted
 
 if TYPE_CHECKING:
     from evac.importing import Imported
@@ -26,8 +26,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--exit", dest="exits", default="", metavar="N,N", help="numbers of the openings that become exits"
     )
     many = parser.add_mutually_exclusive_group()
-    many.add_argument("--people", type=int, metavar="N", help="how many people, divided among the rooms by their area")
-    many.add_argument("--density", type=float, metavar="D", help="people on a square metre of every room (0.1)")
+    many.add_argument("--people", type=int, metavar="N", help="number of people, divided among the rooms by area")
+    many.add_argument("--density", type=float, metavar="D", help="people per square metre of every room (0.1)")
     parser.add_argument("--z", metavar="Z,Z", help="heights of the storeys of several files [m] (3 m apart)")
     parser.add_argument(
         "--option",
@@ -42,7 +42,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Import, and show what came of it; 0 even if the case lacks an exit."""
+    """Import the files and show the result; return 0 even if the case has no exit yet."""
     for key, least in (("people", 1), ("density", 0.0)):
         value = getattr(arguments, key)
         if value is not None and not value >= least:
@@ -72,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _option(text: str) -> tuple[str, Any]:
-    """Return the key and value of KEY=VALUE; a value that is no TOML is a word."""
+    """Return the key and value of KEY=VALUE; a value that is not valid TOML is taken as a string."""
     key, equals, value = text.partition("=")
     if not equals or not key:
         raise ScenarioError(f"--option {text}: write KEY=VALUE")
@@ -86,11 +86,11 @@ def _numbers(what: str, text: str) -> list[float]:
     try:
         return [float(one) for one in text.split(",") if one.strip()]
     except ValueError as error:
-        raise ScenarioError(f"{what} {text}: write numbers with commas between them, such as 1,3") from error
+        raise ScenarioError(f"{what} {text}: give numbers separated by commas, such as 1,3") from error
 
 
 def _show(made: "Imported") -> None:
-    """Show what was found in short, the openings if there is no exit, the warnings, and what comes next."""
+    """Show a summary, the openings if there is no exit, the warnings, and the next command."""
     from collections import Counter
 
     from evac.building.findings import KINDS
@@ -106,7 +106,7 @@ def _show(made: "Imported") -> None:
             "floors": f"{len(floors)}, {sum(level.polygon.area for level in floors):.1f} m2",
             "stairs": ", ".join(building.stairs) or "none",
             "exits": ", ".join(way.name for way in building.exits) or "none",
-            "people": f"{sum(room.number for room in made.rooms)} in {len(made.rooms)} rooms",
+            "people": f"{sum(room.number for room in made.rooms)} in {counted(len(made.rooms), 'room')}",
             "findings": ", ".join(f"{count[kind]} {kind}" for kind in KINDS if count[kind]) or "none",
             "case": made.folder,
         }
@@ -118,8 +118,8 @@ def _show(made: "Imported") -> None:
         show_table(f"Openings{more}", ("number", "level", "width [m]", "from", "to", "z [m]"), rows)
     show_warnings(str(one) for one in made.findings if one.kind in ("warning", "left out"))
     if not building.exits:
-        show_warnings(["there is no exit yet: choose openings with --exit, such as --exit 1"])
+        show_warnings(["the building has no exit yet: choose openings with --exit, such as --exit 1"])
     elif made.fault:
-        show_warnings([f"the case does not run yet: {made.fault}"])
+        show_warnings([f"the case cannot be run yet: {made.fault}"])
     else:
         show_facts({"next": f"evac run {made.folder}"})

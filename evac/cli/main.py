@@ -1,4 +1,4 @@
-"""``evac COMMAND ...``: the parser, and what becomes of errors."""
+"""``evac COMMAND ...``: the parser and the handling of errors."""
 
 import argparse
 import atexit
@@ -10,12 +10,12 @@ import sys
 from collections.abc import Sequence
 
 from evac.cli.cases import loaded_case
-from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, tell_crash
-from evac.cli.streams import guard_streams, tell_lost_output
+from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, report_crash
+from evac.cli.streams import guard_streams, warn_lost_output
 from evac.cli.warned import shown_warnings
 from evac.errors import EvacError, PluginError
 
-#: Exit status of bad input, and of what Ctrl-C stopped.
+#: Exit status for bad input, and for an interrupt by Ctrl-C.
 BAD_INPUT = 2
 INTERRUPTED_STATUS = 130
 
@@ -42,27 +42,27 @@ COMMANDS = {
 
 EPILOG = """\
 Exit status:
-  0    everybody is out, or what was asked for is done
-  2    bad input: a case, a building, a plugin, a file or the words of the command; the message names it
-  3    people are left
-  70   an error in evac itself, or not enough memory; the message names a file to send with a report
+  0    success; for a run: everybody is out
+  2    bad input: a case, building, plugin, file or command line; the message names it
+  3    people are left inside
+  70   internal error, or not enough memory; the message names a file to attach to a bug report
   130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP
 
-The status does not depend on whether what is printed can be read by anybody."""
+The status does not depend on whether standard output can be written."""
 
-#: Containers that are made between two looks for garbage, see `start_fast`.
+#: Number of allocated containers between two garbage collections, see `start_fast`.
 GARBAGE_EVERY = 50_000
 
 
 def program() -> int:
-    """Be the process of a command: `main`, with streams that never fail and nothing that prints a traceback."""
+    """Run `main` as a process of its own, with streams that never raise and errors reported without traceback."""
     guard_streams()
     catch_the_rest()
     try:
         return main()
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left takes no time
-        tell_lost_output()
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # only quick clean-up is left
+        warn_lost_output()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Raises
     ------
     SystemExit
-        After --help, and where the words of the command are wrong.
+        After --help, and for a wrong command line.
     """
     start_fast()
     arguments: argparse.Namespace | None = None
@@ -90,17 +90,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             return INTERRUPTED_STATUS
         except BaseException as error:
             if isinstance(error, SystemExit) and arguments is None:
-                raise  # of argparse, which has shown the help or what is wrong with the words of the command
-            tell_crash(error, "internal error", loaded_case(arguments), hidden)
+                raise  # from argparse, which has printed the help or an error about the command line
+            report_crash(error, "internal error", loaded_case(arguments), hidden)
             return INTERNAL_ERROR
 
 
 def start_fast() -> None:
-    """Leave out work of Python and numpy that takes a good part of a short command and does nothing for it.
+    """Reduce the start-up and exit time of short commands.
 
-    Packages make hundreds of thousands of objects when they are loaded, which stay until the end: they are looked
-    through for garbage less often, and not once more at the end. And the threads of numpy's linear algebra, which is
-    used for small matrices only, are not started unless the environment asks for them.
+    Imported packages create hundreds of thousands of objects that live until the end, so garbage is collected less
+    often and not at the exit. Linear algebra is used for small matrices only, so numpy's threads for it are not
+    started unless the environment requests them.
     """
     gc.set_threshold(GARBAGE_EVERY)
     atexit.register(gc.freeze)
@@ -108,7 +108,7 @@ def start_fast() -> None:
 
 
 class _Version(argparse.Action):
-    """Show the version, which is looked up only then."""
+    """Show the version, which is determined only when requested."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         import evac

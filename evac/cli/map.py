@@ -1,7 +1,6 @@
 """evac map: draw maps of a run: density, speed, flow, waiting, time to clear, contact pressure, usage.
 
-Each map is a picture with the plans of all storeys. Works on a run that goes on, and on what is left of
-a killed one, as well.
+Each map is a picture with the plans of all storeys. Also works during a run and after a run was killed.
 """
 
 import argparse
@@ -28,12 +27,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="PATH",
-        help="folder, or for one map a file: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)",
+        help="folder, or file for a single map: .png, .jpg, .svg or .pdf (default: RESULT/map_NAME.png)",
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Draw the maps and name the files."""
+    """Draw the maps and print the paths of the files."""
     from evac.errors import ResultError
     from evac.output.maps import KERNEL_RADIUS, QUANTITIES, SPACING, level_maps
     from evac.parameters import did_you_mean

@@ -1,4 +1,4 @@
-"""evac new: start a case of one's own, a small building of two storeys with comments that runs at once."""
+"""evac new: write an example case with comments, a building of two storeys that can be run and changed."""
 
 import argparse
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from evac.errors import ScenarioError
 
 CASE = """\
-# A case: a building, people, and how they move. Try it, then change it:
+# A case: a building, its people, and the models of their movement. Commands to try it:
 #
 #     evac check FOLDER --picture levels.png
 #     evac run FOLDER
@@ -16,9 +16,9 @@ CASE = """\
 title = "Two storeys and a stair"
 
 [building]
-mesh = "house.plan.toml"  # the plan beside this file; a mesh, or any other file that evac reads, goes here as well
+mesh = "house.plan.toml"  # the plan in the same folder; a mesh or any other file that evac reads can be named, too
 
-# What people are like; a group may replace any of it.
+# Properties of people; each group can override them.
 [presets.person]
 speed = { normal = [1.34, 0.26], minimum = 0.5, maximum = 2.2 }
 radius = { uniform = [0.2, 0.25] }
@@ -39,10 +39,10 @@ speed_down = { factor = 0.6 }  # of their own speed on the flat
 [contact]
 model = "nsm2"
 
-# People keep their distance; without it they walk at full speed until bodies touch.
+# People keep a distance to the person ahead. Without this behaviour they walk at full speed until bodies touch.
 [behaviours.headway]
 
-# Seconds until they set off.
+# Response (pre-movement) times in seconds.
 [behaviours.response_time]
 time = { uniform = [0.0, 10.0] }
 per = "person"
@@ -53,8 +53,8 @@ seed = 1
 """
 
 PLAN = """\
-# A plan: the ground of each storey as polygons, and what joins the storeys. Shapes are WKT, or lists of corners.
-# A storey may also name a file of its own (file = "ground.wkt"), in WKT, GeoJSON, or any format read as a plan.
+# A plan: the floor of each storey as polygons, and the stairs between storeys. Shapes are WKT, or lists of corners.
+# A storey can also name a file (file = "ground.wkt") in WKT, GeoJSON, or any other format that is read as a plan.
 
 [[storeys]]
 name = "ground"
@@ -96,7 +96,7 @@ name = "side"
 storey = "ground"
 segment = [[14, 6], [14, 7]]
 
-# Areas are where people start; obstacles are cut out of the floor.
+# People start in areas; obstacles are cut out of the floor.
 [[areas]]
 name = "office"
 storey = "first"
@@ -115,10 +115,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Write the files; a folder that holds anything is left alone."""
+    """Write the files; raise an error if the folder exists and is not empty."""
     folder: Path = arguments.folder
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ScenarioError(f"{folder}: is there already and not empty; choose a new folder")
+        raise ScenarioError(f"{folder}: exists and is not empty; choose a new folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in (("case.toml", CASE), ("house.plan.toml", PLAN)):

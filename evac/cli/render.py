@@ -1,6 +1,6 @@
 """evac render: draw a picture and a film of a run, off screen.
 
-Works on a run that goes on, and on what is left of a killed one, as well.
+Also works during a run and after a run was killed.
 """
 
 import argparse
@@ -22,17 +22,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         nargs="+",
-        help="what to draw: .png or .jpg a picture, .gif or .mp4 a film (default: picture.png and film.gif in RESULT)",
+        help="file to write: picture (.png, .jpg) or film (.gif, .mp4) (default: picture.png and film.gif in RESULT)",
     )
     parser.add_argument(
-        "--view", choices=("3d", "plan"), default="3d", help="from a slant, or straight from above (3d)"
+        "--view", choices=("3d", "plan"), default="3d", help="oblique view, or straight from above (3d)"
     )
     parser.add_argument("--level", metavar="NAME", action="append", help="only this level (may be repeated)")
     parser.add_argument(
         "--colour-by",
         choices=("group", "speed", "density", "contact_force", "waiting"),
         default="group",
-        help="what the colours of people mean (group)",
+        help="quantity shown by the colours of people (group)",
     )
     parser.add_argument("--time", type=float, metavar="S", help="time of the picture [s] (default: half of the run)")
     parser.add_argument("--fps", type=float, default=10.0, metavar="N", help="pictures per second of the film (10)")
@@ -41,14 +41,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--size", type=int, nargs=2, metavar=("W", "H"), help="pixels (picture 1600 1200, film 960 720)"
     )
     camera = parser.add_argument_group("camera of the 3d view")
-    camera.add_argument("--azimuth", type=float, metavar="DEG", help="side to look from, counterclockwise from x")
-    camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the look with the horizontal")
-    camera.add_argument("--stretch", type=float, metavar="N", help="factor on heights (default: to look into storeys)")
-    camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="factor on the size (1)")
+    camera.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counterclockwise from x")
+    camera.add_argument("--elevation", type=float, metavar="DEG", help="angle of the view above the horizontal")
+    camera.add_argument("--stretch", type=float, metavar="N", help="factor for heights (default: so that storeys show)")
+    camera.add_argument("--zoom", type=float, default=1.0, metavar="N", help="factor for the size (1)")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Draw each file asked for."""
+    """Draw the requested files."""
     from evac.cli.screen import show_warnings
     from evac.output.camera import Camera
     from evac.output.colouring import LEGEND_GROUPS
@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
     trajectory = trajectory_of(arguments)
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
-        show_warnings([f"{groups} groups share fewer colours, so the picture has no legend; --colour-by speed has one"])
+        show_warnings([f"no legend, because {groups} groups are more than the colours; try --colour-by speed"])
     for path in arguments.out or [trajectory.path.parent / name for name in (PICTURE_NAME, FILM_NAME)]:
         print(f"drawing {path}", file=sys.stderr, flush=True)
         is_film = path.suffix in FILMS

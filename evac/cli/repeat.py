@@ -1,16 +1,16 @@
-"""evac repeat: run a case with many seeds, and say how certain the result is.
+"""evac repeat: run a case with many seeds and compute statistics with confidence intervals.
 
-To ./CASE-runs, or to --out, goes each run's row as soon as it is done: killed, the study goes on with --resume. In the
-end runs.parquet and runs.csv have the rows, statistics.csv and summary.json what they say, egress.csv and egress.png
-the mean and the percentiles over runs of the egress curves; with --replay also replay-median.html and
-replay-worst.html. `evac run CASE --seed N` shows one of the runs.
+The row of each run is written to ./CASE-runs, or to --out, as soon as it is done; --resume continues a study that was
+killed. At the end runs.parquet and runs.csv contain the rows, statistics.csv and summary.json the statistics,
+egress.csv and egress.png the mean and percentiles of the egress curves over runs; with --replay also
+replay-median.html and replay-worst.html. `evac run CASE --seed N` repeats one of the runs.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-from evac.cli.cases import case_to_run, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
 from evac.cli.studies import Rows, declare_study, executor_of, options_of, prepare, show_study
 from evac.display import Display
 
@@ -20,16 +20,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_case(parser)
     declare_study(parser)
     parser.add_argument(
-        "--replay", action="store_true", help="make the median and the worst run again, with a replay of each"
+        "--replay", action="store_true", help="repeat the median and the worst run, and write a replay of each"
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    """Run the study and show it; return 0 if everybody is out in every run, 3 if people are left in any run."""
     from evac.study.asking import conducted, rule_of
     from evac.study.points import single
 
     case = case_to_run(arguments)
+    note_unused_plugins(case)
     options = options_of(arguments)
     rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
     folder = arguments.out or Path(f"{default_folder(case).name.removesuffix('-result')}-runs")

@@ -1,7 +1,7 @@
-"""evac replay: write the page that plays a run, anew.
+"""evac replay: write the page that plays a run again.
 
-Every run leaves replay.html unless output.replay is false. This command makes it of a recorded trajectory, of a killed
-run's as well: in another place, or with fewer states.
+Every run writes replay.html unless output.replay is false. This command writes it from a recorded trajectory, also of
+a killed run, to another place or with fewer states.
 """
 
 import argparse

@@ -6,29 +6,43 @@ from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
+from evac.errors import counted
 from evac.output.files import ANIMATION_NAME, REPLAY_NAME
 from evac.output.results import Results
+from evac.physics.state import Crowd
 
-#: So many people who can no longer move are listed; summary.json has all.
+#: Maximum number of listed people without progress; summary.json has all of them.
 MOST_LISTED = 20
 
 
-def show_results(results: Results, folder: Path) -> None:
-    """Show what a run came to: egress, stairs, exits, contact, time of each phase, where the results are."""
+def show_results(results: Results) -> None:
+    """Show the results of a run: egress, exits, stairs and people left inside, then contact and wall time by phase."""
     summary = results.summary()
-    _show_outcome(summary)
-    _show_places(summary)
+    _show_outcome(summary, results.crowd)
+    _show_places(summary, results)
+    _show_left(summary, results)
     _show_contact(summary["contact"])
     wall = summary["wall_time"]
     phases = [*wall.items(), ("all", sum(wall.values()))]
     show_table("Wall time", ("phase", "s"), [(name, round(seconds, 3)) for name, seconds in phases])
-    _show_left(summary, results)
+
+
+def show_folder(folder: Path) -> None:
+    """Show the result folder and the files in it that are played, as the last line."""
     shown = {REPLAY_NAME: "browser", ANIMATION_NAME: "ParaView"}
     files = [f", {name} ({where})" for name, where in shown.items() if (folder / name).is_file()]
     show_facts({"results in": "".join([str(folder), *files])})
 
 
-def _show_outcome(summary: dict[str, Any]) -> None:
+def response_times(crowd: Crowd) -> str:
+    """Describe when people start to walk."""
+    times = crowd.start_time
+    if not times.any():
+        return "none: everybody starts at 0 s"
+    return f"{times.min():.4g} to {times.max():.4g} s"
+
+
+def _show_outcome(summary: dict[str, Any], crowd: Crowd) -> None:
     last, left = summary["last_out"], summary["people"] - summary["evacuated"]
     note = f", the last of those who are out; people left: {left}" if left else ""
     show_facts(
@@ -37,21 +51,27 @@ def _show_outcome(summary: dict[str, Any]) -> None:
             "ended": summary["ended"],
             "people": summary["people"],
             "out": summary["evacuated"],
+            "response times": response_times(crowd),
             "last out": None if last is None else f"{last:.2f} s{note}",
             "simulated": f"{summary['simulated_time']:.2f} s in {summary['steps']} steps, seed {summary['seed']}",
         }
     )
 
 
-def _show_places(summary: dict[str, Any]) -> None:
+def _show_places(summary: dict[str, Any], results: Results) -> None:
     columns = ("people", "last_out", "width", "flow", "flow_per_metre")
-    exits = [(name, *(use[column] for column in columns)) for name, use in summary["exits"].items()]
+    building = results.building
+    closed = {way.name for way in building.exits if not building.is_open(way)}
+    exits = [
+        (f"{name} (closed)" if name in closed else name, *(use[column] for column in columns))
+        for name, use in summary["exits"].items()
+    ]
     show_table("Exits", ("exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"), exits)
     if summary["stairs"]:
         stairs = [
             (name, use["people"], use["greatest_number"], use["last_left"]) for name, use in summary["stairs"].items()
         ]
-        show_table("Stairs", ("stair", "people", "greatest number", "last left [s]"), stairs)
+        show_table("Stairs", ("stair", "people", "maximum number", "last left [s]"), stairs)
 
 
 def _show_contact(contact: dict[str, Any]) -> None:
@@ -59,9 +79,9 @@ def _show_contact(contact: dict[str, Any]) -> None:
     balance = energy["driving_work"] - energy["contact_dissipation"] + energy["contact_creation"]
     rows = [
         ("contact model", contact["model"]),
-        ("greatest overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
+        ("maximum overlap", f"{1000.0 * contact['greatest_overlap']:.3g} mm"),
         ("mean overlap", f"{1000.0 * contact['mean_overlap']:.3g} mm"),
-        ("greatest residual", f"{contact['greatest_residual']:.3g} m/s"),
+        ("maximum residual", f"{contact['greatest_residual']:.3g} m/s"),
         ("unconverged steps", f"{contact['unconverged_steps']:.0f} of {contact['steps']:.0f}"),
         ("work of driving", f"{energy['driving_work']:.4g} J"),
         ("dissipated in contacts", f"{energy['contact_dissipation']:.4g} J"),
@@ -70,7 +90,7 @@ def _show_contact(contact: dict[str, Any]) -> None:
     ]
     cut = contact["too_fast_steps"] + contact["too_stiff_steps"] + contact["wall_crossings_prevented"]
     if cut:
-        value = f"{cut} times; greatest speed {contact['greatest_speed']:.3g} m/s"
+        value = f"{cut} times; maximum speed {contact['greatest_speed']:.3g} m/s"
         rows.insert(5, ("steps cut into smaller ones", value))
     if contact["hardened_contacts"]:
         rows.insert(3, ("hardened contacts", f"{contact['hardened_contacts']} of {contact['contacts']}"))
@@ -78,26 +98,30 @@ def _show_contact(contact: dict[str, Any]) -> None:
 
 
 def _show_left(summary: dict[str, Any], results: Results) -> None:
-    """Say where people are left, on standard error, and list those who can no longer move."""
+    """Print the levels with people left inside to standard error, and list people without progress."""
     left = summary["people"] - summary["evacuated"]
     if left:
         number = Counter(results.crowd.level[results.crowd.level >= 0].tolist())
+        waiting = summary["not_started"]
+        late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
         where = ", ".join(f"{number[index]} on {results.building.levels[index].name!r}" for index in sorted(number))
         print(
-            f"evac: {left} of {summary['people']} people are still inside ({summary['ended']}): {where}",
+            f"evac: {left} of {counted(summary['people'], 'person', 'people')} still inside "
+            f"({summary['ended']}): {where}{late}",
             file=sys.stderr,
         )
     pushed = summary["left_by_other_exits"]
     if pushed:
         print(
-            f"evac: left by another exit than the own route leads to, as when pushed across its line: {pushed} people",
+            f"evac: {counted(pushed, 'person', 'people')} left by an exit that is not on the route, for example pushed "
+            "through it",
             file=sys.stderr,
         )
     stuck = summary["stuck"]
     if stuck:
         print(
-            "evac: bodies in contact can block a narrow way for good, because nobody turns or gives way; compare seeds,"
-            " or a wider way",
+            "evac: bodies in contact can block a narrow passage permanently, because people do not turn or give way;"
+            " compare several seeds, or a wider passage",
             file=sys.stderr,
         )
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]

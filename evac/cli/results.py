@@ -15,7 +15,7 @@ def declare_result(parser: argparse.ArgumentParser) -> None:
 
 
 def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
-    """Read the trajectory of RESULT; where the run has not ended, of RESULT.running, which a note says.
+    """Read the trajectory of RESULT, or, with a note, of RESULT.running if the run has not ended.
 
     Raises
     ------
@@ -23,13 +23,14 @@ def trajectory_of(arguments: argparse.Namespace) -> "Trajectory":
         As `evac.read_trajectory`.
     """
     from evac.cli.screen import show_warnings
-    from evac.output.resultfolder import find_result
+    from evac.output.resultfolder import check_result, find_result
     from evac.output.trajectory import read_trajectory
 
     place = find_result(arguments.result)
+    check_result(place)
     if place != arguments.result:
         print(
-            f"evac: {arguments.result} is not there yet; reading {place}, of a run that has not ended", file=sys.stderr
+            f"evac: {arguments.result} does not exist yet; reading {place} of a run that has not ended", file=sys.stderr
         )
     trajectory = read_trajectory(place)
     show_warnings(trajectory.warnings)

@@ -1,21 +1,22 @@
-"""evac resume: go on with a run that was killed or stopped, from its last checkpoint.
+"""evac resume: continue a run that was killed or stopped, from its last checkpoint.
 
-On the same machine, with the same versions, plugins and building, the results are those of a run that was never
-stopped, to the last bit, wall times excepted. --set changes the case from here on, such as building.closed='["door"]';
-this needs --out, a folder of its own, whose summary says so. People, seed, step, tick and output.every cannot change.
+On the same machine, with the same versions, plugins and building, the results are bitwise those of a run without
+interruption, except wall times. --set changes the case from the checkpoint on, such as building.closed='["door"]', and
+requires another result folder (--out); its summary lists the changes. People, seed, step, tick and output.every
+cannot be changed.
 """
 
 import argparse
 from pathlib import Path
 
-from evac.cli.cases import declare_plugin, tell_plugin_file
+from evac.cli.cases import announce_plugin_file, declare_plugin
 from evac.cli.run import declare_checkpoint, declare_threads
 from evac.display import Display
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder that the run was given")
+    parser.add_argument("result", type=Path, metavar="RESULT", help="result folder of the interrupted run")
     parser.add_argument(
         "--set",
         dest="overrides",
@@ -23,23 +24,23 @@ def declare(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         action="extend",
         default=[],
-        help="change keys of the case from here on; needs --out",
+        help="change keys of the case from the checkpoint on; requires --out",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="another result folder, which has records from the checkpoint on"
+        "--out", type=Path, metavar="DIR", help="another result folder, with records from the checkpoint on"
     )
-    declare_checkpoint(parser, "as before")
+    declare_checkpoint(parser, "as the interrupted run")
     declare_threads(parser)
     parser.add_argument(
         "--allow-differences",
         action="store_true",
-        help="go on even if versions, kernels, plugins or the building's file have changed; the summary says so",
+        help="continue even if versions, kernels, plugins or the building's file have changed; the summary lists this",
     )
     declare_plugin(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Go on, write, report; return what `evac run` would."""
+    """Resume the run, write and show the results; return the exit status of `evac run`."""
     with Display() as display:
         display.phase("reading the checkpoint")
         from evac.cli.running import run_shown, show_run
@@ -55,9 +56,9 @@ def execute(arguments: argparse.Namespace) -> int:
                 allow_differences=arguments.allow_differences,
                 threads=arguments.threads,
                 compiling=display.compiling,
-                tell=tell_plugin_file,
+                announce=announce_plugin_file,
             )
-            display.line(f"evac: going on at {simulation.time:.2f} s, in {place.running}")
+            display.line(f"evac: resuming at {simulation.time:.2f} s in {place.running}")
             checkpoint = every if arguments.checkpoint is None else arguments.checkpoint
             results, status = run_shown(simulation, place, display, checkpoint)
     show_run(results, {})

@@ -1,15 +1,15 @@
 """evac run: run a case and write its results.
 
-Results go to ./CASE-result, or to --out: a new or empty folder, or the result folder of an earlier run, which is
-replaced once this one has ended; files of others in it stay. Until then they are in RESULT.running, to be looked at.
-A run that is stopped by Ctrl-C, SIGTERM or SIGHUP keeps its tables and its state: `evac resume RESULT` goes on.
+Results are written to ./CASE-result, or to --out: a new or empty folder, or the result folder of an earlier run, which
+is replaced when this run has ended; other files in it are kept. During the run, results are in RESULT.running. A run
+that is stopped by Ctrl-C, SIGTERM or SIGHUP saves its tables and its state: `evac resume RESULT` continues it.
 """
 
 import argparse
 import math
 from pathlib import Path
 
-from evac.cli.cases import case_to_run, declare_case, default_folder
+from evac.cli.cases import case_to_run, declare_case, default_folder, note_unused_plugins
 from evac.display import Display
 
 
@@ -18,14 +18,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_case(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-result)")
     parser.add_argument(
-        "--full", action="store_true", help="do even what the scene does not need: the same trajectories, slower"
+        "--full", action="store_true", help="include parts that the scene does not need: same trajectories, slower"
     )
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
     parser.add_argument(
         "--tolerance",
         type=float,
         metavar="METRES",
-        help="choose step and solver tolerances for this error of positions (instead of those of the case)",
+        help="choose time step and solver tolerances for this error of positions, instead of those of the case",
     )
     declare_checkpoint(parser, "none")
     declare_threads(parser)
@@ -37,7 +37,7 @@ def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
         "--checkpoint",
         type=_seconds,
         metavar="S",
-        help=f"keep the state every S seconds of wall time, for `evac resume` after a kill (default: {default})",
+        help=f"save a checkpoint every S seconds of wall time, for `evac resume` (default: {default})",
     )
 
 
@@ -52,7 +52,7 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run, write, report; return 0 if everybody is out, 3 if people are left, 128 + the signal if it was stopped."""
+    """Run the case, write and show the results; return 0 if everybody is out, 3 if not, 128 + signal if stopped."""
     with Display() as display:
         display.phase("reading the case")
         from evac.scenario.tolerance import settings_for
@@ -61,6 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
         chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
         changes = chosen | ({"output.animation": True} if arguments.vtk else {})
         case = case.change(changes) if changes else case
+        note_unused_plugins(case)
         from evac.cli.running import run_shown, show_run
         from evac.output.files import CHECKPOINT_NAME
         from evac.output.resultfolder import ResultFolder
@@ -69,8 +70,8 @@ def execute(arguments: argparse.Namespace) -> int:
         with ResultFolder(arguments.out or default_folder(case)) as place:
             if place.is_left_over:
                 has_state = (place.running / CHECKPOINT_NAME).is_file()
-                hint = f", which evac resume {place.path} could have gone on with" if has_state else ""
-                display.line(f"evac: {place.running} of a run that did not come to its end is replaced{hint}")
+                hint = f" (evac resume {place.path} would have continued it)" if has_state else ""
+                display.line(f"evac: replacing {place.running} of an unfinished run{hint}")
             display.phase("reading the building, computing directions")
             simulation = Simulation(
                 case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling

@@ -1,10 +1,9 @@
-"""What `evac run` and `evac resume` share: a run with its display, stopped by signals, and its tables."""
+"""Code shared by `evac run` and `evac resume`: run with a display, stop at signals, show tables."""
 
 import signal
 import sys
-from collections.abc import Callable, Mapping
-from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from evac.cli.streams import notify
 from evac.display import Display
@@ -12,7 +11,6 @@ from evac.display import Display
 if TYPE_CHECKING:
     from evac.output.resultfolder import ResultFolder
     from evac.output.results import Results
-    from evac.phases import Progress
     from evac.simulation import Simulation
 
 #: Signals that stop a run at the end of its tick; Windows has no SIGHUP, other systems no SIGBREAK.
@@ -22,15 +20,22 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 def run_shown(
     simulation: "Simulation", place: "ResultFolder", display: Display, checkpoint: float | None
 ) -> "tuple[Results, int]":
-    """Run a simulation with a display, and write its results; return them with the exit status.
+    """Show the warnings before a run, run it with a display, and write its results; return them with the exit status.
 
-    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that has stopped it.
+    The status is 0 if everybody is out, 3 if people are left, and 128 + the number of the signal that stopped the run.
     """
     from evac.ending import INTERRUPTED
+    from evac.interrupt import Interrupt
     from evac.running import run_into
 
+    def announce(number: int) -> None:
+        hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
+        notify(f"\nevac: stopping at the end of this tick{hint}")
+
+    for warning in simulation.warnings():
+        display.line(f"warning: {warning}")
     display.phase("first tick")
-    with Interrupt(display) as progress:
+    with Interrupt(display, SIGNALS, announce) as progress:
 
         def writing() -> None:
             progress.release(signal.SIGINT)
@@ -41,69 +46,20 @@ def run_shown(
 
 
 def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
-    """Show the tables of a run and what is to be known of it; `chosen` are settings that the command has chosen."""
-    from evac.cli.report import show_results
+    """Show the tables and quality warnings of a run; `chosen` are settings that the command has chosen."""
+    from evac.cli.report import show_folder, show_results
     from evac.cli.screen import show_facts, show_warnings
     from evac.ending import INTERRUPTED
     from evac.output.files import CHECKPOINT_NAME
 
     assert results.folder is not None
-    show_warnings(results.warnings)
     show_facts(chosen)
-    show_results(results, results.folder)
+    show_results(results)
     show_warnings(results.quality_warnings)
+    show_folder(results.folder)
     if results.ended == INTERRUPTED:
         folder = str(results.folder).removesuffix(".running")
         beside = "" if folder == str(results.folder) else f"; the earlier results stay in {folder}"
         has_state = (results.folder / CHECKPOINT_NAME).is_file()
-        how = f"; go on with: evac resume {folder}" if has_state else ", without a state to go on from"
+        how = f"; continue with: evac resume {folder}" if has_state else "; no state was saved, it cannot be resumed"
         print(f"evac: interrupted at {results.time:.2f} s{beside}{how}", file=sys.stderr)
-
-
-class Interrupt:
-    """Takes the first signal as a wish to stop at the end of the tick; another Ctrl-C stops at once, without results.
-
-    A signal that was ignored before, as SIGHUP under nohup, stays so.
-
-    Attributes
-    ----------
-    wanted : int
-        Number of the signal, 0 while there was none.
-    """
-
-    def __init__(self, display: Callable[["Progress"], None]) -> None:
-        self.display = display
-        self.wanted = 0
-        self._before: dict[int, Any] = {}
-
-    def __call__(self, state: "Progress") -> None:
-        """Show the state of the run, or stop it."""
-        from evac.ending import Stopped
-
-        self.display(state)
-        if self.wanted:
-            raise Stopped
-
-    def __enter__(self) -> Self:
-        numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
-        for number in numbers:
-            if signal.getsignal(number) != signal.SIG_IGN:
-                self._before[number] = signal.signal(number, self._note)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for number in list(self._before):
-            self.release(number)
-
-    def release(self, number: int) -> None:
-        """Let a signal mean again what it meant before."""
-        if number in self._before:
-            signal.signal(number, self._before.pop(number))
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.wanted = number
-        hint = "; Ctrl-C again to stop at once" if number == signal.SIGINT else ""
-        notify(f"\nevac: stopping at the end of this tick{hint}")
-        self.release(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""What is shown: tables, facts and warnings; plain and wide where the output is not a terminal."""
+"""Printing of tables, facts and warnings; plain and wide if the output is not a terminal."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-#: Width of tables that go to a file or a pipe.
+#: Width of tables written to a file or a pipe.
 PLAIN_WIDTH = 160
 
 
@@ -18,7 +18,7 @@ def console() -> Console:
 
 
 def show_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print a table; numbers stand on the right."""
+    """Print a table; columns of numbers are aligned to the right."""
     rows = [list(row) for row in rows]
     table = Table(title=Text(title, style="bold"), title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for index, column in enumerate(columns):
@@ -46,7 +46,7 @@ def show_warnings(warnings: Iterable[str]) -> None:
 
 
 def shown(value: object) -> str:
-    """Return a value as it is shown: floats short, nothing as a dash, truth as yes or no."""
+    """Format a value: floats with four digits, None and empty strings as a dash, booleans as yes or no."""
     if value is None or value == "":
         return "-"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""Standard output and standard error that never fail: closed, full, without a reader, or of a small alphabet."""
+"""Standard output and standard error that never raise: if closed, full, without a reader, or with a small encoding."""
 
 import errno
 import io
@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 
 class _Lenient(io.RawIOBase):
-    """Passes bytes on until the system refuses them, and throws away what comes then.
+    """Writes bytes to a raw stream until it fails, and discards later bytes.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class _Lenient(io.RawIOBase):
     Attributes
     ----------
     failure : OSError, ValueError or None
-        Why bytes were refused; a ValueError where somebody has closed the stream.
+        Why writing failed; a ValueError if the stream was closed.
     """
 
     def __init__(self, raw: Any) -> None:
@@ -37,24 +37,24 @@ class _Lenient(io.RawIOBase):
         return bool(self._raw.isatty())
 
     def write(self, data: Any) -> int:
-        """Return how many bytes were taken: some, or if any was refused, all."""
+        """Return how many bytes were written; all of them if writing has failed."""
         while self.failure is None:
             try:
                 taken = self._raw.write(data)
                 if taken is not None:
                     return int(taken)
-                select.select([], [self._raw], [])  # a pipe that does not block, and is full
+                select.select([], [self._raw], [])  # a full non-blocking pipe
             except (OSError, ValueError) as error:
                 self.failure = error
         return len(data)
 
 
 def guard_streams() -> None:
-    """Replace the streams of this process by such as never raise, for the rest of its life.
+    """Replace the standard streams of this process by streams that never raise.
 
-    What a run does and its exit status must not depend on whether somebody can read what it prints. Characters that the
-    encoding of a stream lacks are written as escapes. Where one of the descriptors 0 to 2 is closed it is opened on
-    the null device: otherwise the first file that is opened would take its place, and get what libraries print.
+    A run and its exit status must not depend on whether its output can be written. Characters that the encoding of a
+    stream lacks are written as escapes. Closed descriptors from 0 to 2 are opened on the null device: otherwise the
+    first file opened would get such a number and receive what libraries print.
     """
     for number in range(3):
         try:
@@ -67,11 +67,11 @@ def guard_streams() -> None:
 
 
 def _guarded(stream: TextIO | None, number: int) -> TextIO:
-    """Return a stream on what another one writes to; on the descriptor `number` where there is none."""
+    """Return a stream that never raises and writes to the target of `stream`, or to a descriptor if it is None."""
     if stream is None:
         return _text(_Lenient(io.FileIO(number, "w", closefd=False)), "utf-8", line_buffering=False)
     if not isinstance(stream, io.TextIOWrapper):
-        return stream  # somebody else's replacement
+        return stream  # already replaced by other code
     stream.flush()
     raw = _Lenient(getattr(stream.buffer, "raw", stream.buffer))
     return _text(raw, stream.encoding, line_buffering=stream.line_buffering or number == 2)
@@ -82,8 +82,8 @@ def _text(raw: _Lenient, encoding: str, *, line_buffering: bool) -> TextIO:
     return io.TextIOWrapper(buffered, encoding, errors="backslashreplace", line_buffering=line_buffering)
 
 
-def tell_lost_output() -> None:
-    """Write what is left to be written; warn if standard output was refused, unless its reader has gone on purpose."""
+def warn_lost_output() -> None:
+    """Flush standard output; warn if it could not be written, unless its reader closed the pipe."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(ValueError, AttributeError):  # a plugin may have closed or replaced it
             stream.flush()
@@ -91,12 +91,12 @@ def tell_lost_output() -> None:
     failure = raw.failure if isinstance(raw, _Lenient) else None
     if isinstance(failure, OSError) and failure.errno != errno.EPIPE:
         notify(
-            f"warning: standard output could not be written ({failure.strerror}), so that some of it is missing; "
-            "files are not affected"
+            f"warning: standard output could not be written ({failure.strerror}) and is incomplete; files are not "
+            "affected"
         )
 
 
 def notify(line: str) -> None:
-    """Write a line to standard error at once, as handlers of signals may; not being able to is no error."""
+    """Write a line to standard error without buffering, which is safe in signal handlers; failures are ignored."""
     with suppress(OSError, ValueError, AttributeError):
         os.write(sys.stderr.fileno(), f"{line}\n".encode())

@@ -1,4 +1,4 @@
-"""What `evac repeat` and `evac sweep` have in common: their options, and what they show."""
+"""Options and tables shared by `evac repeat` and `evac sweep`."""
 
 import argparse
 import math
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.display import Display
+from evac.errors import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
 
 TITLE = "Evacuation time: when the last person left"
 
-#: Points of a sweep whose statistics are shown; statistics.csv has all.
+#: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40
 
-#: Quality warnings that are shown, of the runs that have most of them in common.
+#: Maximum number of kinds of quality warnings that are shown.
 MOST_WARNINGS = 10
 
 
@@ -31,7 +32,10 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
     parser.add_argument("--runs", type=positive, metavar="N", help="number of runs of each point (20)")
     parser.add_argument(
-        "--until", type=share, metavar="SHARE", help="run until half the interval is at most this share, such as 2%%"
+        "--until",
+        type=share,
+        metavar="SHARE",
+        help="run until half the interval is at most this share, such as 2%%",
     )
     parser.add_argument(
         "--statistic", metavar="NAME", default="mean", help='with --until: mean, or "percentile 95" for example'
@@ -39,28 +43,28 @@ def declare_study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--least", type=positive, metavar="N", help="with --until: the fewest runs (20, or as needed)")
     parser.add_argument("--most", type=positive, metavar="N", help="with --until: the most runs (1000)")
     parser.add_argument(
-        "--repetitions", type=positive, metavar="N", help="runs of the same people from other places (1)"
+        "--repetitions", type=positive, metavar="N", help="runs of the same people from other start positions (1)"
     )
     parser.add_argument(
         "--imo", action="store_true", help="100 populations, 5 repetitions of each: IMO MSC.1/Circ.1533"
     )
     parser.add_argument("--jobs", type=positive, metavar="N", help="processes (default: one for each core)")
     parser.add_argument(
-        "--dask", metavar="ADDRESS", help="address or file of a Dask scheduler, whose workers make the runs"
+        "--dask", metavar="ADDRESS", help="address or file of a Dask scheduler whose workers execute the runs"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the study in the result folder")
+    parser.add_argument("--resume", action="store_true", help="continue the study in the result folder")
     parser.add_argument("--out", type=Path, metavar="DIR", help="result folder (default: ./CASE-runs or ./CASE-sweep)")
 
 
 def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `evac.repeat` and `evac.sweep` that the options give."""
+    """Return the options as arguments of `evac.repeat` and `evac.sweep`."""
     from evac.errors import ScenarioError
     from evac.study.imo import POPULATIONS, REPETITIONS
 
     runs, repetitions = arguments.runs, arguments.repetitions or 1
     if arguments.imo:
         if runs is not None or arguments.repetitions is not None:
-            raise ScenarioError("--imo sets --runs and --repetitions; leave these out, or --imo")
+            raise ScenarioError("--imo sets --runs and --repetitions; remove these or --imo")
         repetitions = REPETITIONS
         runs = None if arguments.until is not None else POPULATIONS * REPETITIONS
     return {
@@ -77,7 +81,7 @@ def options_of(arguments: argparse.Namespace) -> dict[str, Any]:
 
 @contextmanager
 def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
-    """Connect to the Dask scheduler that is named, if one is."""
+    """Connect to the Dask scheduler given by --dask, if any."""
     if arguments.dask is None:
         yield None
         return
@@ -88,7 +92,7 @@ def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
 
 
 def prepare(case: "Case") -> None:
-    """Compile what is missing, show what is worth a look, and keep building and directions for the runs."""
+    """Compile missing kernels, show warnings, and keep building and directions for the runs."""
     from evac.study.shared import simulation_of
 
     with Display() as display:
@@ -98,7 +102,7 @@ def prepare(case: "Case") -> None:
 
 
 class Rows:
-    """Shows each row of a study, and counts those that were there at its start.
+    """Shows the progress of a study, and how many runs of a resumed study exist.
 
     Parameters
     ----------
@@ -109,21 +113,21 @@ class Rows:
         self._display = display
 
     def __call__(self, progress: "Progress") -> None:
-        """Show how far the study is."""
+        """Show the number of finished runs."""
         if progress.row is not None:
             self._display.runs(progress.done, progress.wanted)
         elif progress.done:
-            print(f"going on: {progress.done} of {progress.wanted} runs are there", file=sys.stderr, flush=True)
+            print(f"resuming: {progress.done} of {progress.wanted} runs are done", file=sys.stderr, flush=True)
 
 
 def show_study(study: "Study") -> int:
-    """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in one."""
+    """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in any run."""
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
     runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
-    facts["everybody out"] = f"in {runs - blocked} of {runs} runs"
+    facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
     if len(study.points) == 1:
         show_facts(facts | _settled_facts(study))
         show_table(
@@ -140,13 +144,13 @@ def show_study(study: "Study") -> int:
 
 
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
-    """Return the statistics of the only point."""
+    """Return the rows of the table of statistics of a study with one point."""
     one = study.statistics[0]
-    everywhere = f"{one.runs} runs"
-    rows = [("least", seconds(one.least), "", everywhere)]
+    everywhere = counted(one.runs, "run")
+    rows = [("minimum", seconds(one.least), "", everywhere)]
     rows += [_row(found, everywhere) for found in one.percentiles]
-    rows.append(("greatest", seconds(one.greatest), "", everywhere))
-    complete = f"{one.runs - one.blocked} complete runs" if one.blocked else everywhere
+    rows.append(("maximum", seconds(one.greatest), "", everywhere))
+    complete = counted(one.runs - one.blocked, "complete run") if one.blocked else everywhere
     rows.append(_row(one.mean, complete))
     rows.append(("standard deviation", seconds(one.standard_deviation), "", complete))
     names = [found.name for found in (one.mean, *one.percentiles)]
@@ -154,7 +158,7 @@ def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
         rows.append(_row(study.deciding(0), everywhere))
     if study.seeds.repetitions > 1:
         found = study.variation(0)
-        rows.append(("exceeds 95 % of all (IMO)", seconds(found.reported), "", everywhere))
+        rows.append(("higher than 95 % of times (IMO)", seconds(found.reported), "", everywhere))
         rows.append(("deviation between populations", seconds(found.between), "", complete))
         rows.append(("deviation within populations", seconds(found.within), "", complete))
     return rows
@@ -185,18 +189,20 @@ def _show_points(study: "Study") -> None:
     for note in list(notes)[:3]:
         print(f"evac: {percentile}: {note}", file=sys.stderr)
     if any(one.blocked for one in study.statistics):
-        told = "people are left in blocked runs: they count as endless, and the means are those of the other runs"
-        print(f"evac: {told}", file=sys.stderr)
+        note = "people are left in blocked runs: percentiles count their times as infinite, means exclude these runs"
+        print(f"evac: {note}", file=sys.stderr)
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
-    """Return at how many runs the measures of convergence had settled."""
+    """Return the numbers of runs at which the measures of convergence settled."""
     from evac.study.convergence import convergence, settled
     from evac.study.outputs import curves
 
     found = settled(convergence(curves(study, 0)))
-    text = ", ".join(f"{name} {'not' if runs is None else f'at {runs} runs'}" for name, runs in found.items())
-    return {"settled (Ronchi et al.)": text}
+    at = [f"{name} after {counted(runs, 'run')}" for name, runs in found.items() if runs is not None]
+    open_ = [name for name, runs in found.items() if runs is None]
+    text = "; ".join([", ".join(at), f"not yet: {', '.join(open_)}" if open_ else ""]).strip("; ")
+    return {"convergence (Ronchi et al.)": text}
 
 
 def _show_blocked(study: "Study") -> None:
@@ -207,14 +213,14 @@ def _show_blocked(study: "Study") -> None:
     listed = ", ".join(seeds[:20]) + (" and others" if len(seeds) > 20 else "")
     print(
         f"evac: people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
-        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; these runs count as"
-        " endless in the percentiles and are not in the mean; evac run --seed N shows where people are left",
+        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; percentiles "
+        "count their times as infinite, means exclude these runs; evac run --seed N shows where people are left",
         file=sys.stderr,
     )
 
 
 def _show_rule(study: "Study") -> None:
-    """Say whether a study that stops when it knows enough does."""
+    """Show whether a study with --until has reached the required interval."""
     rule = study.rule
     if rule.until is None:
         return
@@ -222,58 +228,58 @@ def _show_rule(study: "Study") -> None:
         found, runs = study.deciding(point.index), study.runs_of(point.index)
         where = f" at {point.label}" if len(study.points) > 1 else ""
         half = found.relative_half_width
-        reached = f"to {100 * half:.2g} %" if math.isfinite(half) else "without an interval"
+        reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
         if rule.is_known(study.times(point.index), study.populations(point.index)):
-            line = f"{found.name} known {reached}{where} after {runs} runs"
+            line = f"interval of the {found.name} narrow enough{where} after {counted(runs, 'run')}: {reached}"
         else:
             reason = found.note or "raise --most"
-            line = f"{found.name} not known to {100 * rule.until:g} %{where}, but {reached},"
-            line += f" after the most runs, {runs}: {reason}"
+            line = f"interval of the {found.name} too wide{where} after {counted(runs, 'run')}: {reached}, "
+            line += f"required {100 * rule.until:g} %; {reason}"
         print(f"evac: {line}", file=sys.stderr)
 
 
 def _show_quality(study: "Study") -> None:
-    """Show the quality warnings, alike ones together."""
+    """Show the quality warnings, grouped by kind."""
     found: dict[str, list[str]] = {}
     for row in study.rows(columns=["point", "seed", "quality_warnings"]):
         where = f"seed {row['seed']}" if len(study.points) == 1 else f"point {row['point']}, seed {row['seed']}"
         for line in row["quality_warnings"]:
             found.setdefault(_kind(line), []).append(f"{where}: {line}")
     for lines in list(found.values())[:MOST_WARNINGS]:
-        more = f" (and {len(lines) - 1} more runs with such a warning, in runs.csv)" if len(lines) > 1 else ""
-        show_warnings([lines[0] + more])
+        others = counted(len(lines) - 1, "more run")
+        show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
 
 
 def _kind(line: str) -> str:
-    """Return a warning without its numbers."""
-    return "".join(sign for sign in line if not sign.isdigit())
+    """Return the words with which a warning begins, without numbers."""
+    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
 
 
 def seconds(value: float) -> str:
-    """Return a time as it is shown; an infinite one is not reached."""
+    """Format a time; an infinite one as "not reached"."""
     if math.isnan(value):
         return "-"
     return f"{value:.2f} s" if math.isfinite(value) else "not reached"
 
 
 def interval(one: "Estimate") -> str:
-    """Return an interval as it is shown."""
+    """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
     if math.isnan(one.low) and math.isnan(one.high):
         return "none"
-    low = "none" if math.isnan(one.low) else seconds(one.low)
-    high = "none" if math.isnan(one.high) else "open" if math.isinf(one.high) else seconds(one.high)
+    low = "open" if math.isnan(one.low) else seconds(one.low)
+    high = seconds(one.high) if math.isfinite(one.high) else "open"
     return f"{low} to {high}"
 
 
 def positive(text: str) -> int:
-    """Return a whole number, at least 1."""
+    """Parse a whole number, at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError("must be a whole number, at least 1")
     return int(text)
 
 
 def share(text: str) -> float:
-    """Return a share: 0.02 or 2%."""
+    """Parse a share: 0.02 or 2%."""
     try:
         value = 0.01 * float(text[:-1]) if text.endswith("%") else float(text)
     except ValueError:

@@ -1,8 +1,8 @@
 """evac sweep: run a case with many seeds for each combination of parameters, or for each row of a table.
 
---set KEY=VALUE,VALUE,... sweeps a key; a single value just sets it. All points have the same seeds, so that they differ
-by their parameters alone. To ./CASE-sweep, or to --out, goes what `evac repeat` writes, for each point, and
-statistics.png.
+--set KEY=VALUE,VALUE,... varies a key; a single value sets it for all points. All points use the same seeds, so that
+they differ only in their parameters. The files of `evac repeat`, for each point, and statistics.png are written to
+./CASE-sweep, or to --out.
 """
 
 import argparse
@@ -26,7 +26,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "case",
         metavar="CASE",
         nargs="?",
-        help="a case.toml, a folder that holds one, or a shipped case; not needed where the table names cases",
+        help="a case.toml, a folder that holds one, or a shipped case; not needed if the table names cases",
     )
     parser.add_argument(
         "--set",
@@ -41,7 +41,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--table",
         type=Path,
         metavar="FILE",
-        help="a point for each row: CSV with dotted keys as its head, or TOML with [[points]]; `case` names cases",
+        help="one point per row: CSV with dotted keys as header, or TOML with [[points]]; `case` names a case",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the first run of each point (simulation.seed)")
     declare_plugin(parser)
@@ -49,7 +49,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run, write, report; return 0 if everybody is out in every run, 3 if people are left in one."""
+    """Run the study and show it; return 0 if everybody is out in every run, 3 if people are left in any run."""
     from evac.study.asking import conducted, rule_of
     from evac.study.points import from_rows, grid
 
@@ -68,8 +68,8 @@ def execute(arguments: argparse.Namespace) -> int:
     folder = arguments.out or Path(f"{default_folder(case or first).name.removesuffix('-result')}-sweep")
     prepare(first)
     number = rule.first if rule.until is None else f"{rule.first} to {rule.most}"
-    told = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
-    print(told, file=sys.stderr, flush=True)
+    line = f"points: {len(points)}, runs of each: {number}, seeds from {first.simulation.seed} on"
+    print(line, file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
         study = conducted(
             points, rule, folder, options["repetitions"], options["workers"], executor, arguments.resume, Rows(display)
@@ -78,12 +78,12 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
-    """Return the keys with several values, and the overrides with one.
+    """Return the keys with several values, and the overrides with a single value.
 
     Raises
     ------
     ScenarioError
-        A value is no TOML where it must be, or there is none.
+        A value is empty or is not valid TOML.
     """
     from evac.errors import ScenarioError
     from evac.scenario.overrides import split_values, value_of
@@ -99,17 +99,17 @@ def swept(overrides: "Iterable[str]") -> tuple[dict[str, list[Any]], list[str]]:
         try:
             several[key] = [value_of(word) for word in values]
         except (ValueError, IndexError) as error:
-            raise ScenarioError(f"--set {text}: not a list of values: {error or 'one is empty'}; correct it") from error
+            raise ScenarioError(f"--set {text}: not a list of values: {error or 'a value is empty'}") from error
     return several, fixed
 
 
 def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
-    """Return the case that is swept; None where the table names all cases.
+    """Return the case of the sweep; None if the table names all cases.
 
     Raises
     ------
     ScenarioError
-        There is neither a case nor a table, or nothing to sweep.
+        There is neither a case nor a table, or no key has several values.
     """
     from evac.errors import ScenarioError
     from evac.scenario.loading import load_case
@@ -117,14 +117,14 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
     if arguments.case is None and arguments.table is None:
         raise ScenarioError("name a case, or a table of cases (--table)")
     if arguments.table is None and not any("," in text for text in arguments.overrides):
-        raise ScenarioError("nothing to sweep: give several values to a key (--set KEY=V1,V2), or use evac repeat")
+        raise ScenarioError("no key has several values: give them (--set KEY=V1,V2), or use evac repeat")
     return (
         with_plugin_files(load_case(arguments.case, fixed, arguments.plugins)) if arguments.case is not None else None
     )
 
 
 def _rows(arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]) -> list[dict[str, Any]]:
-    """Return the rows of the table, each for all combinations of what is swept beside it."""
+    """Return the rows of the table, each repeated for all combinations of the swept values."""
     import itertools
 
     from evac.scenario.overrides import parsed

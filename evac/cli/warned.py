@@ -1,4 +1,4 @@
-"""Warnings of Python: those of evac and of plugin files are shown in one line, others are kept for crash files."""
+"""Python warnings: those from evac and plugin files are shown in one line, others are kept for crash files."""
 
 import logging
 import sys
@@ -9,25 +9,25 @@ from typing import TextIO
 
 from evac.errors import EvacWarning
 
-#: Libraries that log warnings, to standard error if nobody has told them where.
+#: Libraries that log warnings to standard error by default.
 LOGGING = ("matplotlib", "imageio", "PIL")
 
-#: So many warnings are kept.
+#: Maximum number of warnings that are kept.
 MOST_KEPT = 100
 
 
 def _is_plugin_file(path: str) -> bool:
-    from evac.registry import is_plugin_file  # which is loaded by then
+    from evac.registry import is_plugin_file  # already loaded at this point
 
     return is_plugin_file(path)
 
 
 @contextmanager
 def shown_warnings() -> Iterator[list[str]]:
-    """Show warnings as commands show others; yield a list of those that are hidden, which grows.
+    """Show Python warnings in the format of the commands; yield the list of hidden ones, filled within the context.
 
-    Warnings of libraries are no help to users, who cannot do anything about them. Those who ask for them, with
-    ``PYTHONWARNINGS=default`` for example, see them all, as Python shows them.
+    Warnings from libraries are hidden, because users can do nothing about them. If warnings are requested explicitly,
+    with ``PYTHONWARNINGS=default`` for example, Python shows all of them as usual.
     """
     hidden: list[str] = []
 

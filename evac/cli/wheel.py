@@ -1,4 +1,4 @@
-"""Wheels that contain compiled kernels: a wheel of pure Python is built, and kernels are compiled from its own code."""
+"""Wheels with compiled kernels: build a pure Python wheel, and add kernels compiled from the code in it."""
 
 import base64
 import hashlib
@@ -14,7 +14,7 @@ from pathlib import Path
 
 from evac.errors import EvacError
 
-#: Kernels in a wheel, beside the package's modules.
+#: Folder of the kernels in a wheel.
 FOLDER = "evac/kernels"
 
 _COMPILE = "import sys; from evac.cli.wheel import compile_into; compile_into(sys.argv[1])"
@@ -26,24 +26,24 @@ def build_wheel(source: Path, out: Path) -> Path:
     Parameters
     ----------
     source : Path
-        Folder of evac's sources, or a wheel made of them.
+        Folder of evac's sources, or a wheel built from them.
     out : Path
         Folder for the wheel.
 
     Returns
     -------
     Path
-        Of the wheel.
+        Path of the wheel.
 
     Raises
     ------
     EvacError
-        If the sources cannot be built or a kernel cannot be compiled.
+        The sources cannot be built, or a kernel cannot be compiled.
     """
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
         if source.is_dir():
-            # Of a copy: setuptools leaves files in the sources, and puts those that it finds there into the wheel.
+            # From a copy, since setuptools leaves files in the sources, and adds files found there to the wheel.
             left_out = shutil.ignore_patterns(".git", "build", "*.egg-info", "__pycache__")
             sources = shutil.copytree(source, place / "sources", ignore=left_out)
             options = ["--quiet", "--no-deps", "--wheel-dir", str(place)]
@@ -60,7 +60,7 @@ def build_wheel(source: Path, out: Path) -> Path:
 
 
 def compile_into(code: str) -> None:
-    """Compile all kernels of this process's evac for the generic processor into the folder of an unpacked wheel."""
+    """Compile all kernels of the imported evac for the generic processor into the folder of an unpacked wheel."""
     import evac
     from evac.cli.cache import all_entries
     from evac.display import Display
@@ -84,7 +84,7 @@ def compile_into(code: str) -> None:
 
 
 def _run(command: list[str], failure: str, code: Path | None = None) -> None:
-    """Run a process, in which `code` is imported before anything that is installed."""
+    """Run a process with the folder `code` first on its import path; raise an EvacError if it fails."""
     environment = os.environ | ({"PYTHONPATH": str(code)} if code else {})
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
@@ -92,7 +92,7 @@ def _run(command: list[str], failure: str, code: Path | None = None) -> None:
 
 
 def _pack(code: Path, out: Path) -> Path:
-    """Write a wheel of the files in a folder, with the tags of this Python and system, and a record of the files."""
+    """Write a wheel with the files in a folder, the tags of this Python and system, and a RECORD."""
     info = next(code.glob("*.dist-info"))
     platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
     tag = f"cp{sys.version_info.major}{sys.version_info.minor}-none-{platform}"

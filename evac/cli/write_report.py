@@ -1,8 +1,8 @@
-"""evac report: write a report to hand in: one HTML file that prints well.
+"""evac report: write the report of a run or a study, one HTML file for printing.
 
-It has the building and its plans, occupants and assumptions, the model with its parameters and versions, what has
-been verified and what failed, egress curve and times, congestion, maps, warnings and limits of use, and a checklist
-of what a documentation should hold. Fields that no option fills in are left to be filled in by hand.
+It contains the building and its plans, occupants and assumptions, the model with its parameters and versions, the
+verification results, egress curve and times, congestion, maps, warnings and limits of use, and a checklist for the
+documentation. Fields not filled in by options are left empty.
 """
 
 import argparse
@@ -15,8 +15,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RESULT/report.html)")
     for name, what in {
         "project": "name of the project",
-        "author": "who has made the analysis",
-        "reviewer": "who has checked it",
+        "author": "author of the analysis",
+        "reviewer": "reviewer of the analysis",
         "date": "date of the report",
     }.items():
         parser.add_argument(f"--{name}", metavar="TEXT", help=what)
@@ -24,13 +24,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--congestion-density",
         type=float,
         metavar="N",
-        help="people per square metre above which a place is congested (4)",
+        help="density above which a place counts as congested [1/m2] (4)",
     )
     parser.add_argument(
         "--congestion-time",
         type=float,
         metavar="S",
-        help="if it lasts longer than this, in all [s] (a tenth of the evacuation time)",
+        help="total duration above which a place counts as congested [s] (a tenth of the evacuation time)",
     )
     parser.add_argument(
         "--maps", metavar="MAP,...", help="maps to draw, as for evac map; all or none (six of them by default)"
@@ -42,12 +42,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
         metavar="RESULT",
         action="append",
         default=[],
-        help="result of a run of the study, to show its plans, places and maps as well (may be repeated)",
+        help="result folder of a run of the study whose plans, congestion and maps are shown (may be repeated)",
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Write the report and name the file."""
+    """Write the report and print its path."""
     from evac.errors import ResultError
     from evac.output.congestion import DENSITY
     from evac.output.files import REPORT_NAME
@@ -55,18 +55,19 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.output.report.page import Labels, write_page
     from evac.output.report.study import study_report
     from evac.output.report.study_files import is_study
-    from evac.output.resultfolder import find_result
+    from evac.output.resultfolder import check_result, find_result
 
     folder = find_result(arguments.result)
+    check_result(folder)
     if not folder.is_dir():
-        raise ResultError(f"{folder}: no such folder; name the result folder of a run or of a study")
+        raise ResultError(f"{folder}: no such folder; give the result folder of a run or a study")
     labels = Labels(arguments.project, arguments.author, arguments.reviewer, arguments.date)
     density = DENSITY if arguments.congestion_density is None else arguments.congestion_density
     looks = {"density": density, "least_time": arguments.congestion_time, "maps": _maps(arguments.maps)}
     if is_study(folder):
         text = study_report(folder, arguments.runs, labels, **looks)
     elif arguments.runs:
-        raise ResultError(f"{folder}: --run goes with the folder of a study, and this is that of a run; leave it out")
+        raise ResultError(f"{folder}: --run applies to the folder of a study, but this is that of a run; remove it")
     else:
         text = run_report(folder, labels, **looks)
     out = arguments.out or folder / REPORT_NAME
@@ -76,7 +77,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _maps(words: str | None) -> tuple[str, ...]:
-    """Return the maps that are asked for."""
+    """Return the names of the requested maps."""
     from evac.errors import ResultError
     from evac.output.maps import QUANTITIES
     from evac.output.report.congestion import MAPS

@@ -1,4 +1,4 @@
-"""What plugins have to hold to in a case that runs: the same bits, declared arrays, recorders that look only."""
+"""Checks of plugins in a running case: reproducibility, read-only recorders."""
 
 import tempfile
 from pathlib import Path
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from evac.checkpoints import without_state
 from evac.errors import PluginError
 from evac.output.recorder import Recorder
-from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
 
@@ -18,54 +17,32 @@ State = dict[str, NDArray[Any]]
 
 
 def check_same_bits(case: Case, ticks: int = 20) -> None:
-    """The same case gives the same bits: again, stopped and resumed, and with nothing left out."""
+    """Check that results are bitwise equal: when repeated, resumed, and with all optional parts included."""
     whole, middle = _run(case, ticks)
     if different := _difference(whole, _run(case, ticks)[0]):
-        raise PluginError(f"{case.title}: two runs differ in {different}; draw from scene.generator only")
+        raise PluginError(
+            f"{_scene(case, ticks)}: two runs differ in {different}; use only the generator scene.generator"
+        )
     resumed = Simulation(case)
     resumed.restore(middle)
     while resumed.step < whole["simulation.clock"][0]:
         resumed.advance_tick()
     if different := _difference(whole, resumed.state()):
-        raise PluginError(f"{case.title}: a run resumed differs in {different}; state() must hold every private array")
+        raise PluginError(
+            f"{_scene(case, ticks)}: a resumed run differs in {different}; state() must return all private arrays"
+        )
     if missing := without_state(resumed):
         raise PluginError(missing[0])
     full, _ = _run(case, ticks, full=True)
     moving = {key: value for key, value in whole.items() if key.startswith("population.") and key != "population.route"}
     if different := _difference(moving, full):
-        raise PluginError(f"{case.title}: leaving out what is not needed changes {different}; see is_needed()")
+        raise PluginError(
+            f"{_scene(case, ticks)}: omitting parts that are not needed changes {different}; correct is_needed()"
+        )
 
 
-def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
-    """A behaviour touches only the arrays that it declares."""
-    simulation = Simulation(case, full=True)
-    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
-    if found is None:
-        raise PluginError(f"{case.title}: does not use behaviour {name!r}; give a case that does")
-    behaviour, scene = found
-    scene.crowd = watched = _WatchedCrowd(**scene.crowd.values())
-    crowd = simulation.population.crowd
-    try:
-        behaviour.prepare(scene)
-        for _ in range(ticks):
-            before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
-            behaviour.act(scene.crowd, simulation.time)
-            for key, array in before.items():
-                if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
-                    raise PluginError(f"{name}: writes {key!r}, which it does not declare")
-            if simulation.ended:
-                break
-            simulation.advance_tick()
-    except ValueError as error:
-        if "read-only" not in str(error):
-            raise
-        raise PluginError(f"{name}: writes an array that it does not declare in `writes`: {error}") from error
-    if undeclared := sorted(watched.seen - {*behaviour.reads, *behaviour.writes}):
-        raise PluginError(f"{name}: reads {', '.join(undeclared)} without declaring it in `reads`")
-
-
-def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
-    """A recorder changes nothing, works with and without a result folder, and can finish a run that never started."""
+def check_read_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
+    """Check that a recorder does not change a run, works without a result folder, and can finish without a start."""
     with tempfile.TemporaryDirectory() as place:
         for folder in (None, Path(place)):
             simulation = Simulation(case, folder)
@@ -76,13 +53,13 @@ def check_looks_only(recorder: Recorder, case: Case, ticks: int = 5) -> None:
                 before = simulation.state()
                 recorder.record(simulation)
                 if different := _difference(before, simulation.state()):
-                    raise PluginError(f"{recorder.name}: changes {different}; a recorder looks only")
+                    raise PluginError(f"{_scene(case, ticks)}: changes {different}; a recorder must not change the run")
                 simulation.advance_tick()
             recorder.finish(simulation, simulation.results())
 
 
-def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
-    """The files of a recorder are the same, to the last byte, where a run is stopped in between and goes on."""
+def check_resume(recorder: Recorder, case: Case, ticks: int = 10) -> None:
+    """Check that the files of a recorder are identical if a run is stopped and resumed."""
     with tempfile.TemporaryDirectory() as place:
         whole, halved = Path(place) / "whole", Path(place) / "halved"
         for folder in (whole, halved):
@@ -97,7 +74,7 @@ def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
         state, kept, files = simulation.state(), simulation.recording.state(), simulation.recording.files()
         if missing := without_state(simulation):
             raise PluginError(missing[0])
-        _advance(simulation, ticks)  # what is written after the checkpoint is to be cut off
+        _advance(simulation, ticks)  # data written after the checkpoint must be truncated on resume
         made.finish(simulation, None)
         made = type(recorder)(**recorder.values())
         simulation = _recorded(case, halved, made)
@@ -109,9 +86,13 @@ def check_goes_on(recorder: Recorder, case: Case, ticks: int = 10) -> None:
             other = halved / path.relative_to(whole)
             if not other.is_file() or path.read_bytes() != other.read_bytes():
                 raise PluginError(
-                    f"{recorder.name}: {path.name} is not the same where a run goes on from a checkpoint; state() must "
-                    "hold all that it keeps, and files() the lengths of the files that it appends to"
+                    f"{_scene(case, 2 * ticks)}: {path.name} differs in a run resumed from a checkpoint; state() must"
+                    " return all that the recorder keeps, and files() the lengths of the files that it appends to"
                 )
+
+
+def _scene(case: Case, ticks: int) -> str:
+    return f"{ticks} ticks of {case.title!r}"
 
 
 def _recorded(case: Case, folder: Path, recorder: Recorder) -> Simulation:
@@ -126,22 +107,8 @@ def _advance(simulation: Simulation, ticks: int) -> None:
             simulation.advance_tick()
 
 
-class _WatchedCrowd(Crowd):
-    """A crowd that notes which arrays are asked for."""
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in Crowd.kinds:
-            self.seen.add(name)
-        return super().__getattribute__(name)
-
-    @property
-    def seen(self) -> set[str]:
-        noted: set[str] = self.__dict__.setdefault("noted", set())
-        return noted
-
-
 def _run(case: Case, ticks: int, full: bool = False) -> tuple[State, State]:
-    """Return the state after so many ticks, and after half of them."""
+    """Return the states after a number of ticks and after half of them."""
     simulation = Simulation(case, full=full)
     middle = simulation.state()
     for tick in range(ticks):
@@ -154,7 +121,7 @@ def _run(case: Case, ticks: int, full: bool = False) -> tuple[State, State]:
 
 
 def _difference(first: State, second: State) -> str:
-    """Return the name of the first array that differs, or nothing."""
+    """Return the name of the first array that differs; empty if there is none."""
     for key, value in first.items():
         if key not in second or not np.array_equal(value, second[key], equal_nan=value.dtype.kind == "f"):
             return key

@@ -1,4 +1,4 @@
-"""What exporters have to hold to: they write where they are told to, the same bytes again, and change nothing."""
+"""Checks of exporters: they write only to their path, reproducibly, and do not change the trajectory."""
 
 import hashlib
 import tempfile
@@ -15,10 +15,13 @@ from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
 from evac.scenario.case import Case
 
+#: What an exporter is tried on, as messages name it.
+SCENE = "a run of some ticks"
+
 
 @contextmanager
 def recorded(case: Case, ticks: int) -> Iterator[Trajectory]:
-    """Run a case for some ticks and give its trajectory, of three frames or more."""
+    """Run a case for some ticks and yield its trajectory, with at least three frames."""
     changes = {
         "simulation.duration": ticks * case.simulation.tick,
         "output.every": max(1, ticks // 4) * case.simulation.tick,
@@ -31,7 +34,7 @@ def recorded(case: Case, ticks: int) -> Iterator[Trajectory]:
 
 
 def check_files(exporter: Exporter, trajectory: Trajectory) -> None:
-    """It writes at its place only, says what it wrote, writes over it, and writes the same again."""
+    """Check that an exporter writes only to its path, returns the files, can overwrite them, and is reproducible."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, f"export{exporter.suffix}")
         before = hashlib.sha256(trajectory.path.read_bytes()).digest()
@@ -39,35 +42,37 @@ def check_files(exporter: Exporter, trajectory: Trajectory) -> None:
         for _ in range(2):
             named = export(trajectory, exporter, place)
             if not named:
-                raise PluginError(f"{exporter.name}: write() names no file; return the paths that a user opens")
+                raise PluginError(f"{SCENE}: write() returns no file; return the paths that a user opens")
             for path in named:
                 if not path.is_file():
-                    raise PluginError(f"{exporter.name}: write() returns {path}, which is no file")
+                    raise PluginError(
+                        f"{SCENE}: write() returns {path}, which is not an existing file; return the written files"
+                    )
             files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
             strays = [path for path in files if path != place and place not in path.parents]
             if strays:
-                raise PluginError(f"{exporter.name}: writes {strays[0].name} beside its place; write to `path` only")
+                raise PluginError(f"{SCENE}: writes {strays[0].name} outside `path`; write to `path` only")
             digests.append({path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files})
         if digests[0] != digests[1]:
             raise PluginError(
-                f"{exporter.name}: the same run is written differently again; write no time and no chance"
+                f"{SCENE}: two exports of one run differ; do not write the current time or random numbers"
             )
         if hashlib.sha256(trajectory.path.read_bytes()).digest() != before:
-            raise PluginError(f"{exporter.name}: changes the trajectory file; an exporter looks only")
+            raise PluginError(f"{SCENE}: changes the trajectory file; an exporter must only read it")
 
 
 def check_data_untouched(exporter: Exporter, trajectory: Trajectory) -> None:
-    """The trajectory in memory is as it was."""
+    """Check that an exporter does not change the trajectory in memory."""
     before = trajectory.position.copy(), trajectory.velocity.copy(), trajectory.radius.copy()
     with tempfile.TemporaryDirectory() as folder:
         export(trajectory, exporter, Path(folder, f"export{exporter.suffix}"))
     after = trajectory.position, trajectory.velocity, trajectory.radius
     if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(before, after, strict=True)):
-        raise PluginError(f"{exporter.name}: changes the arrays of the trajectory; an exporter looks only")
+        raise PluginError(f"{SCENE}: changes the arrays of the trajectory; an exporter must only read them")
 
 
 def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
-    """A run without a frame is written, or refused with ResultError."""
+    """Check that a run without frames is written, or refused with `ResultError`."""
     empty = replace(trajectory, time=trajectory.time[:0], records=())
     with tempfile.TemporaryDirectory() as folder:
         try:
@@ -75,7 +80,7 @@ def check_without_frames(exporter: Exporter, trajectory: Trajectory) -> None:
         except ResultError:
             return
         except PluginError as error:
-            raise PluginError(f"{exporter.name}: fails on a run without frames: {error}; raise ResultError") from error
+            raise PluginError(f"a run without frames: {error}; raise ResultError") from error
 
 
 EXPORTER_CHECKS: tuple[Callable[[Exporter, Trajectory], None], ...] = (

@@ -1,4 +1,4 @@
-"""What importers have to hold to: damaged files are refused, and the same file gives the same surface."""
+"""Checks of importers: damaged files are refused, and reading is reproducible."""
 
 import tempfile
 from pathlib import Path
@@ -11,12 +11,12 @@ from evac.building.surfacemesh import checked
 from evac.errors import BuildingError, PluginError
 from evac.scenario.case import Case
 
-#: Files that no importer can read.
+#: Contents of files that no importer can read.
 GARBAGE = (b"\n", b"\x00\xff\xfe\x80" * 16, b"0 1 2\nthis is no building\n")
 
 
 def check_damaged_files(importer: Importer) -> None:
-    """A file that is damaged is refused with ValueError."""
+    """Check that damaged files are refused with ValueError."""
     with tempfile.TemporaryDirectory() as place:
         for suffix in importer.suffixes:
             for content in GARBAGE:
@@ -27,13 +27,13 @@ def check_damaged_files(importer: Importer) -> None:
                 except BuildingError:
                     continue
                 raise PluginError(
-                    f"{importer.name}: reads {len(mesh.triangles)} cells from {content!r} in a file ending in "
-                    f"{suffix!r}; raise ValueError where a file is not of its format"
+                    f"a file ending in {suffix!r}: reads {len(mesh.triangles)} cells from {content!r}; "
+                    "raise ValueError for files that are not of this format"
                 )
 
 
 def check_surface(case: Case, name: str) -> None:
-    """The file of a case is read by the importer, twice to the same surface, of which a building can be made."""
+    """Check that the file of a case is read twice to the same surface, from which a building can be made."""
     used = make_importers(case)
     if case.mesh is None or used[0].name != name:
         what = f"its building is read by {used[0].name!r}" if used else "its building is not read from a file"
@@ -46,5 +46,5 @@ def check_surface(case: Case, name: str) -> None:
         *(("edge_tags", one.edge_tags.get(tag), pairs) for tag, pairs in other.edge_tags.items()),
     ):
         if first is None or not np.array_equal(first, second):
-            raise PluginError(f"{name}: two readings of {case.mesh} differ in {what}; keep nothing between them")
+            raise PluginError(f"{case.mesh}: two readings of the file differ in {what}; keep no state between them")
     make_building(case)

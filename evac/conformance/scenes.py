@@ -1,8 +1,8 @@
-"""Scenes made by hand: one flat level, people who all want to go the same way, walls or none."""
+"""Artificial scenes: one flat level with or without walls, on which all people want to walk in one direction."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import box
@@ -11,14 +11,14 @@ from evac.arrays import FloatArray
 from evac.building.model import Building, Level
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
-from evac.errors import PluginError, SimulationError
-from evac.physics.contact_model import ContactModel
+from evac.errors import PluginError, ScenarioError, SimulationError
+from evac.physics.contact_model import ContactModel, border_scene
 from evac.physics.engine import Engine
 from evac.physics.state import Crowd, make_crowd
 from evac.physics.world import make_world
 from evac.registry import Registry
 
-#: Step of the scenes [s]; a tick is ten steps.
+#: Step of the scenes [s]; a tick is ten steps. For stiff models they are divided, see `Pace`.
 STEP = 0.01
 
 #: Half the side of the square room that people are pressed into [m].
@@ -26,6 +26,62 @@ ROOM = 2.5
 
 #: Half the side of the level [m].
 EXTENT = 20.0
+
+
+class Pace(NamedTuple):
+    """Time scale and step of a scene, so that checks do not depend on the stiffness of a model.
+
+    Attributes
+    ----------
+    slow : int
+        Factor by which all motion is slowed down. Contacts that are softer by its square have the same overlaps.
+    parts : int
+        Number of parts of each step.
+    """
+
+    slow: int = 1
+    parts: int = 1
+
+    @property
+    def step(self) -> float:
+        """Length of a step [s]."""
+        return STEP * self.slow / self.parts
+
+    def __str__(self) -> str:
+        slower = f", motion slowed down {self.slow} times" if self.slow > 1 else ""
+        return f"steps of {self.step:g} s{slower}"
+
+
+PLAIN = Pace()
+
+
+def pace_of(model: ContactModel) -> Pace:
+    """Return the pace at which a model separates coincident people, and keeps people pressed against a wall inside.
+
+    The plain pace is tried first, then slower motion (for soft contacts) and shorter steps (for stiff ones). If all
+    fail, the cause is not the stiffness, and the plain pace is returned.
+    """
+    powers = [2**k for k in range(1, 7)]
+    for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
+        try:
+            coincident(model, pace)
+            ends = [pressed(model, 200, pace=pace)[0], thrown(model, pace)[0]]
+        except (PluginError, ScenarioError):
+            continue
+        if all(np.abs(crowd.position).max() <= ROOM for crowd in ends):
+            return pace
+    return PLAIN
+
+
+def coincident(model: ContactModel, pace: Pace) -> Crowd:
+    """Place two people at one position and one on a wall, and make two steps; later, stiff contacts throw them far."""
+    crowd = make_crowd([[0.0, 0.0], [0.0, 0.0], [ROOM, 0.0]], speed=1.0)
+    return walked(model, crowd, 0, room(), pace=pace)[0]
+
+
+def thrown(model: ContactModel, pace: Pace) -> tuple[Crowd, Engine]:
+    """Let a person hit a wall of a closed room at high speed."""
+    return walked(model, make_crowd([[2.0, 0.0]], velocity=[[10.0, 0.0]], speed=2.0, tau=0.1), 50, room(), pace=pace)
 
 
 def room() -> list[tuple[float, float, float, float]]:
@@ -40,8 +96,9 @@ def pressed(
     turn: bool = False,
     shift: float = 0.0,
     watch: Callable[[Crowd], None] = lambda crowd: None,
+    pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
-    """Press nine people of different sizes against a wall of a closed room, in a scene turned and shifted."""
+    """Press nine people of different sizes against a wall of a closed room; the scene may be rotated and shifted."""
     spread = np.array([[(k % 3) * 0.6 + 0.07 * k, (k // 3) * 0.55 - 0.6 + 0.05 * (k % 3)] for k in range(9)])
     position, walls = spread + np.array([0.2, 0.0]), np.array(room())
     if turn:
@@ -54,11 +111,11 @@ def pressed(
         mass=np.linspace(60.0, 100.0, 9),
         tau=0.3,
     )
-    return walked(model, crowd, steps, walls + shift, (0.0, 1.0) if turn else (1.0, 0.0), watch)
+    return walked(model, crowd, steps, walls + shift, (0.0, 1.0) if turn else (1.0, 0.0), watch, pace)
 
 
 def greatest_overlap(crowd: Crowd) -> float:
-    """Return the greatest overlap of two people or of one with the room's walls [m], not below zero."""
+    """Return the largest overlap of people with each other and with the walls of the room [m], at least 0."""
     first, second = np.triu_indices(len(crowd.radius), 1)
     apart = np.hypot(*(crowd.position[first] - crowd.position[second]).T)
     between = crowd.radius[first] + crowd.radius[second] - apart
@@ -73,29 +130,45 @@ def walked(
     walls: Any = (),
     direction: tuple[float, float] = (1.0, 0.0),
     watch: Callable[[Crowd], None] = lambda crowd: None,
+    pace: Pace = PLAIN,
 ) -> tuple[Crowd, Engine]:
-    """Make so many steps, everybody wanting to go the same way; watch after each tick.
+    """Make a number of steps in which all people want to walk in one direction; call `watch` after each tick.
+
+    Velocities, speeds and relaxation times of the crowd are those of the plain pace, before and after. With no steps,
+    the first two steps at the pace are made.
 
     Raises
     ------
     PluginError
         A step cannot be made.
+    ScenarioError
+        The model refuses the scene.
     """
     building = _flat(np.array(walls, dtype=np.float64).reshape(-1, 4))
     engine = Engine(
         make_world(building, _fields(np.array(direction))), len(crowd.level), [], solvers=Registry().solvers
     )
-    for first in range(0, steps, 10):
+    _slow_down(crowd, pace.slow)
+    model.check_scene(border_scene(crowd, pace.step, True))
+    total, tick = (steps * pace.parts, 10 * pace.parts) if steps else (2, 1)
+    for first in range(0, total, tick):
         try:
-            engine.advance(model, crowd, first, 10, STEP, True, True)
+            engine.advance(model, crowd, first, tick, pace.step, True, True)
         except SimulationError as error:
-            raise PluginError(f"{model.name}: cannot step through a plain scene: {error}") from error
+            raise PluginError(f"a simple scene, {pace}: {error}") from error
         watch(crowd)
+    _slow_down(crowd, 1.0 / pace.slow)
     return crowd, engine
 
 
+def _slow_down(crowd: Crowd, times: float) -> None:
+    crowd.velocity /= times
+    crowd.speed /= times
+    crowd.tau *= times
+
+
 def _flat(walls: FloatArray) -> Building:
-    """Return one flat level with walls on it."""
+    """Return a building with one flat level and walls on it."""
     level = Level(
         index=0,
         name="floor",
@@ -122,7 +195,7 @@ def _flat(walls: FloatArray) -> Building:
 
 
 def _fields(direction: FloatArray) -> Fields:
-    """Return the same direction everywhere; the travel time falls along it."""
+    """Return fields with a uniform direction, along which the travel time decreases."""
     nodes = EXTENT * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     return Fields(
         routes=(Route(),),

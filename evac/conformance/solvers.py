@@ -1,4 +1,4 @@
-"""What solvers of the contact problem have to hold to, on small problems whose answers are known."""
+"""Checks of solvers of the contact problem with small problems whose solutions are known."""
 
 import math
 from collections.abc import Callable
@@ -15,34 +15,34 @@ from evac.physics.state import Problem
 
 FloatArray = NDArray[np.float64]
 
-#: Residual that solves are asked for [m/s], and the most iterations that they are given.
+#: Tolerance of the residual [m/s] and maximum number of iterations of the solves.
 TOLERANCE, LIMIT = 1e-8, 200_000
 
-#: How far residuals and velocities may be from their definitions: a share, and [m/s].
+#: Tolerances of residuals and velocities: relative, and absolute [m/s].
 ROUNDING, LEAST = 1e-6, 1e-12
 
-#: How far percussions may be from the exact ones, as a share of the greatest.
+#: Tolerance of percussions, relative to the largest exact one.
 SHARE = 1e-5
 
 
 class Exercise(NamedTuple):
-    """A contact problem with its answer, as docs/physics.md states it.
+    """A contact problem with its exact solution, see docs/physics.md.
 
     Attributes
     ----------
     title : str
     mass, free : (n,), (n, 2)
-        Of the bodies [kg], and their velocities if nobody touched [m/s].
+        Masses [kg] and free velocities [m/s] of the bodies.
     body, other : (c,)
         The bodies of each contact; -1 is a wall.
     normal : (c, 2)
         Unit vectors towards `body`.
     bias, before : (c,)
-        What is added to the normal velocities after the step, and those before it [m/s].
+        Bias of the normal velocities after the step, and normal velocities before it [m/s].
     dissipation : float
         K_N [kg].
     percussion : (c,)
-        The exact answer [N s].
+        Exact percussions [N s].
     """
 
     title: str
@@ -83,7 +83,7 @@ class Exercise(NamedTuple):
         return float(np.max(self.omega * np.abs(percussion - np.maximum(local, elastic))))
 
     def pose(self) -> Problem:
-        """Return the problem packed for solvers, see `evac.physics.rows`, without percussions."""
+        """Return the packed problem, see `evac.physics.rows`, with zero percussions."""
         n, c = len(self.mass), len(self.body)
         problem = make_problem(n, c)
         problem.size, problem.bodies, problem.rigid = c, n, int(self.dissipation == 0.0)
@@ -130,23 +130,23 @@ def exercise(
 
 
 def queue(people: int) -> Exercise:
-    """Return a queue that walks against a wall and stops: each contact carries all who are behind it."""
+    """Return a queue that is stopped by a wall; each contact carries the momentum of all people behind it."""
     mass = np.linspace(60.0, 100.0, people)
-    contacts = [(k, k - 1, (1.0, 0.0)) for k in range(people)]  # the first one at the wall, -1
+    contacts = [(k, k - 1, (1.0, 0.0)) for k in range(people)]  # the first person touches the wall, -1
     return exercise(
         f"a queue of {people} at a wall", mass, [(-1.5, 0.0)] * people, contacts, 1.5 * np.cumsum(mass[::-1])[::-1]
     )
 
 
 def exercises() -> list[Exercise]:
-    """Return the problems, from one contact on."""
+    """Return the problems, starting with a single contact."""
     west, root = (-1.0, 0.0), math.sqrt(0.5)
     mass, free, touching = [60.0, 100.0], [(1.5, 0.3), (-1.0, -0.7)], [(0, 1, west)]
     omega = 1.0 / 60.0 + 1.0 / 100.0
     row = [(0, 1, west), (1, 2, west)]
     return [
-        exercise("two people who part", mass, [(-1.0, 0.0), (1.0, 0.0)], touching, [0.0]),
-        exercise("somebody in a corner", [80.0], [(-1.5, -1.0)], [(0, -1, (1.0, 0.0)), (0, -1, (0.0, 1.0))], [120, 80]),
+        exercise("two people who move apart", mass, [(-1.0, 0.0), (1.0, 0.0)], touching, [0.0]),
+        exercise("a person in a corner", [80.0], [(-1.5, -1.0)], [(0, -1, (1.0, 0.0)), (0, -1, (0.0, 1.0))], [120, 80]),
         exercise("a wall out of reach", [80.0], [(-root, -root)], [(0, -1, (root, root))], [24.0], bias=0.7),
         queue(12),
         exercise("two people, inelastic", mass, free, touching, [2.5 / omega]),
@@ -163,44 +163,48 @@ def exercises() -> list[Exercise]:
 
 
 def check_signature(solver: type[Solver]) -> None:
-    """The kernel takes a problem, a tolerance and a limit, and returns a count."""
+    """Check that the kernel takes a problem, a tolerance and a limit, and returns a count."""
     call_solver.check(getattr(solver, "solve", None), f"{solver.name}: solve")
 
 
 def check_answers(solver: type[Solver]) -> None:
-    """Small problems have their exact answers, and a solve that starts from one leaves it."""
+    """Check that small problems are solved exactly, and that a solve that starts from the solution keeps it."""
     for one in exercises():
         problem = one.pose()
         for tolerance in (TOLERANCE, 10.0 * TOLERANCE):
             _solve(solver, one, problem, tolerance, LIMIT)
             if not problem.residual <= tolerance:
                 raise PluginError(
-                    f"{solver.name}: does not solve {one.title}: a residual of {problem.residual:.3g} m/s is left"
-                    f" after {LIMIT} iterations"
+                    f"{one.title}: does not solve it: the residual is {problem.residual:.3g} m/s after {LIMIT}"
+                    " iterations; iterate until problem.residual is below the tolerance"
                 )
             wrong = float(np.abs(_percussions(problem) - one.percussion).max())
             if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
-                raise PluginError(f"{solver.name}: percussions are wrong by {wrong:.3g} N s in {one.title}")
+                raise PluginError(
+                    f"{one.title}: percussions are wrong by {wrong:.3g} N s; satisfy evac.physics.rows.law in every row"
+                )
 
 
 def check_limits(solver: type[Solver]) -> None:
-    """A solve ends at its limit, and says what residual is left."""
+    """Check that a solve stops at its limit and reports the remaining residual."""
     one = queue(40)
     for limit in (1, 2, 7, 30):
         problem = one.pose()
         made = _solve(solver, one, problem, 1e-14, limit)
         if not 0 < made <= limit:
-            raise PluginError(f"{solver.name}: makes {made} iterations of {limit} for {one.title}")
+            raise PluginError(
+                f"{one.title}: makes {made} iterations, but its limit is {limit}; return the number of iterations"
+            )
         residual = one.residual(_percussions(problem))
         if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
             raise PluginError(
-                f"{solver.name}: reports a residual of {problem.residual:.3g} m/s in {one.title}, which is"
-                f" {residual:.3g}; set problem.residual = row_residual(problem) of evac.physics.rows"
+                f"{one.title}: reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g};"
+                " set problem.residual = row_residual(problem) of evac.physics.rows"
             )
 
 
 def check_work_arrays(solver: type[Solver]) -> None:
-    """What is in the arrays at a solver's disposal before a solve does not matter, and the problem is left as it is."""
+    """Check that a solver does not depend on the initial content of work arrays, and does not change the problem."""
     one, found = queue(12), []
     for rest in (0.0, math.nan):
         problem = one.pose()
@@ -213,31 +217,33 @@ def check_work_arrays(solver: type[Solver]) -> None:
         _solve(solver, one, problem, TOLERANCE, LIMIT)
         for name, before in given.items():
             if not np.array_equal(before, getattr(problem, name)):
-                raise PluginError(f"{solver.name}: changes problem.{name}, which belongs to the problem")
+                raise PluginError(
+                    f"{one.title}: changes problem.{name}, which solvers must not change; use a work array"
+                )
         found.append(problem.percussion.tobytes() + problem.velocity.tobytes())
     if found[0] != found[1]:
-        raise PluginError(f"{solver.name}: its answer depends on what was in the work arrays before; set them first")
+        raise PluginError(f"{one.title}: the result depends on previous values of work arrays; initialise them")
 
 
-#: What a solver only reads.
+#: Arrays of the problem that a solver must not change.
 _GIVEN = ("size", "bodies", "rigid", "body", "other", "data", "elastic", "scale", "inverse_root", "free")
 
 
 def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: float, limit: int) -> int:
-    """Solve, and check what holds wherever a solve ends; return the iterations."""
+    """Solve a problem, check the result, and return the number of iterations."""
     made = int(solver.solve(problem, tolerance, limit))
     percussion = _percussions(problem)
     if not np.isfinite(percussion).all() or percussion.min() < 0.0:
         raise PluginError(
-            f"{solver.name}: a percussion of {percussion.min():.3g} N s in {one.title}; people can only push"
+            f"{one.title}: a percussion of {percussion.min():.3g} N s; people can only push, so none must be negative"
         )
     expected = one.velocities(percussion)
     velocity = problem.velocity * np.append(problem.inverse_root[:-1], 1.0)[:, None]
     wrong = float(np.abs(velocity - np.vstack([expected, [0.0, 0.0]])).max())
     if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
         raise PluginError(
-            f"{solver.name}: velocities differ by {wrong:.3g} m/s from the free ones plus percussions in {one.title};"
-            " change both together, with evac.physics.rows.push_row"
+            f"{one.title}: velocities are inconsistent with percussions by {wrong:.3g} m/s;"
+            " change both with evac.physics.rows.push_row"
         )
     return made
 

@@ -1,1 +1,1 @@
-"""Travel times and directions by fast marching: see ``evac.directions.build.build_fields``."""
+"""Travel times and directions by fast marching: see `evac.directions.build.build_fields`."""

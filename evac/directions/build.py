@@ -1,22 +1,29 @@
-"""From a building and routes to fields: the third station of the main path."""
+"""Computation of travel times and directions of a building for given routes."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
 from evac.building.checks import measures
-from evac.building.model import FLAT, Building, Exit
+from evac.building.model import Building, Exit
 from evac.building.narrow import gaps_below
 from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
-from evac.directions.descent import Ways, add_lengths, descend, find_lowest
+from evac.directions.descent import descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes, use_towards
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes
+from evac.directions.lengths import (
+    Marched,
+    continue_values,
+    exits_of_route,
+    nodes_not_marched,
+    strips_of,
+    take_halos,
+)
 from evac.directions.marching import Metric, march
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
@@ -24,17 +31,17 @@ from evac.directions.strips import outward_directions
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
-#: Slowness at a wall is 1 + BEND, at the clearance 1: a geodesic turns round a post at about one clearance.
+#: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
 
-#: Factor of the slowness within a cell of the line across a gap that nobody fits through: a detour of some 200 cells
-#: is shorter.
+#: Slowness factor within a cell of the line across a gap that nobody fits through; a detour of about 200 cells is
+#: preferred.
 AVOID = 100.0
 
-#: Memory that fields take while they are computed, for a node and for a node and route beyond the first [bytes].
-NODE_BYTES, ROUTE_BYTES = 190.0, 50.0
+#: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
+NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 
-#: Memory of all fields [bytes]: a minute or two of computing.
+#: Maximum memory of all fields [bytes], which corresponds to one or two minutes of computing.
 MOST_BYTES = 2.5e9
 
 
@@ -49,22 +56,22 @@ def build_fields(
     order: int = ORDER,
     narrowest: float = 0.0,
 ) -> Fields:
-    """March the travel times and directions of a building for some routes.
+    """Compute the travel times and directions of a building by fast marching.
 
-    The travel time T of a route solves |grad T| = s with T = 0 on its exits; s is the time for a metre
-    in plan, 1 / (speed cos slope), with the speed of the use (flat, up, down) of each level.
-    Directions descend on a second such field, whose slowness rises within `clearance` of a wall to
-    ``1 + BEND`` times as much, as ``1 + BEND (1 - d / clearance)^2``: bodies keep off posts and corners, and
-    a narrow door stays open because its middle still is the best way.
+    The travel time T of a route solves the eikonal equation |grad T| = s with T = 0 on its exits. The slowness s is
+    the time per metre in plan, 1 / (speed cos slope), with the speed for the use (flat, up, down) of each level.
+    Directions are the steepest descent of a second such field, whose slowness is multiplied by
+    ``1 + BEND (1 - d / clearance)^2`` at distances d < `clearance` from walls. This keeps bodies away from posts and
+    corners, and a narrow door remains passable, because its middle is still the best way.
 
     Parameters
     ----------
     building : Building
     routes : sequence of Route
     spacing : float
-        Distance of nodes [m].
+        Grid spacing [m].
     clearance : float
-        About the greatest body radius [m]; 0 gives the directions of the plain travel time.
+        Approximately the largest body radius [m]; 0 gives the directions of the plain travel time.
     speeds : (flat, up, down)
         Reference speeds along the slope [m/s].
     comfort : float
@@ -72,43 +79,50 @@ def build_fields(
     order : {1, 2}
         Order of the marching stencil.
     narrowest : float
-        Diameter of the narrowest body [m]. A gap that it does not fit through is taken only if there is no other way.
+        Diameter of the smallest body [m]. Narrower gaps are used only if there is no other way.
 
     Returns
     -------
     Fields
-        ``travel_time`` is what the strategy minimises, in seconds: "shortest" walks 1 m/s everywhere,
-        "comfortable" counts stairs `comfort` times.
+        ``travel_time`` is the cost that the strategy minimises, in seconds: "shortest" assumes 1 m/s everywhere,
+        "comfortable" weights the time on stairs by `comfort`.
 
     Raises
     ------
     ScenarioError
         A route names an exit or a strategy that does not exist, the grid has too many nodes, or an exit is
-        narrower than two of its cells. Numbers out of range are refused with the case.
+        narrower than two of its cells. Ranges of numbers are checked with the case.
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
     _check_memory(building, len(routes), spacing, clearance)
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
-    bent = avoided * _bent(grids, clearance) if clearance > 0.0 else None
+    bent = _bent(grids, clearance, avoided) if clearance > 0.0 else None
     greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
     steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
-    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    parts: list[list[FloatArray]] = [[], []]
     filled = 0
+    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
+    not_marched, costs = nodes_not_marched(grids), []
     for index, route in enumerate(routes):
-        allowed = [e for e in building.exits if route.leads_to(e.name)]
-        exits = [e for e in allowed if building.is_open(e)]
-        rates = _rates(route.strategy, speeds, comfort)
-        direction, travel_time, lengths = _solve(grids, exits, rates, avoided, bent, order)
-        for level in sorted(levels_reaching(building, exits)):
-            nodes = grids.levels[level].packed
-            field_of[level, index] = len(parts)
+        exits = exits_of_route(building, route)
+        direction, travel_time = _solve(grids, exits, rates[index], avoided, bent, order)
+        costs.append(travel_time[not_marched])
+        take_halos(grids, travel_time)
+        continue_values(grids, travel_time)
+        reaching = sorted(levels_reaching(building, exits))
+        for level in reaching:
+            field_of[level, index] = len(offsets)
             offsets.append(filled)
-            parts.append((direction[nodes], travel_time[nodes], lengths[nodes]))
-            filled += nodes.stop - nodes.start
+            filled += grids.levels[level].sheet.size
+        # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
+        chosen = reaching if len(reaching) < len(building.levels) else None
+        for part, values in zip(parts, (direction, travel_time), strict=True):
+            part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
+    direction, travel_time = (_joined(parts.pop(0), rest) for rest in ((2,), ()))
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
@@ -117,18 +131,18 @@ def build_fields(
             spacing=float(spacing),
             field_of=field_of,
             offset=np.array(offsets, dtype=np.int64),
-            direction=np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)]),
-            travel_time=np.concatenate([np.zeros(0), *(part[1] for part in parts)]),
+            direction=direction,
+            travel_time=travel_time,
             walls=find_cell_walls(grids, steepest),
         ),
-        lengths=np.concatenate([np.zeros((0, 3)), *(part[2] for part in parts)]),
+        marched=Marched(building, spacing, clearance, rates, not_marched, tuple(costs)),
         comfort=float(comfort),
         clearance=float(clearance),
     )
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
-    """Refuse routes that name what does not exist."""
+    """Refuse routes with unknown exits or strategies, and routes whose exits are all closed."""
     names = [exit_.name for exit_ in building.exits]
     for route in routes:
         if route.strategy not in STRATEGIES:
@@ -141,8 +155,8 @@ def _check_routes(building: Building, routes: Sequence[Route]) -> None:
                 )
         if route.exits and not any(building.is_open(e) for e in building.exits if e.name in route.exits):
             raise ScenarioError(
-                f"a route leads to {' or '.join(map(repr, route.exits))} alone, which building.closed closes; "
-                "name another exit in it, or open one"
+                f"a route leads only to {' or '.join(map(repr, route.exits))}, which building.closed closes; "
+                "add another exit to the route, or open one"
             )
 
 
@@ -152,12 +166,12 @@ def _check_spacing(building: Building, spacing: float) -> None:
         if exit_.width < 2.0 * spacing:
             raise ScenarioError(
                 f"directions.spacing: exit {exit_.name!r} is {exit_.width:.3g} m wide, less than two cells of "
-                f"{spacing} m; make the exit wider or the spacing smaller"
+                f"{spacing} m; widen the exit or reduce the spacing"
             )
 
 
 def _check_memory(building: Building, n_routes: int, spacing: float, clearance: float) -> None:
-    """Refuse grids that need too much memory, naming the key that makes them large, before any is allocated."""
+    """Refuse grids that need too much memory, before any is allocated; the message names the responsible key."""
     most = MOST_BYTES / (NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1))
     nodes = count_nodes(building, spacing, clearance)
     if nodes <= most:
@@ -166,32 +180,45 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     many = f"{nodes:.2g} nodes for {n_routes} routes, more than {most:.1g}"
     if alone <= 0.5 * most:
         raise ScenarioError(
-            f"directions.clearance: {clearance:g} m makes grids of {many}; make it smaller (where it is not given, it "
-            "is about the greatest body radius)"
+            f"directions.clearance: {clearance:g} m requires grids of {many}; reduce it (by default, it is "
+            "approximately the largest body radius)"
         )
     least = spacing * math.sqrt(nodes / most)
     raise ScenarioError(
-        f"directions.spacing: {spacing:g} m makes grids of {many}; make it at least {least:.2g} m; {measures(building)}"
+        f"directions.spacing: {spacing:g} m requires grids of {many}; use at least {least:.2g} m; {measures(building)}"
     )
 
 
+def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
+    """Return arrays (n, *rest) one after another; of one, itself."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
+
+
 def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
-    """Return the factor (nodes,) of the slowness in gaps narrower than a width [m], else 1."""
-    factor = np.ones(grids.size)
+    """Return the slowness factors (nodes,) in gaps narrower than a width [m]; 1 elsewhere."""
+    avoided = [np.zeros(0, np.int64)]
     for grid in grids.levels:
         gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
         if len(gaps):
             lines = shapely.multilinestrings(gaps.reshape(-1, 2, 2))
             shapely.prepare(lines)
-            nodes = shapely.dwithin(lines, shapely.points(*grid.window.coordinates()), grids.lattice.spacing)
-            factor[grid.packed][nodes.ravel()] = AVOID
+            near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
+            near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
+            avoided.append(grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape))
+    nodes = np.concatenate(avoided)
+    if not len(nodes):
+        return np.broadcast_to(1.0, grids.size)  # takes no memory
+    factor = np.ones(grids.size)
+    factor[nodes] = AVOID
     return factor
 
 
-def _bent(grids: BuildingGrids, clearance: float) -> FloatArray:
-    """Return the factor (nodes,) of the slowness near walls; see `build_fields`."""
-    near = np.concatenate([grid.distance.ravel() for grid in grids.levels])
-    return np.asarray(1.0 + BEND * (1.0 - near / clearance) ** 2)
+def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatArray:
+    """Return the slowness factors (nodes,) near walls, times those of `avoided`; see `build_fields`."""
+    factor = avoided.copy()
+    for grid in grids.levels:
+        factor[grid.ring] *= 1.0 + BEND * (1.0 - grid.distance / clearance) ** 2
+    return factor
 
 
 def _solve(
@@ -201,19 +228,17 @@ def _solve(
     avoided: FloatArray,
     bent: FloatArray | None,
     order: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return directions (nodes, 2), travel times (nodes,) and lengths (nodes, 3) to some exits on all grids."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return directions (nodes, 2) and travel times (nodes,) to given exits on all grids, as marched."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     slowness = rates / cosine[:, None]
     plain = march(grids, Metric(slowness, avoided), exits, order)
     guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
-    direction = _directions(grids, guide, exits, bent is None)
-    lengths = _lengths(grids, plain, exits, rates, cosine)
-    return direction, _continued(grids, _with_halos(grids, plain)), _continued(grids, lengths)
+    return _directions(grids, guide, exits, bent is None), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:
-    """Return the cost (3,) of a metre along the slope in each use for a strategy [s/m]."""
+    """Return the costs (3,) per metre along the slope in each use, for a strategy [s/m]."""
     if strategy == "shortest":
         return np.ones(3)
     rates = 1.0 / np.array(speeds, dtype=np.float64)
@@ -222,38 +247,20 @@ def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) ->
     return rates
 
 
-def _with_halos(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values with those of the neighbours themselves in the halos."""
-    seen = values.copy()
-    for grid in grids.levels:
-        halo = (grid.sheet > OWN) & (grid.source >= 0)
-        seen[grid.packed][halo.ravel()] = values[grid.source[halo]]
-    return seen
-
-
-def _continued(grids: BuildingGrids, values: FloatArray) -> FloatArray:
-    """Return packed values, linearly continued to the nodes of levels that the march leaves out."""
-    left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
-    with np.errstate(invalid="ignore"):  # where no way leads
-        rise = values[stand_in] - values[next_one]
-    values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
-    return values
-
-
 def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_plain: bool) -> FloatArray:
-    """Return unit vectors (nodes, 2): of steepest descent, straight out behind exits, extended into walls."""
+    """Return unit vectors (nodes, 2): steepest descent, exit normals behind exits, extended into walls."""
     direction = np.zeros((grids.size, 2))
     for grid in grids.levels:
-        own = direction[grid.packed].reshape(*grid.window.shape, 2)
         chosen = (grid.sheet == OWN).view(np.uint8)
         packed = direction[grid.packed]
         descend(cost[grid.packed].reshape(grid.window.shape), chosen, grids.lattice.spacing, is_plain, packed)
+        strips = strips_of(grids, grid)
         for exit_ in exits:
             if exit_.level == grid.level:
-                strip = grid.sheet == 1 + grids.building.link_of(exit_)
-                points = np.stack([x[strip] for x in grid.window.coordinates()], axis=1)
-                own[strip] = outward_directions(exit_.segments, points)
-    direction = _with_halos(grids, direction)
+                strip = strips[exit_.index]
+                nodes = np.stack(np.unravel_index(strip, grid.window.shape), axis=1)
+                packed[strip] = outward_directions(exit_.segments, grid.window.places(nodes))
+    take_halos(grids, direction)
     for grid in grids.levels:
         own = direction[grid.packed].reshape(*grid.window.shape, 2)
         pointing = np.any(own != 0.0, axis=2)
@@ -267,62 +274,3 @@ def _directions(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], is_pl
         if known.any():
             own[missing] = own[nearest_marked(known, missing)]
     return direction
-
-
-def _lengths(
-    grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray, cosine: FloatArray
-) -> FloatArray:
-    """Return the flat, up and down lengths (nodes, 3) of the way from each node [m]."""
-    building = grids.building
-    lengths = np.full((grids.size, 3), math.inf)
-    for exit_ in exits:
-        grid = grids.levels[exit_.level]
-        behind = grid.offset + np.flatnonzero(grid.sheet == 1 + building.link_of(exit_))
-        use = use_towards(building.levels[exit_.level], exit_.segments)
-        lengths[behind] = 0.0
-        lengths[behind, use] = cost[behind] / rates[use]
-    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
-    node = np.flatnonzero(own & np.isfinite(cost))
-    node = node[np.argsort(cost[node], kind="stable")]
-    ways = _ways(grids, cost, cosine)
-    add_lengths(node, ways, lengths)
-    # Ways also begin at nodes without a lower neighbour: before an exit without a strip, and here and there beside its
-    # ends. The cheapest node without lengths is one of them.
-    uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
-    while (without := node[np.isinf(lengths[node, 0])]).size:
-        is_lowest = np.zeros(without.size, np.uint8)
-        find_lowest(without, ways, is_lowest)
-        begins = without[is_lowest == 1]
-        begins = begins if begins.size else without[:1]
-        towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
-        lengths[begins] = 0.0
-        lengths[begins, towards] = cost[begins] / rates[towards]
-        add_lengths(node, ways, lengths)
-    # The lengths are of first order; their sum must give the cost, which is of second.
-    along = lengths[node] @ rates
-    usable = (along > 0.0) & (cost[node] > 0.0) & np.isfinite(along)
-    lengths[node[usable]] *= (cost[node[usable]] / along[usable])[:, None]
-    return _with_halos(grids, lengths)
-
-
-def _ways(grids: BuildingGrids, cost: FloatArray, cosine: FloatArray) -> Ways:
-    """Return what the ways of steepest descent of a cost lead over."""
-    return Ways(
-        level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
-        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
-        twin=_twins(grids),
-        cost=cost,
-        stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
-        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
-        cosine=cosine,
-        spacing=grids.lattice.spacing,
-    )
-
-
-def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
-    """Return for every node on a portal the node at its place on the other level, else -1."""
-    twin = np.full(grids.size, -1, dtype=np.int64)
-    for grid in grids.levels:
-        for ours, theirs in grid.seams.values():
-            twin[ours] = theirs
-    return twin

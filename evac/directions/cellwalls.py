@@ -1,4 +1,4 @@
-"""Which walls pass through which cells of the grids, for samples that must not mix both sides of a wall."""
+"""Walls in each grid cell, for interpolation that must not mix values from both sides of a wall."""
 
 import numpy as np
 
@@ -9,15 +9,15 @@ from evac.directions.lattice import SLACK, Window, numbers_between
 
 
 def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
-    """List the walls, closed links and exits through each cell; one along the edge of a cell does not pass through it.
+    """List the walls, closed links and exits that pass through the interior of each cell.
 
-    An exit counts as a wall here, for whoever stands before it is led by the nodes before it.
+    Exits are treated as walls, so that people in front of an exit use the nodes in front of it.
 
     Parameters
     ----------
     grids : BuildingGrids
     steepest : float
-        Greatest increase of a travel time [s] or length [m] over a metre in plan.
+        Largest increase of a travel time [s] or length [m] per metre in plan.
     """
     cells: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
     walls: list[FloatArray] = [np.zeros((0, 4))]
@@ -40,13 +40,13 @@ def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
 
 
 def _cells_of(window: Window, walls: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return numbers of walls (w, 4) and flat indices of the first nodes of the cells that each passes through.
+    """Return indices of walls (w, 4) and flat indices of the first nodes of the cells that each passes through.
 
-    They are in the order of the walls, then of the cells.
+    They are sorted by wall, then by cell.
     """
     ends = (walls.reshape(-1, 2, 2) - window.origin) / window.lattice.spacing
     step = ends[:, 1] - ends[:, 0]
-    # Where a wall starts, crosses a line of the grid and ends, as shares of its length.
+    # Fractions of the length at which a wall starts, crosses a grid line and ends.
     owners = [np.arange(len(walls)), np.arange(len(walls))]
     shares = [np.zeros(len(walls)), np.ones(len(walls))]
     for axis in (0, 1):
@@ -61,7 +61,7 @@ def _cells_of(window: Window, walls: FloatArray) -> tuple[IndexArray, IndexArray
     is_piece = (owner[1:] == owner[:-1]) & (share[1:] > share[:-1])
     owner, halfway = owner[1:][is_piece], (0.5 * (share[1:] + share[:-1]))[is_piece]
     middle = ends[owner, 0] + halfway[:, None] * step[owner]
-    # Pieces along a line of the grid, and crumbs that rounding leaves at its nodes, are in no cell.
+    # Pieces along a grid line, and tiny pieces at nodes due to rounding, are not in any cell.
     is_in_a_cell = np.all(np.abs(middle - np.round(middle)) > SLACK, axis=1)
     ix, iy = np.floor(middle[is_in_a_cell]).astype(np.int64).T
     number, cell = np.unique(np.stack([owner[is_in_a_cell], ix * window.shape[1] + iy], axis=1), axis=0).T

@@ -1,4 +1,4 @@
-"""Kernels on marched fields: directions of steepest descent, and the lengths of the way down."""
+"""Kernels for marched fields: directions of steepest descent, and path lengths along them."""
 
 import math
 
@@ -8,10 +8,10 @@ from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Ints, Longs, Pairs, Str
 
 @inner
 def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
-    """Return the descent [1/m] from `one` towards a neighbour `near` and the next, `far`; at least 0.
+    """Return the descent per metre from `one` towards a neighbour `near` and the next one `far`; at least 0.
 
-    Of second order where the values fall twice in a row, else of first; only nodes that the wave
-    came from take part, so that neither walls nor the far side of a ridge bend it.
+    It is of second order if the values decrease twice in a row, otherwise of first order. Only upwind nodes are used,
+    so that neither walls nor the far side of a ridge influence it.
     """
     if near >= one:
         return 0.0
@@ -22,16 +22,16 @@ def upwind_slope(one: float, near: float, far: float, spacing: float) -> float:
     return (one - near) / spacing
 
 
-#: Nodes around a node that a fit beside a slanted wall takes part in, to each side.
+#: Half width, in nodes, of the window of least-squares fits beside slanted walls.
 WINDOW = 3
 
-#: A cost that differs by more than this many times the slope lies behind a wall.
+#: Nodes whose cost differs by more than this multiple of the slope are behind a wall.
 STEEPEST = 1.5
 
 
 @inner
 def is_beside_slant(cost: FloatGrid, i: int, j: int) -> bool:
-    """Say whether a node stands beside a wall that steps back within the window: one that is not along the grid."""
+    """Return whether a node is beside a wall that is not parallel to the grid within the window."""
     nx, ny = cost.shape
     for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         if cost[i + di, j + dj] < math.inf:
@@ -48,7 +48,7 @@ def is_beside_slant(cost: FloatGrid, i: int, j: int) -> bool:
 
 @inner
 def is_near_slant(cost: FloatGrid, i: int, j: int) -> bool:
-    """Say whether a node stands beside a slanted wall, or next to a node that does: both got the wave late."""
+    """Return whether a node or one of its neighbours is beside a slanted wall, where the cost is less accurate."""
     for di, dj in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
         if cost[i + di, j + dj] < math.inf and is_beside_slant(cost, i + di, j + dj):
             return True
@@ -57,10 +57,10 @@ def is_near_slant(cost: FloatGrid, i: int, j: int) -> bool:
 
 @inner
 def fit_descent(cost: FloatGrid, i: int, j: int, limit: float) -> tuple[float, float]:
-    """Return the descent of the plane through a node that fits the lower ones around it best; (0, 0) if too few do.
+    """Return the descent of the least-squares plane through a node and lower nodes nearby; (0, 0) if there are too few.
 
-    Beside a slanted wall the grid's steps leave a node with neighbours along one axis only. Least squares over the
-    nodes linked to it within the window, whose cost is lower by at most `limit` for each cell of distance.
+    Beside a slanted wall, a node may have neighbours along one axis only. The fit uses the connected nodes within the
+    window whose cost is lower by at most `limit` per cell of distance.
     """
     side = 2 * WINDOW + 1
     linked = 1 << (side * WINDOW + WINDOW)  # a bit for each node of the window
@@ -93,7 +93,7 @@ def fit_descent(cost: FloatGrid, i: int, j: int, limit: float) -> tuple[float, f
             xd += x * drop
             yd += y * drop
     determinant = xx * yy - xy * xy
-    # Nodes nearly in one line leave the slope across it open.
+    # Nodes close to one line do not determine the slope across it.
     if determinant < 0.02 * (xx + yy) ** 2:
         return 0.0, 0.0
     return (yy * xd - xy * yd) / determinant, (xx * yd - xy * xd) / determinant
@@ -101,19 +101,19 @@ def fit_descent(cost: FloatGrid, i: int, j: int, limit: float) -> tuple[float, f
 
 @kernel
 def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, direction: Pairs) -> None:
-    """Write the unit vectors of steepest descent of a grid.
+    """Compute the unit vectors of steepest descent on a grid.
 
     Parameters
     ----------
     cost : (nx, ny) float64
-        inf where nobody walks.
+        Cost; inf at nodes that are not walkable.
     chosen : (nx, ny) uint8
-        Nodes to write; the others stay.
+        Mask of the nodes to write; others are not changed.
     spacing : float [m]
     is_plain : bool
-        Whether the cost of a metre is the same on all of a level: then nodes beside slanted walls are fitted.
+        Whether the cost per metre is uniform on a level; then nodes beside slanted walls use least-squares fits.
     direction : (nx * ny, 2) float64
-        Written: zero where no neighbour is lower.
+        Output: unit vectors, zero where no neighbour is lower.
     """
     nx, ny = cost.shape
     for i in range(2, nx - 2):
@@ -137,13 +137,13 @@ def descend(cost: FloatGrid, chosen: ByteGrid, spacing: float, is_plain: bool, d
 
 
 class Ways(Struct):
-    """What the ways of steepest descent lead over: the nodes of all grids, packed, and their levels."""
+    """Data for path lengths along steepest descent: the packed nodes of all grids, and their levels."""
 
     level_of: Ints  # (nodes,)
-    source: Longs  # (nodes,) the node that each node stands for; -1 for none
-    twin: Longs  # (nodes,) for a node on a portal the one at its place on the other level, else -1
+    source: Longs  # (nodes,) node that each node represents, -1 for none
+    twin: Longs  # (nodes,) for nodes on a portal, the node at the same position on the other level, otherwise -1
     cost: Floats  # (nodes,)
-    stride: Ints  # (levels,) distance in packed arrays of two neighbours along x
+    stride: Ints  # (levels,) stride along x in packed arrays
     uphill: Pairs  # (levels, 2)
     cosine: Floats  # (levels,)
     spacing: float  # [m]
@@ -151,21 +151,21 @@ class Ways(Struct):
 
 @kernel
 def add_lengths(order: Longs, ways: Ways, lengths: Triples) -> None:
-    """Add up the flat, up and down lengths along the ways of steepest descent.
+    """Compute the flat, up and down lengths along the paths of steepest descent.
 
-    Solves grad T . grad F = |grad T| c by first order upwind differences, node by node from the exit
-    outwards; c is the length along the slope of a metre in plan where F is the length in use, else 0.
+    Solves grad T . grad F = |grad T| c by first-order upwind differences, node by node in ascending order of cost. For
+    the length F of one use (flat, up, down), c is 1 / cos(slope) on levels with this use and 0 elsewhere.
 
     Parameters
     ----------
     order : (n,) int64
-        Own nodes with a finite cost, cheapest first.
+        Own nodes with a finite cost, in ascending order of cost.
     ways : Ways
     lengths : (nodes, 3) float64 [m]
-        Written at the nodes of `order`; inf before.
+        Output at the nodes of `order`; must be inf before.
     """
-    # Again until no more are found: where costs of two levels differ in the last digits a node can come
-    # before one that it depends on.
+    # Repeated until no more lengths are found: if costs of two levels differ in the last digits, a node can precede one
+    # that it depends on.
     found = -1
     before = -2
     while found > before:
@@ -179,7 +179,7 @@ def add_lengths(order: Longs, ways: Ways, lengths: Triples) -> None:
 
 @kernel
 def find_lowest(nodes: Longs, ways: Ways, found: Bytes) -> None:
-    """Say of nodes (n,) whether no neighbour is lower; one on a portal has neighbours on the other level too."""
+    """Find the nodes (n,) without a lower neighbour; nodes on a portal also have neighbours on the other level."""
     for k in range(nodes.shape[0]):
         node = nodes[k]
         along_x, _, _ = _lower_neighbour(node, ways.stride[ways.level_of[node]], ways)
@@ -189,11 +189,11 @@ def find_lowest(nodes: Longs, ways: Ways, found: Bytes) -> None:
 
 @inner
 def _add_lengths_at(node: int, ways: Ways, lengths: Triples) -> None:
-    """Write the lengths of one node: the mean of its lower neighbours', weighted by the drop, and a step."""
+    """Compute the lengths of one node: the mean over its lower neighbours, weighted by the descent, plus one step."""
     total, greatest, squares = 0.0, 0.0, 0.0
     flat, up, down = 0.0, 0.0, 0.0
     step_x, step_y = 0.0, 0.0
-    # The cell walked through counts as the level it leads to: a node on a portal stands on two.
+    # The cell counts as part of the level that it leads to, since nodes on a portal are on two levels.
     level = ways.level_of[node]
     for axis in range(2):
         lower, drop, sign = _lower_neighbour(node, ways.stride[ways.level_of[node]] if axis == 0 else 1, ways)
@@ -212,7 +212,7 @@ def _add_lengths_at(node: int, ways: Ways, lengths: Triples) -> None:
         up += drop * lengths[lower, 1]
         down += drop * lengths[lower, 2]
     if total == 0.0:
-        # The way may go on beside the portal, where only the other level's grid has nodes.
+        # The path may continue beside the portal, where only the grid of the other level has nodes.
         if ways.twin[node] >= 0:
             for k in range(3):
                 lengths[node, k] = lengths[ways.twin[node], k]
@@ -228,7 +228,7 @@ def _add_lengths_at(node: int, ways: Ways, lengths: Triples) -> None:
 
 @inner
 def _lower_neighbour(node: int, step: int, ways: Ways) -> tuple[int, float, float]:
-    """Return the lower neighbour along an axis (-1 for none), how much lower it is, and the direction to it (1, -1)."""
+    """Return the lower neighbour along an axis (-1 for none), the cost difference, and the direction to it (1, -1)."""
     sign = 1.0
     if ways.cost[node - step] < ways.cost[node + step]:
         step = -step

@@ -1,7 +1,8 @@
-"""Travel times and directions of a building, per (level, route)."""
+"""Travel times and directions of a building for each level and route."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,22 +11,25 @@ from evac.arrays import FloatArray
 from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
+if TYPE_CHECKING:
+    from evac.directions.lengths import Marched
+
 
 class CellWalls(Struct):
-    """The walls through cells of the grids, so that nodes on the other side of a wall can be left out of a sample.
+    """The walls through each grid cell, so that interpolation can exclude nodes on the other side of a wall.
 
-    Cell (ix, iy) of a level, from node (ix, iy) to (ix + 1, iy + 1), is number ``offset + ix * ny + iy``.
+    Cell (ix, iy) of a level, from node (ix, iy) to (ix + 1, iy + 1), has the index ``offset + ix * ny + iy``.
 
     Attributes
     ----------
     offset : (levels,) int64
     cell : (c,) int64
-        Numbers of the cells that walls pass through, rising.
+        Indices of the cells that walls pass through, ascending.
     start : (c + 1,) int64
-        First wall of each of them in `wall`.
+        First wall of each of these cells in `wall`.
     wall : (w, 4) float64 [m]
     steepest : float
-        Greatest increase of a travel time [s] or length [m] over a metre in plan.
+        Largest increase of a travel time [s] or length [m] per metre in plan.
     """
 
     offset: Longs
@@ -35,7 +39,7 @@ class CellWalls(Struct):
     steepest: float
 
 
-#: Of fields without walls.
+#: Cell walls of fields without walls.
 NO_CELL_WALLS = CellWalls(
     offset=np.zeros(0, np.int64),
     cell=np.zeros(0, np.int64),
@@ -46,26 +50,26 @@ NO_CELL_WALLS = CellWalls(
 
 
 class PackedFields(Struct):
-    """Travel times and directions as kernels read them: one field for each level and route, one after another.
+    """Travel times and directions for kernels: the fields of all levels and routes, concatenated.
 
     Attributes
     ----------
     origin : (levels, 2) float64
-        Plan position of node (0, 0) of each level's grid [m].
+        Plan position of node (0, 0) of the grid of each level [m].
     shape : (levels, 2) int32
-        Nodes along x and y.
+        Numbers of nodes along x and y.
     spacing : float
-        Distance of nodes [m].
+        Grid spacing [m].
     field_of : (levels, routes) int32
-        Field of a level and route; -1 where the route's destination cannot be reached from the level.
+        Field of a level and route; -1 if the destination of the route cannot be reached from the level.
     offset : (fields,) int64
         First node of each field; node (ix, iy) is at offset + ix * ny + iy.
     direction : (nodes, 2) float64
-        Unit vectors of steepest descent, bent around corners by the clearance slowness; zero where
-        there is no way.
+        Unit vectors of steepest descent, with the slowness increased near walls; zero where the destination
+        cannot be reached.
     travel_time : (nodes,) float64
-        Plain travel time to the destination [s] at the reference speeds; inf where there is no way,
-        negative behind the exits.
+        Plain travel time to the destination [s] at the reference speeds; inf where the destination cannot be
+        reached, negative behind exits.
     walls : CellWalls
     """
 
@@ -81,33 +85,42 @@ class PackedFields(Struct):
 
 @dataclass(frozen=True)
 class Fields:
-    """Directions for everybody; never changed.
+    """Travel times, directions and path lengths of a building; immutable.
 
     Attributes
     ----------
     routes : tuple of Route
-        What ``Crowd.route`` indexes.
+        The routes that ``Crowd.route`` refers to.
     packed : PackedFields
-        Their travel times and directions.
-    lengths : (nodes, 3) float64
-        Flat, up and down lengths of the way to the destination, along the slope [m].
+        Travel times and directions of the routes.
     comfort : float
-        Weight of the time on stairs that the strategy "comfortable" was marched with.
+        Weight of the time on stairs in the strategy "comfortable".
     clearance : float
-        Width that directions keep clear of walls, where there is room [m].
+        Distance that directions keep from walls where there is room [m].
+    marched : Marched, optional
+        Data that lengths are computed from; lengths are empty without it.
     """
 
     routes: tuple[Route, ...]
     packed: PackedFields
-    lengths: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     comfort: float = 1.0
     clearance: float = 0.0
+    marched: "Marched | None" = None
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Flat, up and down lengths (nodes, 3) of the path to the destination, along the slope [m]."""
+        from evac.directions.lengths import find_lengths
+
+        if self.marched is None:
+            return np.zeros((0, 3))
+        return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)
 
     def __repr__(self) -> str:
         return f"<Fields: {len(self.routes)} routes, nodes {self.packed.spacing:g} m apart>"
 
     def travel_time_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
-        """Return the travel time (n,) [s] of a route from positions; inf where it cannot be reached.
+        """Return the travel times (n,) [s] of routes from positions; inf where the destination cannot be reached.
 
         Parameters
         ----------
@@ -120,18 +133,18 @@ class Fields:
         return _sampled(sample_travel_times, self.packed, level, position, route, ())
 
     def lengths_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
-        """Return the flat, up and down lengths (n, 3) [m] of a route's way from positions; inf without a way."""
+        """Return the flat, up and down path lengths (n, 3) [m] of routes from positions; inf if unreachable."""
         from evac.directions.sampling import sample_travel_times
 
         columns = [
             _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, route, ())
             for length in np.ascontiguousarray(self.lengths.T)
         ]
-        # Within a cell of an exit the bilinear value can fall below zero by rounding.
+        # Within a cell of an exit, the bilinear value can be negative by rounding.
         return np.maximum(np.stack(columns, axis=1), 0.0)
 
     def directions_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
-        """Return the unit directions (n, 2) of a route at positions; zero where it cannot be reached."""
+        """Return the unit directions (n, 2) of routes at positions; zero where the destination cannot be reached."""
         from evac.directions.sampling import sample_directions
 
         return _sampled(sample_directions, self.packed, level, position, route, (2,))
@@ -140,7 +153,7 @@ class Fields:
 def _sampled(
     sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike, shape: tuple[int, ...]
 ) -> FloatArray:
-    """Call a kernel with as many levels and routes as positions, for results of a shape each."""
+    """Call a sampling kernel with levels and routes broadcast to the positions."""
     place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
     number = len(place)
     found = np.empty((number, *shape))

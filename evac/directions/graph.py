@@ -1,4 +1,4 @@
-"""The graph of levels, portals and exits: who can reach what."""
+"""The graph of levels, portals and exits, for reachability."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -7,7 +7,7 @@ from evac.building.model import Building, Exit
 
 
 def build_graph(building: Building) -> Any:
-    """Return the graph of what is open.
+    """Return the graph of open portals and exits.
 
     Parameters
     ----------
@@ -16,10 +16,10 @@ def build_graph(building: Building) -> Any:
     Returns
     -------
     networkx.MultiGraph
-        Nodes ``("level", i)`` and ``("exit", e)``; an edge for every open portal and exit, whose key
+        Nodes are ``("level", i)`` and ``("exit", e)``; there is an edge for every open portal and exit, whose key
         is the link (portals first, then exits), with its ``width`` [m] and ``name``.
     """
-    import networkx  # takes 0.1 s, which a building of one level does without
+    import networkx  # takes 0.1 s, not needed for a building with one level
 
     graph = networkx.MultiGraph()
     graph.add_nodes_from((("level", level.index), {"name": level.name}) for level in building.levels)
@@ -41,7 +41,7 @@ def levels_reaching(building: Building, exits: Iterable[Exit]) -> set[int]:
     if building.portals:
         import networkx
 
-        # A way leads through no other exit: exits hang on one level each, so they are ends of the graph.
+        # Paths cannot pass through other exits, since each exit is connected to one level only.
         graph = build_graph(building)
         parts = [networkx.node_connected_component(graph, ("level", level)) for level in found]
         found |= {index for part in parts for kind, index in part if kind == "level"}

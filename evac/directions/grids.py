@@ -1,4 +1,4 @@
-"""The grid of every level: its own nodes, halos of the levels behind its portals, strips behind its exits."""
+"""Grids of levels: own nodes, halos of the neighbouring levels behind portals, and strips behind exits."""
 
 import math
 from collections.abc import Sequence
@@ -15,7 +15,6 @@ from evac.building.narrow import gaps_below
 from evac.directions.lattice import (
     SLACK,
     Lattice,
-    Links,
     Window,
     walkable_nodes,
     wall_distance,
@@ -23,9 +22,9 @@ from evac.directions.lattice import (
 from evac.directions.masks import grown, parts_of
 from evac.directions.strips import behind, chain, free_rows
 
-#: What a node of a grid is: nothing to walk on, the level itself, or 1 + link for what lies behind a link.
+#: Values of a sheet: not walkable, the level itself, or 1 + link for nodes behind a link.
 NOTHING, OWN = -1, 0
-#: Least number of nodes around a level, into its walls and behind its exits.
+#: Minimum number of nodes around a level, into its walls and behind its exits.
 MARGIN = 4
 
 
@@ -38,21 +37,23 @@ class LevelGrid:
     level : int
     window : Window
     sheet : (nx, ny) int32
-        ``NOTHING``, ``OWN``, or 1 + link: a node of the neighbour behind a portal, or behind an exit.
+        ``NOTHING``, ``OWN``, or 1 + link for a node of the neighbour behind a portal or of the strip behind an exit.
     source : (nx, ny) int64
-        Packed index of the node that a node stands for: itself, or the neighbour's own; -1 for nothing.
+        Packed index of the node that a node represents: itself, or the neighbour's own node; -1 for none.
     offset : int
         Packed index of node (0, 0).
-    distance : (nx, ny) float64
-        Distance of own nodes and strips to the nearest wall, at most the clearance [m].
+    ring : (r,) int64
+        Packed indices of the own nodes and strips that may be nearer to a wall than the clearance.
+    distance : (r,) float64
+        Their distance to the nearest wall, at most the clearance [m].
     seams : dict of int to (2, s) int64
-        Packed indices of the own nodes that lie exactly on a portal, by portal: here, and on the
-        grid of the neighbour, whose own nodes they are as well.
+        Packed indices of the own nodes exactly on a portal, by portal: on this grid and on the grid of the
+        neighbour, where they are own nodes as well.
     strip_rows : dict of int to int
-        Rows of the strip behind each open exit, by index of the exit; 0 where there is no room for a strip.
+        Number of rows of the strip behind each open exit, by exit index; 0 if there is no room for a strip.
     stands_for : (3, m) int64
-        Packed indices of nodes of the level that the march leaves out, each with the own node in sight that stands for
-        it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
+        Packed indices of nodes of the level that are excluded from marching, each with the visible own node that
+        represents it and the next one in line; see `evac.directions.lattice.walkable_nodes`.
     """
 
     level: int
@@ -60,6 +61,7 @@ class LevelGrid:
     sheet: IntArray
     source: NDArray[np.int64]
     offset: int
+    ring: IndexArray
     distance: FloatArray
     seams: dict[int, NDArray[np.int64]]
     strip_rows: dict[int, int]
@@ -67,25 +69,25 @@ class LevelGrid:
 
     @property
     def packed(self) -> slice:
-        """The level's nodes in packed arrays."""
+        """Slice of the level's nodes in packed arrays."""
         return slice(self.offset, self.offset + self.sheet.size)
 
 
 @dataclass(frozen=True)
 class BuildingGrids:
-    """The grids of all levels on one lattice.
+    """The grids of all levels on a common lattice.
 
     Attributes
     ----------
     building, lattice, levels
     walls : tuple of (w, 4) float64
-        Walls of each level, closed portals and exits and gaps too narrow to count among them [m].
+        Walls of each level, including closed portals and exits and gaps that are treated as closed [m].
     clearance : float
-        Distance from walls up to which ways bend [m].
+        Distance from walls up to which the slowness is increased [m].
     size : int
-        Nodes of all grids.
+        Total number of nodes of all grids.
     margin : int
-        Nodes around each level; the strips behind exits are at most one less deep.
+        Number of nodes around each level; strips behind exits have at most one row less.
     """
 
     building: Building
@@ -106,15 +108,15 @@ class BuildingGrids:
         return np.concatenate([np.zeros((0, 4)), *exits])
 
     def is_ground(self, grid: LevelGrid) -> BoolArray:
-        """Return the nodes (nx, ny) of a grid that stand on a level: its own and the halos, not the strips."""
+        """Return the mask (nx, ny) of the nodes of a grid on a level: own nodes and halos, but not strips."""
         ground: BoolArray = (grid.sheet != NOTHING) & (grid.sheet <= len(self.building.portals))
         return ground
 
 
 def use_towards(level: Level, segments: FloatArray) -> int:
-    """Return how a level is used on the way to a link on it: FLAT, UP or DOWN.
+    """Return the use of a level on the way to a link on it: FLAT, UP or DOWN.
 
-    On a slope a link in the lower half is reached downwards, one in the upper half upwards.
+    On a slope, a link in the lower half is reached by walking down, one in the upper half by walking up.
     """
     if not np.any(level.uphill):
         return FLAT
@@ -124,20 +126,20 @@ def use_towards(level: Level, segments: FloatArray) -> int:
 
 
 def build_grids(building: Building, spacing: float, clearance: float) -> BuildingGrids:
-    """Lay a grid under each level.
+    """Create the grids of all levels.
 
     Parameters
     ----------
     building : Building
     spacing : float
-        Distance of nodes [m].
+        Grid spacing [m].
     clearance : float
-        Farthest distance from walls that matters [m].
+        Maximum distance from walls that is computed [m].
     """
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
     walls = [_walls_of(building, level.index) for level in building.levels]
-    # The strips behind exits are as deep as the clearance: ways turn round the posts of an exit as of any door.
+    # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
     own_nodes, stand_ins = zip(
@@ -153,18 +155,19 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
     found = []
     for level, (window, sheet) in zip(building.levels, grids, strict=True):
         source = _sources(building, level.index, grids, offsets)
-        distance = _distances(building, level.index, window, sheet, walls, clearance)
+        ring, distance = _distances(building, level.index, window, sheet, walls, clearance)
         portals = _open_portals(building, level.index)
         seams = {portal.index: _seam(portal, level.index, grids, offsets) for portal in portals}
         offset = int(offsets[level.index])
+        ring += offset
         rows = {exit_.index: layers.strip_rows[exit_.index] for exit_ in layers.open_exits(level.index)}
         stands_for = offset + _moved(stand_ins[level.index], own_windows[level.index], window)
-        found.append(LevelGrid(level.index, window, sheet, source, offset, distance, seams, rows, stands_for))
+        found.append(LevelGrid(level.index, window, sheet, source, offset, ring, distance, seams, rows, stands_for))
     return BuildingGrids(building, lattice, tuple(found), tuple(walls), clearance, int(offsets[-1]), margin)
 
 
 def count_nodes(building: Building, spacing: float, clearance: float) -> float:
-    """Return about how many nodes `build_grids` would lay, without laying any; parameters as there."""
+    """Estimate the number of nodes that `build_grids` would create; see there for the parameters."""
     around = 2.0 * _margin(spacing, clearance) + 1.0
     count = 0.0
     for level in building.levels:
@@ -186,12 +189,12 @@ def _bounds(building: Building, level: Level, spacing: float) -> tuple[float, ..
 
 
 def _depth(portal: Portal, spacing: float) -> float:
-    """Return how far a halo reaches: a portal width, so that the wave to all of the portal passes through it."""
+    """Return the depth of a halo [m]: the portal width, so that waves to all of the portal pass through the halo."""
     return max(portal.width, MARGIN * spacing)
 
 
 def _walls_of(building: Building, level: int) -> FloatArray:
-    """Return the walls of a level, closed portals and exits and gaps too narrow to count among them."""
+    """Return the walls of a level, including closed portals and exits and gaps that are treated as closed."""
     parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
     parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
     parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
@@ -203,7 +206,7 @@ def _open_portals(building: Building, level: int) -> list[Portal]:
 
 
 def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
-    """Return flat indices of the nodes of a window as those of a larger one."""
+    """Convert flat indices of nodes of a window to those of a larger window."""
     i, j = np.unravel_index(nodes, window.shape)
     shift = np.array(window.first) - np.array(larger.first)
     moved: IndexArray = np.ravel_multi_index((i + shift[0], j + shift[1]), larger.shape).astype(np.int64)
@@ -212,7 +215,7 @@ def _moved(nodes: IndexArray, window: Window, larger: Window) -> IndexArray:
 
 @dataclass(frozen=True)
 class _Layers:
-    """What stands on each level, and how the sheets of one grid come together from it."""
+    """The nodes of each level, from which the sheet of a grid is assembled."""
 
     building: Building
     windows: list[Window]
@@ -226,7 +229,7 @@ class _Layers:
         return [exit_ for exit_ in self.building.exits_of(level) if self.building.is_open(exit_)]
 
     def grid(self, level: Level) -> tuple[Window, IntArray]:
-        """Return the window of a level's grid and the sheet of each node."""
+        """Return the window and the sheet of a level's grid."""
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
         window = lattice.window(_bounds(self.building, level, lattice.spacing), self.margin)
@@ -239,8 +242,8 @@ class _Layers:
         for exit_ in self.open_exits(level.index):
             rows = free_rows(exit_.segments, shapely.union_all(taken), lattice.spacing, self.margin - 1)
             self.strip_rows[exit_.index] = rows
-            strip = (sheet == NOTHING) & behind(window, exit_.segments, rows)
-            sheet[strip] = 1 + self.building.link_of(exit_)
+            for box, strip in behind(window, exit_.segments, rows):
+                sheet[box][strip & (sheet[box] == NOTHING)] = 1 + self.building.link_of(exit_)
             taken.append(shapely.buffer(chain(exit_.segments), rows * lattice.spacing, cap_style="flat"))
         self._cut_links(window, sheet, level.index, portals)
         return window, sheet
@@ -254,61 +257,68 @@ class _Layers:
         return _depth(portal, self.windows[0].lattice.spacing)
 
     def _add_halo(self, window: Window, sheet: IntArray, portal: Portal, neighbour: int) -> None:
-        """Lay the neighbour's nodes that are reached directly behind a portal into the grid."""
-        nodes = np.zeros(window.shape, dtype=np.bool_)
-        here, there = window.overlap(self.windows[neighbour])
+        """Add the neighbour's nodes that can be reached directly behind a portal to the sheet."""
+        depth = self._depth(portal)
+        box = window.box_around(portal.segments, depth)
+        part = window.part(box)
+        nodes = np.zeros(part.shape, dtype=np.bool_)
+        here, there = part.overlap(self.windows[neighbour])
         nodes[here] = self.nodes[neighbour][there]
         line = chain(portal.segments)
         shapely.prepare(line)
-        x, y = window.coordinates()
-        nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), self._depth(portal))
-        beside = _ends_of(window.crossed_links(portal.segments, touching=True))
-        part = parts_of(nodes)
-        nodes[nodes] = np.isin(part, part[beside[nodes]])
-        sheet[(sheet == NOTHING) & nodes] = 1 + portal.index
+        x, y = window.coordinates(box)
+        nodes[nodes] = shapely.dwithin(line, shapely.points(x[nodes], y[nodes]), depth)
+        beside = np.zeros(part.shape, dtype=np.bool_)
+        for axis in (0, 1):
+            links = window.crossed_links(portal.segments, axis, touching=True)
+            for i, j in (links.near, links.far):
+                beside[i - box[0].start, j - box[1].start] = True
+        number = parts_of(nodes)
+        nodes[nodes] = np.isin(number, number[beside[nodes]])
+        sheet[box][(sheet[box] == NOTHING) & nodes] = 1 + portal.index
 
     def _cut_links(self, window: Window, sheet: IntArray, level: int, portals: Sequence[Portal]) -> None:
-        """Leave out nodes of halos and strips that would be linked otherwise than through their portal or exit.
+        """Remove nodes of halos and strips that would be connected other than through their portal or exit.
 
-        Neighbouring nodes may be linked if they stand on one level, or if their link crosses the open
-        portal or exit between them and no wall of either side. (Two flights side by side would leak
-        into each other in the grid of their landing, a flight into the floor beside it.)
+        Neighbouring nodes may be connected if they are on one level, or if the link between them crosses the open
+        portal or exit and no wall on either side. Otherwise, the wave would leak between two flights side by side in
+        the grid of their landing, or between a flight and the floor beside it.
         """
         behind = {1 + p.index: (p.segments, p.other(level)) for p in portals}
         for exit_ in self.building.exits_of(level):
             behind[1 + self.building.link_of(exit_)] = (exit_.segments, -1 - exit_.index)
         ground = np.full(2 + self.building.n_links, NOTHING, dtype=np.int64)
         ground[OWN] = level
-        doors = [np.zeros(window.shape, dtype=np.bool_), np.zeros(window.shape, dtype=np.bool_)]
-        for index, (segments, other) in behind.items():
+        for index, (_, other) in behind.items():
             ground[index] = other
-            walls = self.walls[level] if other < 0 else np.concatenate((self.walls[level], self.walls[other]))
-            crossed = window.crossed_links(segments, touching=True)
-            walled = window.crossed_links(walls, touching=False)
-            for axis, (at, blocked) in enumerate(
-                ((crossed.along_x, walled.along_x), (crossed.along_y, walled.along_y))
-            ):
-                one, two = sheet, np.roll(sheet, -1, axis=axis)
-                joined = ((one == OWN) & (two == index)) | ((one == index) & (two == OWN))
-                doors[axis] |= joined & ~np.isnan(at) & np.isnan(blocked)
+        doors = [self._doors(window, sheet, level, behind, axis) for axis in (0, 1)]
         for axis in (0, 1):
             one = sheet[:-1, :] if axis == 0 else sheet[:, :-1]
             two = sheet[1:, :] if axis == 0 else sheet[:, 1:]
-            door = doors[axis][:-1, :] if axis == 0 else doors[axis][:, :-1]
-            linked = (one != NOTHING) & (two != NOTHING)
-            wrong = linked & (ground[one] != ground[two]) & ~door
-            first_gives = wrong & (one > two)
-            second_gives = wrong & (two > one)
-            one[first_gives] = NOTHING
-            two[second_gives] = NOTHING
+            near = np.nonzero((one != two) & (one != NOTHING) & (two != NOTHING))
+            first, second = one[near], two[near]
+            wrong = (ground[first] != ground[second]) & ~doors[axis][near]
+            for gives, ends in ((wrong & (first > second), one), (wrong & (second > first), two)):
+                ends[near[0][gives], near[1][gives]] = NOTHING
 
-
-def _ends_of(links: Links) -> BoolArray:
-    """Return the nodes at the ends of crossed links."""
-    ends = ~np.isnan(links.along_x) | ~np.isnan(links.along_y)
-    ends[1:, :] |= ~np.isnan(links.along_x)[:-1, :]
-    ends[:, 1:] |= ~np.isnan(links.along_y)[:, :-1]
-    return ends
+    def _doors(
+        self, window: Window, sheet: IntArray, level: int, behind: dict[int, tuple[FloatArray, int]], axis: int
+    ) -> BoolArray:
+        """Mark the links along an axis, by their near ends, from the level through an open portal or exit."""
+        through = np.zeros(window.shape, dtype=np.bool_)
+        walled = {other: np.zeros(window.shape, dtype=np.bool_) for _, other in behind.values() if other >= 0}
+        walled[level] = np.zeros(window.shape, dtype=np.bool_)
+        for other, blocked in walled.items():
+            blocked[window.crossed_links(self.walls[other], axis, touching=False).near] = True
+        for index, (segments, other) in behind.items():
+            links = window.crossed_links(segments, axis, touching=True)
+            one, two = sheet[links.near], sheet[links.far]
+            is_open = ((one == OWN) & (two == index)) | ((one == index) & (two == OWN))
+            is_open &= ~walled[level][links.near]
+            if other >= 0:
+                is_open &= ~walled[other][links.near]
+            through[links.some(is_open).near] = True
+        return through
 
 
 def _sources(
@@ -317,17 +327,18 @@ def _sources(
     grids: list[tuple[Window, IntArray]],
     offsets: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Return the packed index of the node that each node of a level's grid stands for."""
+    """Return the packed index of the node that each node of a level's grid represents."""
     window, sheet = grids[level]
-    source = np.where(sheet == NOTHING, -1, offsets[level] + np.arange(sheet.size).reshape(sheet.shape))
+    source = np.arange(offsets[level], offsets[level] + sheet.size, dtype=np.int64).reshape(sheet.shape)
+    source[sheet == NOTHING] = -1
+    halo = np.flatnonzero((sheet > OWN) & (sheet <= len(building.portals)))
+    portals = sheet.ravel()[halo] - 1
     for portal in building.portals_of(level):
         neighbour = portal.other(level)
-        other_window, other_sheet = grids[neighbour]
-        here, there = window.overlap(other_window)
-        packed = offsets[neighbour] + np.arange(other_sheet.size).reshape(other_sheet.shape)[there]
-        halo = sheet[here] == 1 + portal.index
-        source[here][halo] = packed[halo]
-    return np.ascontiguousarray(source, dtype=np.int64)
+        other_window, _ = grids[neighbour]
+        own = halo[portals == portal.index]
+        source.ravel()[own] = offsets[neighbour] + _moved(own, window, other_window)
+    return source
 
 
 def _seam(
@@ -337,14 +348,15 @@ def _seam(
     window, sheet = grids[level]
     neighbour = portal.other(level)
     other_window, other_sheet = grids[neighbour]
-    here, there = window.overlap(other_window)
-    shared = np.argwhere((sheet[here] == OWN) & (other_sheet[there] == OWN))
-    ours = shared + np.array([here[0].start, here[1].start])
-    theirs = shared + np.array([there[0].start, there[1].start])
+    spacing = window.lattice.spacing
+    box = window.box_around(portal.segments, 2.0 * SLACK * spacing)
+    here, there = window.part(box).overlap(other_window)
+    shared = np.argwhere((sheet[box][here] == OWN) & (other_sheet[there] == OWN))
+    ours = shared + [box[axis].start + here[axis].start for axis in (0, 1)]
+    theirs = shared + [there[axis].start for axis in (0, 1)]
     line = chain(portal.segments)
     shapely.prepare(line)
-    spacing = window.lattice.spacing
-    on_portal = shapely.dwithin(line, shapely.points(window.origin + spacing * ours), 2.0 * SLACK * spacing)
+    on_portal = shapely.dwithin(line, shapely.points(window.places(ours)), 2.0 * SLACK * spacing)
     return np.stack(
         [
             offset + np.ravel_multi_index(tuple(nodes[on_portal].T), shape)
@@ -363,17 +375,20 @@ def _distances(
     sheet: IntArray,
     walls: list[FloatArray],
     clearance: float,
-) -> FloatArray:
-    """Return the distance of nodes to the walls of the level and to those just behind its portals."""
+) -> tuple[IndexArray, FloatArray]:
+    """Return the nodes near walls of the level or those just behind its portals, and their distances [m]."""
     near_walls = [walls[level]]
     for portal in _open_portals(building, level) if clearance > 0.0 else ():
         beyond = walls[portal.other(level)]
         close = shapely.dwithin(shapely.linestrings(beyond.reshape(-1, 2, 2)), chain(portal.segments), clearance)
         near_walls.append(_clipped(beyond[close], portal.segments, clearance))
     steps = math.ceil(clearance / window.lattice.spacing) + 2
-    edge = grown(sheet != OWN, steps) & (sheet == OWN)
-    strips = sheet > len(building.portals)
-    return wall_distance(window, edge | strips, np.concatenate(near_walls), clearance)
+    edge = grown(sheet != OWN, steps)
+    edge &= sheet == OWN
+    edge |= sheet > len(building.portals)
+    ring = np.flatnonzero(edge)
+    nodes = np.stack(np.unravel_index(ring, window.shape), axis=1)
+    return ring, wall_distance(window, nodes, np.concatenate(near_walls), clearance)
 
 
 def _clipped(walls: FloatArray, segments: FloatArray, clearance: float) -> FloatArray:

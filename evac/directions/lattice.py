@@ -1,4 +1,4 @@
-"""One lattice of nodes under the whole building, and what segments do to its links."""
+"""The common lattice of grid nodes of a building, and its links that are crossed by segments."""
 
 import math
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray, IndexArray
 
-#: Rounding slack of positions on the lattice, in cells.
+#: Rounding tolerance of positions on the lattice, in cells.
 SLACK = 1e-6
 
 
@@ -20,20 +20,20 @@ SLACK = 1e-6
 class Lattice:
     """Nodes at anchor + spacing * (i, j) in plan; every level's grid is a window of it.
 
-    The anchor is the building's corner, so that walls and corners on round coordinates run through
-    nodes: such nodes are walkable, and ways turn round such corners exactly.
+    The anchor is the corner of the building, so that walls and corners with round coordinates are on
+    nodes. Such nodes are walkable, so that paths pass such corners exactly.
 
     Attributes
     ----------
-    anchor : (x, y) of node (0, 0) [m]
-    spacing : distance of nodes [m]
+    anchor : position (x, y) of node (0, 0) [m]
+    spacing : distance of neighbouring nodes [m]
     """
 
     anchor: tuple[float, float]
     spacing: float
 
     def window(self, bounds: Iterable[float], margin: int) -> "Window":
-        """Return the nodes of the box (x_min, y_min, x_max, y_max) and `margin` nodes around it."""
+        """Return the window of the box (x_min, y_min, x_max, y_max) with `margin` nodes around it."""
         x_min, y_min, x_max, y_max = bounds
         first = [
             math.floor((low - a) / self.spacing) - margin for low, a in zip((x_min, y_min), self.anchor, strict=True)
@@ -46,7 +46,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Window:
-    """A rectangle of a lattice: its first node and its numbers of nodes."""
+    """A rectangular part of a lattice, given by its first node and its numbers of nodes."""
 
     lattice: Lattice
     first: tuple[int, int]
@@ -57,24 +57,40 @@ class Window:
         """Plan position (2,) of the first node [m]."""
         return np.array(self.lattice.anchor) + self.lattice.spacing * np.array(self.first)
 
-    def coordinates(self) -> tuple[FloatArray, FloatArray]:
-        """Return x and y of all nodes, each of the window's shape [m]."""
-        x0, y0 = self.origin
-        spacing = self.lattice.spacing
-        x, y = np.meshgrid(
-            x0 + spacing * np.arange(self.shape[0]), y0 + spacing * np.arange(self.shape[1]), indexing="ij"
-        )
+    def coordinates(self, box: tuple[slice, slice] = (slice(None), slice(None))) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of the nodes in a box, or of all, each of its shape [m]; both are views and read-only."""
+        along = [
+            start + self.lattice.spacing * np.arange(number)[part]
+            for start, number, part in zip(self.origin, self.shape, box, strict=True)
+        ]
+        x, y = np.broadcast_arrays(along[0][:, None], along[1][None, :])
         return x, y
 
+    def places(self, nodes: IndexArray) -> FloatArray:
+        """Return the plan positions (n, 2) of nodes, given by their indices (n, 2) [m]."""
+        return np.asarray(self.origin + self.lattice.spacing * nodes)
+
+    def part(self, box: tuple[slice, slice]) -> "Window":
+        """Return the nodes in a box as a window."""
+        first = self.first[0] + box[0].start, self.first[1] + box[1].start
+        return Window(self.lattice, first, (box[0].stop - box[0].start, box[1].stop - box[1].start))
+
     def box(self, low: FloatArray, high: FloatArray) -> tuple[slice, slice]:
-        """Return the slices of the nodes in a box from its least to its greatest corner (2,) [m]."""
+        """Return the slices of the nodes in a box, given by its lower and upper corners (2,) [m]."""
         first = np.maximum(np.ceil((low - self.origin) / self.lattice.spacing), 0.0).astype(int)
         last = np.floor((high - self.origin) / self.lattice.spacing).astype(int)
-        ends = np.maximum(first, last + 1)
+        ends = np.minimum(np.maximum(first, last + 1), self.shape)
+        first = np.minimum(first, ends)
         return slice(first[0], ends[0]), slice(first[1], ends[1])
 
+    def box_around(self, segments: FloatArray, reach: float) -> tuple[slice, slice]:
+        """Return the slices of a box that holds all nodes no farther than `reach` from segments (s, 4) [m]."""
+        ends = segments.reshape(-1, 2)
+        slack = reach + SLACK * self.lattice.spacing
+        return self.box(ends.min(axis=0) - slack, ends.max(axis=0) + slack)
+
     def around(self, lines: NDArray[Any], reach: float) -> "BoolArray":
-        """Mark the nodes in boxes around lines (l,), which hold all that are no farther from one than `reach` [m]."""
+        """Mark the nodes in boxes around lines (l,), which contain all nodes within `reach` [m] of a line."""
         near = np.zeros(self.shape, dtype=np.bool_)
         slack = reach + SLACK * self.lattice.spacing
         for bounds in shapely.bounds(lines):
@@ -82,7 +98,7 @@ class Window:
         return near
 
     def overlap(self, other: "Window") -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-        """Return the slices of the common nodes, in this window and in the other."""
+        """Return the slices of the common nodes, in this window and in the other one."""
         here, there = [], []
         for axis in (0, 1):
             low = max(self.first[axis], other.first[axis])
@@ -91,43 +107,55 @@ class Window:
             there.append(slice(low - other.first[axis], high - other.first[axis]))
         return (here[0], here[1]), (there[0], there[1])
 
-    def crossed_links(self, segments: FloatArray, *, touching: bool) -> "Links":
-        """Return the links between neighbouring nodes that segments cross.
+    def crossed_links(self, segments: FloatArray, axis: int, *, touching: bool) -> "Links":
+        """Return the links along an axis that segments cross.
 
         Parameters
         ----------
         segments : (s, 4) float64 [m]
+        axis : {0, 1}
+            Along x or along y.
         touching : bool
             Whether a segment through the end of a link counts as crossing it.
         """
-        links = Links(np.full(self.shape, np.nan), np.full(self.shape, np.nan))
         cells = (np.asarray(segments, dtype=np.float64).reshape(-1, 2, 2) - self.origin) / self.lattice.spacing
-        for axis, table in enumerate((links.along_x, links.along_y)):
-            _mark_links(table, cells, axis, touching)
-        return links
+        node, fraction = _crossings(self.shape, cells, axis, touching)
+        # Of several segments that cross a link the last one counts.
+        number, last = np.unique(np.ravel_multi_index(node, self.shape)[::-1], return_index=True)
+        i, j = np.unravel_index(number, self.shape)
+        return Links((i, j), (i + 1, j) if axis == 0 else (i, j + 1), fraction[::-1][last])
 
 
 @dataclass(frozen=True)
 class Links:
-    """Where links are crossed: fraction of the link at the crossing, NaN where it is not crossed.
+    """Links between neighbouring nodes that segments cross, each once.
 
-    ``along_x[i, j]`` is the link from node (i, j) to (i + 1, j), ``along_y[i, j]`` that to (i, j + 1).
+    Attributes
+    ----------
+    near, far : (c,) int64, (c,) int64
+        First and second indices of the nodes at their ends.
+    fraction : (c,) float64
+        Share of each link, from its near end, at the crossing.
     """
 
-    along_x: FloatArray
-    along_y: FloatArray
+    near: tuple[IndexArray, IndexArray]
+    far: tuple[IndexArray, IndexArray]
+    fraction: FloatArray
 
-    def along(self, axis: int) -> FloatArray:
-        """Return the table of the links along an axis."""
-        return self.along_y if axis else self.along_x
+    def some(self, which: BoolArray) -> "Links":
+        """Return some of the links."""
+        near, far = ((i[which], j[which]) for i, j in (self.near, self.far))
+        return Links(near, far, self.fraction[which])
 
 
-def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bool) -> None:
-    """Mark in `table` the links along `axis` that segments (s, 2, 2), in cells, cross; the last one of each link."""
+def _crossings(
+    shape: tuple[int, int], segments: FloatArray, axis: int, touching: bool
+) -> tuple[tuple[IndexArray, IndexArray], FloatArray]:
+    """Return the links along `axis` that segments (s, 2, 2), in cells, cross, in their order: near ends, fractions."""
     across = 1 - axis
     segments = segments[np.abs(segments[:, 1, across] - segments[:, 0, across]) >= SLACK]
     low = np.maximum(np.ceil(segments[:, :, across].min(axis=1) - SLACK), 0)
-    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), table.shape[across] - 1)
+    high = np.minimum(np.floor(segments[:, :, across].max(axis=1) + SLACK), shape[across] - 1)
     owner, rows = numbers_between(low, high)
     start, end = segments[owner, 0], segments[owner, 1]
     share = np.clip((rows - start[:, across]) / (end[:, across] - start[:, across]), 0.0, 1.0)
@@ -136,7 +164,7 @@ def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bo
     fraction = np.clip(along - link, 0.0, 1.0)
     at_node = fraction < 2.0 * SLACK
     if touching:
-        # Through a node: the links on both sides of it.
+        # A segment through a node crosses the links on both sides of it.
         order = np.argsort(np.concatenate((owner, owner[at_node])), kind="stable")
         link, rows, fraction = (
             np.concatenate((link, link[at_node] - 1))[order],
@@ -145,25 +173,24 @@ def _mark_links(table: FloatArray, segments: FloatArray, axis: int, touching: bo
         )
     else:
         link, rows, fraction = link[~at_node], rows[~at_node], fraction[~at_node]
-    kept = (link >= 0) & (link < table.shape[axis] - 1)
-    place = (link[kept], rows[kept]) if axis == 0 else (rows[kept], link[kept])
-    table[place] = fraction[kept]
+    kept = (link >= 0) & (link < shape[axis] - 1)
+    return (link[kept], rows[kept]) if axis == 0 else (rows[kept], link[kept]), fraction[kept]
 
 
 def numbers_between(first: FloatArray, last: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return the whole numbers from each of `first` (r,) to each of `last` (r,), and before them which r each is of."""
+    """Return the concatenated ranges from `first` (r,) to `last` (r,), preceded by the range index of each number."""
     count = np.maximum(last - first + 1.0, 0.0).astype(np.int64)
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) + (first.astype(np.int64) - np.cumsum(count) + count)[owner]
 
 
 def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> tuple[BoolArray, IndexArray]:
-    """Return the nodes that the march of a level visits, and which of them stands for each other node of the level.
+    """Return the nodes that are used for marching on a level, and the nodes that represent the others.
 
-    Marching couples neighbouring nodes, so it passes a wall thinner than a cell unless every link through that wall
-    loses one end: the one nearer to the wall, hence never a node more than half a cell from it, and no door closes.
-    A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face; where two walls touch in a
-    point, no link passes between them.
+    Marching couples neighbouring nodes, so it would pass a wall thinner than a cell unless every link through the wall
+    loses one end. The end nearer to the wall is excluded, which is at most half a cell from it, so that no door is
+    closed. A wall exactly one cell thick, with both faces on nodes, loses the nodes of one face. No link passes between
+    two walls that touch in a point.
 
     Parameters
     ----------
@@ -176,35 +203,36 @@ def walkable_nodes(window: Window, polygon: BaseGeometry, walls: FloatArray) -> 
     -------
     nodes : (nx, ny) bool
     stands_for : (3, m) int64
-        Flat indices of a node of the level that is not visited, of the visited node in sight beside it, and of the
-        next one in line, or again the first one where that is not visited.
+        Flat indices of an excluded node of the level, of the visible node beside it that represents it, and of the
+        next node in line, or again of the representing node if that one is excluded.
     """
-    x, y = window.coordinates()
     slack = SLACK * window.lattice.spacing
     grown = shapely.buffer(polygon, slack, join_style="mitre")
     shapely.prepare(grown)
-    inside: BoolArray = np.asarray(shapely.intersects_xy(grown, x, y), dtype=np.bool_)
+    inside: BoolArray = np.asarray(shapely.intersects_xy(grown, *window.coordinates()), dtype=np.bool_)
     slits, pinches = _slits(polygon, walls, slack), _pinches(polygon, slack)
-    outline = window.crossed_links(_outline(polygon), touching=True)
-    within = window.crossed_links(slits, touching=False)
-    pinched = window.crossed_links(_crosses_at(pinches, slack), touching=True)
     left_out = np.zeros_like(inside)
     for axis in (0, 1):
-        near, far = _ends(inside, axis)
-        out_near, out_far = _ends(left_out, axis)
-        at_outline, at_slit, at_pinch = (_ends(links.along(axis), axis)[0] for links in (outline, within, pinched))
-        leaves = near & far & ~np.isnan(at_outline)
-        ends = [np.stack((a[leaves], b[leaves]), axis=-1) for a, b in (_ends(x, axis), _ends(y, axis))]
-        leaves[leaves] = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=-1)))
-        cut = (leaves, at_outline), (~np.isnan(at_slit), at_slit), (~np.isnan(at_pinch), at_pinch)
-        for crossed, part in cut:
-            out_near |= near & far & crossed & (part <= 0.5)
-            out_far |= near & far & crossed & (part > 0.5)
-    # Also the nodes on a slit, and where it meets the outline, whose neighbourhood was taken off it.
+        outline, within, pinched = (
+            links.some(inside[links.near] & inside[links.far])
+            for links in (
+                window.crossed_links(_outline(polygon), axis, touching=True),
+                window.crossed_links(slits, axis, touching=False),
+                window.crossed_links(_crosses_at(pinches, slack), axis, touching=True),
+            )
+        )
+        ends = [window.places(np.stack(nodes, axis=-1)) for nodes in (outline.near, outline.far)]
+        leaves = ~shapely.covers(grown, shapely.linestrings(np.stack(ends, axis=1)))
+        for links in (outline.some(leaves), within, pinched):
+            at_near = links.fraction <= 0.5
+            left_out[links.some(at_near).near] = True
+            left_out[links.some(~at_near).far] = True
+    # Also the nodes on a slit and at its ends on the outline, where its surroundings were removed from it.
     reach = 10.0 * slack
-    for slit in slits.reshape(-1, 2, 2):
-        box = window.box(slit.min(axis=0) - reach, slit.max(axis=0) + reach)
-        left_out[box] |= shapely.dwithin(shapely.LineString(slit), shapely.points(x[box], y[box]), reach)
+    for slit in slits:
+        box = window.box_around(slit, reach)
+        near = shapely.dwithin(shapely.LineString(slit.reshape(2, 2)), shapely.points(*window.coordinates(box)), reach)
+        left_out[box] |= near
     nodes = inside & ~left_out
     ground = shapely.difference(grown, shapely.buffer(shapely.multipoints(pinches), reach))
     return nodes, _stand_ins(window, inside & left_out, nodes, ground, slits)
@@ -217,17 +245,17 @@ def _outline(polygon: BaseGeometry) -> FloatArray:
 
 
 def _pinches(polygon: BaseGeometry, slack: float) -> FloatArray:
-    """Return the points (p, 2) in which the outline touches itself: ground on two sides, and no way through."""
+    """Return the points (p, 2) in which the outline touches itself, where nobody can pass."""
     sides = _outline(polygon)
     corners = np.unique(sides[:, :2], axis=0)
     lines = shapely.STRtree(shapely.linestrings(sides.reshape(-1, 2, 2)))
     corner, _ = lines.query(shapely.points(corners), predicate="dwithin", distance=slack)
-    # A corner of one outline has two sides.
+    # A simple corner of an outline has two sides.
     return corners[np.bincount(corner, minlength=len(corners)) > 2]
 
 
 def _crosses_at(points: FloatArray, size: float) -> FloatArray:
-    """Return two small segments (2 p, 4) at each of some points, across the grid's lines both ways."""
+    """Return two small diagonal segments (2 p, 4) at each point, which cross the grid lines in both directions."""
     across, along = np.array([size, 0.0]), np.array([0.0, size])
     arms = [np.concatenate([points - arm, points + arm], axis=1) for arm in (across, along)]
     return np.concatenate(arms)
@@ -236,8 +264,7 @@ def _crosses_at(points: FloatArray, size: float) -> FloatArray:
 def _stand_ins(
     window: Window, left_out: BoolArray, nodes: BoolArray, ground: BaseGeometry, slits: FloatArray
 ) -> IndexArray:
-    """Return flat indices (3, m): nodes left out, the nearest visited node in sight of each, and the one behind it."""
-    places = np.stack(window.coordinates(), axis=-1)
+    """Return flat indices (3, m) of excluded nodes, the nearest visible node of each, and the next node in line."""
     shapely.prepare(ground)
     barrier = shapely.multilinestrings(shapely.linestrings(slits.reshape(-1, 2, 2)))
     shapely.prepare(barrier)
@@ -247,11 +274,11 @@ def _stand_ins(
         beside = waiting + step
         has_node = nodes[tuple(beside.T)]
         one, two = waiting[has_node], beside[has_node]
-        sight = shapely.linestrings(np.stack([places[tuple(one.T)], places[tuple(two.T)]], axis=1))
+        sight = shapely.linestrings(np.stack([window.places(one), window.places(two)], axis=1))
         clear = shapely.covers(ground, sight) & ~shapely.crosses(barrier, sight)
         one, two = one[clear], two[clear]
         three = two + step
-        # Diagonally a wall may stand between two visited nodes.
+        # Along a diagonal, there may be a wall between two nodes.
         in_line = nodes[tuple(three.T)] & (0 in step)
         three = np.where(in_line[:, None], three, two)
         found.append([np.ravel_multi_index(tuple(index.T), nodes.shape) for index in (one, two, three)])
@@ -261,13 +288,8 @@ def _stand_ins(
     return np.concatenate([np.array(part, dtype=np.int64).reshape(3, -1) for part in found], axis=1)
 
 
-def _ends(nodes: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return views of the first and second ends of all links along `axis`."""
-    return (nodes[:-1, :], nodes[1:, :]) if axis == 0 else (nodes[:, :-1], nodes[:, 1:])
-
-
 def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray:
-    """Return the parts (s, 4) of walls with the level on both sides: those off its outline."""
+    """Return the parts (s, 4) of walls that are not on the outline, with the level on both sides."""
     sides, outline = shapely.linestrings(walls.reshape(-1, 2, 2)), shapely.buffer(polygon.boundary, slack)
     shapely.prepare(outline)
     rest = shapely.difference(sides[~shapely.covers(outline, sides)], outline)
@@ -275,14 +297,12 @@ def _slits(polygon: BaseGeometry, walls: FloatArray, slack: float) -> FloatArray
     return np.array([line[[0, -1]].ravel() for line in lines], dtype=np.float64).reshape(-1, 4)
 
 
-def wall_distance(window: Window, nodes: BoolArray, walls: FloatArray, reach: float) -> FloatArray:
-    """Return the distance [m] of `nodes` from the nearest wall, `reach` where it is farther."""
-    distance = np.full(window.shape, reach)
-    chosen = np.flatnonzero(nodes)
-    x, y = window.coordinates()
-    points = shapely.points(x.ravel()[chosen], y.ravel()[chosen])
+def wall_distance(window: Window, nodes: IndexArray, walls: FloatArray, reach: float) -> FloatArray:
+    """Return the distance (n,) of nodes with indices (n, 2) from the nearest wall, at most `reach` [m]."""
+    distance = np.full(len(nodes), reach)
+    points = shapely.points(window.places(nodes))
     lines = shapely.linestrings(walls.reshape(-1, 2, 2))
-    # Walls are far fewer than nodes, and quicker to ask for what is near them.
+    # There are far fewer walls than nodes, so nodes are searched around walls.
     wall, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=reach)
-    np.minimum.at(distance.ravel(), chosen[near], shapely.distance(points[near], lines[wall]))
+    np.minimum.at(distance, near, shapely.distance(points[near], lines[wall]))
     return distance

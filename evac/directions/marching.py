@@ -1,4 +1,4 @@
-"""Fast marching through a building: level by level, through the halos of its portals."""
+"""Fast marching through a building, level by level, through the halos of portals."""
 
 import heapq
 import math
@@ -17,24 +17,24 @@ from evac.directions.grids import OWN, BuildingGrids, LevelGrid, use_towards
 from evac.directions.lattice import SLACK
 from evac.directions.strips import points_along
 
-#: Greatest difference left at a portal, in the time of one cell.
+#: Largest remaining cost difference at a portal, in units of the time per cell.
 TOLERANCE = 0.25
-#: Radius of the ring around an exit that a plain field starts from, in cells.
+#: Radius in cells of the ring around an exit at which plain fields start.
 RING = 3
 
 
 @dataclass(frozen=True)
 class Metric:
-    """What a march adds up.
+    """The cost that is minimised along paths.
 
     Attributes
     ----------
     slowness : (levels, 3) float64
-        Cost of a metre in plan, by level and use (flat, up, down) [s/m].
+        Cost per metre in plan, by level and use (flat, up, down) [s/m].
     factor : (nodes,) float64
-        What it is multiplied with at each node; at least 1.
+        Factor of the slowness at each node; at least 1.
     is_plain : bool
-        Whether it is the same on all of a level, but for gaps that nobody fits through.
+        Whether the cost per metre is uniform on each level, except for gaps that nobody fits through.
     """
 
     slowness: FloatArray
@@ -43,33 +43,33 @@ class Metric:
 
 
 def march(grids: BuildingGrids, metric: Metric, exits: list[Exit], order: int) -> FloatArray:
-    """Return the least cost from every node of every grid to the nearest of some exits.
+    """Return the minimum cost from each node of all grids to any of the given exits.
 
-    A level is marched from the exits on it, and from each portal behind which the cost is less:
-    from the contour of the neighbour's field at its minimum on that portal, which lies in the halo,
-    so that the wave meets the portal as it does on the neighbour's own grid. Portals are taken in
-    order of that minimum until no level can fall any more.
+    A level is marched from the exits on it, and from each portal behind which the cost is lower. A march from a portal
+    starts at the contour of the neighbour's field at its minimum on the portal. This contour is in the halo, so that
+    the wave reaches the portal as it does on the grid of the neighbour. Portals are processed in the order of this
+    minimum until the cost of no level decreases any more.
 
     Parameters
     ----------
     grids : BuildingGrids
     metric : Metric
     exits : list of Exit
-        Open exits to end at.
+        Open exits, where the cost is 0.
     order : {1, 2}
         Order of the marching stencil.
 
     Returns
     -------
     (nodes,) float64
-        Cost [s]: own nodes and halos as marched with each level, negative behind the exits, inf where no
-        way leads.
+        Cost [s] of own nodes and of halos as marched with each level; negative behind exits, inf where no exit can be
+        reached.
     """
     return _March(grids, metric, order).run(exits)
 
 
 class _March:
-    """The costs found so far, and the portals still to be looked at."""
+    """The costs found so far, and the queue of portals."""
 
     def __init__(self, grids: BuildingGrids, metric: Metric, order: int) -> None:
         self.grids = grids
@@ -79,9 +79,9 @@ class _March:
         self.is_plain = metric.is_plain
         self.cost = np.full(grids.size, math.inf)
         self.pending: list[tuple[float, int, int]] = []
-        #: How often each level fell.
+        #: Number of times that the cost of each level decreased.
         self.falls = [0] * len(grids.levels)
-        #: Per (portal, level entered): falls of the level behind, and the cost last marched from since.
+        #: Per (portal, level entered): decreases of the level behind, and the last cost marched from since then.
         self.tried: dict[tuple[int, int], tuple[int, float]] = {}
 
     def run(self, exits: list[Exit]) -> FloatArray:
@@ -102,7 +102,7 @@ class _March:
         return self.cost
 
     def _queue_portals(self, level: int) -> None:
-        """Queue a look through every portal of a level, from both of its sides."""
+        """Add all portals of a level to the queue, in both directions."""
         for portal in self.grids.portals_of(level):
             for entered in portal.levels:
                 start = self._start(portal, entered)
@@ -110,10 +110,11 @@ class _March:
                     heapq.heappush(self.pending, (start, portal.index, entered))
 
     def _start(self, portal: Portal, entered: int) -> float:
-        """Return the least cost on a portal where the level behind it has less than `entered`; inf if nowhere.
+        """Return the minimum cost on a portal where the level behind has a lower cost than `entered`; inf if nowhere.
 
-        What was marched from before counts again only if the level behind has fallen since: a wave from
-        the least cost need not pass everywhere before greater ones, as where two exits lie behind a wide portal.
+        Costs that were marched from before are used again only if the level behind has decreased since. More than one
+        march may be needed because a wave from the minimum cost is not the first one everywhere, for example if two
+        exits are behind a wide portal.
         """
         beyond = portal.other(entered)
         points, _ = points_along(portal.segments, 0.5 * self.spacing)
@@ -126,11 +127,11 @@ class _March:
         return float(behind[lower].min()) if lower.any() else math.inf
 
     def _step(self, portal: Portal) -> float:
-        """Return the difference that is let be at a portal."""
+        """Return the cost difference that is tolerated at a portal [s]."""
         return TOLERANCE * self.spacing * float(self.metric.slowness[list(portal.levels)].max())
 
     def _enter(self, portal: Portal, level: int) -> None:
-        """March a level from one of its portals, if that lowers it."""
+        """March a level from one of its portals, if this lowers its cost."""
         start = self._start(portal, level)
         if start == math.inf:
             return
@@ -139,30 +140,30 @@ class _March:
         self._queue_portals(level)
 
     def _march_from_exits(self, grid: LevelGrid, use: int, rows: int, exits: list[Exit]) -> None:
-        """March from the lines of exits that have strips of as many `rows` behind them.
+        """March from the lines of exits whose strips have a given number of `rows`.
 
-        The plain field starts from the exact ring around them: across the ends of a line it has a kink,
-        which the stencil of second order takes badly. A bent field starts behind them, half a cell
-        before the last row of nodes that a strip has for certain, or where there is no strip from the ring around
-        the middle of each exit, a clearance off its posts.
+        A plain field starts at an exact ring around the lines, since the field has a kink at the ends of a line, which
+        reduces the accuracy of the second-order stencil. A field with clearance starts behind the exits, half a cell
+        before the last row of nodes that is certainly in the strip. Without a strip, it starts at a ring around the
+        middle of each exit, at a clearance from its posts.
         """
         behind = np.isin(grid.sheet, [1 + self.grids.building.link_of(exit_) for exit_ in exits])
         walkable = behind | self.grids.is_ground(grid)
         ring = (RING if self.is_plain or rows == 0 else 1.5 - rows) * self.spacing
         off_posts = self.grids.clearance if rows == 0 and not self.is_plain else 0.0
         lines = shapely.multilinestrings([line for exit_ in exits for line in _middles(exit_.segments, off_posts)])
-        # Farther off, phi is the spacing.
+        # At larger distances, phi is the spacing.
         distance = self._distance_from(grid, lines, behind, max(0.0, ring + self.spacing))
         distance[behind] *= -1.0
-        phi = np.minimum(distance - ring, self.spacing)
-        found = self._solve(grid, phi, use, None, walkable)
+        exact = walkable & (distance - ring <= 0.0)
+        known = distance[exact] * self.metric.slowness[grid.level, use]
+        phi = np.subtract(distance, ring, out=distance)
+        found = self._solve(grid, np.minimum(phi, self.spacing, out=phi), use, None, walkable)
         if found is None:
-            # Nothing beyond the ring: a level of a few cells.
+            # No nodes outside the ring, as on a level with few cells.
             found = np.full(phi.shape, math.inf)
-        slowness = self.metric.slowness[grid.level, use]
-        found += ring * slowness
-        exact = walkable & (phi <= 0.0)
-        found[exact] = distance[exact] * slowness
+        found += ring * self.metric.slowness[grid.level, use]
+        found[exact] = known
         self._lower(grid, found)
 
     def _distance_from(
@@ -170,30 +171,31 @@ class _March:
     ) -> FloatArray:
         """Return the distance of nodes from lines on exits.
 
-        It is that of the nodes `behind` the exits and of own nodes up to `reach` [m] from the lines; inf for all
-        others, and for own ones that a wall hides.
+        It is given for nodes `behind` the exits and for own nodes within `reach` [m] of the lines, and inf for all
+        other nodes and for own nodes hidden by a wall.
         """
         x, y = grid.window.coordinates()
         distance = np.full(x.shape, math.inf)
         near = grid.window.around(shapely.get_parts(lines), reach)
-        nodes = behind | (near & (grid.sheet == OWN))
+        near &= grid.sheet == OWN
+        nodes = behind | near
         shapely.prepare(lines)
         distance[nodes] = shapely.distance(lines, shapely.points(x[nodes], y[nodes]))
-        close = np.flatnonzero(nodes & (grid.sheet == OWN))
+        close = np.argwhere(near)
         building = self.grids.building
         walls = building.walls[building.wall_level == grid.level].reshape(-1, 2, 2)
         if len(close) and len(walls):
             barrier = shapely.multilinestrings(shapely.linestrings(walls))
             shapely.prepare(barrier)
-            sight = shapely.shortest_line(shapely.points(x.ravel()[close], y.ravel()[close]), lines)
-            # Without its ends: a node may lie on a wall, and walls begin where the exit ends.
+            sight = shapely.shortest_line(shapely.points(grid.window.places(close)), lines)
+            # Exclude the ends: a node may be on a wall, and walls begin at the ends of an exit.
             ends = shapely.get_coordinates(sight).reshape(-1, 2, 2)
             inner = np.array([[0.99, 0.01], [0.01, 0.99]]) @ ends
             hidden = shapely.crosses(barrier, shapely.linestrings(inner))
             ground = shapely.buffer(building.levels[grid.level].polygon, SLACK * self.spacing, join_style="mitre")
             shapely.prepare(ground)
             hidden |= ~shapely.covers(ground, sight)
-            distance.ravel()[close[hidden]] = math.inf
+            distance[tuple(close[hidden].T)] = math.inf
         return distance
 
     def _march_from_portal(self, grid: LevelGrid, portal: Portal, start: float) -> None:
@@ -225,22 +227,28 @@ class _March:
     def _solve(
         self, grid: LevelGrid, phi: FloatArray, use: int, through: Portal | None, walkable: NDArray[np.bool_]
     ) -> FloatArray | None:
-        """Return the cost from the zero contour of `phi`, inf where the wave does not come; None without a contour."""
+        """Return the cost from the zero contour of `phi`, inf where no wave arrives; None without a contour."""
         if not _has_contour(phi, walkable):
             return None
         by_sheet = self._slowness_by_sheet(grid, use, through)
         slowness = by_sheet[grid.sheet]
         if through is not None:
-            # A wave that grazes the portal runs along it at the greater of the two speeds.
+            # A wave that grazes the portal propagates along it at the larger of the two speeds.
             on_portal = grid.seams[through.index][0] - grid.offset
             slowness.ravel()[on_portal] = min(by_sheet[OWN], by_sheet[1 + through.index])
-        slowness[walkable] *= self.metric.factor[grid.source[walkable]]
-        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), 1.0 / slowness, dx=self.spacing, order=self.order)
-        found: FloatArray = np.ma.filled(cost, math.inf)
+        halo = self.grids.is_ground(grid) & (grid.sheet != OWN)
+        beyond = slowness[halo] * self.metric.factor[grid.source[halo]]
+        slowness *= self.metric.factor[grid.packed].reshape(slowness.shape)
+        slowness[halo] = beyond
+        speed = np.divide(1.0, slowness, out=slowness)
+        # The march takes some ten times the memory of an array of its nodes: nothing is copied here.
+        cost = skfmm.travel_time(np.ma.array(phi, mask=~walkable), speed, dx=self.spacing, order=self.order)
+        found: FloatArray = np.ma.getdata(cost)
+        found[np.ma.getmaskarray(cost)] = math.inf
         return found
 
     def _slowness_by_sheet(self, grid: LevelGrid, use: int, through: Portal | None) -> FloatArray:
-        """Return the cost of a metre on each sheet: halos are left towards this level, the one marched from entered."""
+        """Return the cost per metre on each sheet: walking from halos to this level, or into the halo `through`."""
         building = self.grids.building
         table: FloatArray = np.full(building.n_links + 2, self.metric.slowness[grid.level, use])
         for portal in self.grids.portals_of(grid.level):
@@ -251,7 +259,7 @@ class _March:
         return table
 
     def _lower(self, grid: LevelGrid, found: FloatArray) -> None:
-        """Take over what is lower."""
+        """Update the costs of a level where the new ones are lower."""
         cost = self.cost[grid.packed]
         new = found.ravel()
         noticed = TOLERANCE * self.spacing * self.metric.slowness[grid.level].min()
@@ -259,7 +267,7 @@ class _March:
         np.minimum(cost, new, out=cost)
 
     def _at(self, level: int, points: FloatArray, values: FloatArray | None = None) -> FloatArray:
-        """Return costs (or other packed values) of a level at points, over the nodes that have one."""
+        """Interpolate costs (or other packed values) of a level at points, using the nodes with finite values."""
         grid = self.grids.levels[level]
         own = (self.cost if values is None else values)[grid.packed].reshape(grid.window.shape)
         cells = (points - grid.window.origin) / self.spacing
@@ -269,7 +277,7 @@ class _March:
         weights = np.zeros(len(points))
         for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
             value = own[ix + a, iy + b]
-            # A corner of weight zero still counts where it is the only one with a value.
+            # A corner of weight zero is used if it is the only one with a value.
             weight = np.where(np.isfinite(value), np.abs(1 - a - fx) * np.abs(1 - b - fy) + 1e-12, 0.0)
             total += weight * np.where(np.isfinite(value), value, 0.0)
             weights += weight
@@ -278,7 +286,7 @@ class _March:
 
 
 def _has_contour(phi: FloatArray, walkable: NDArray[np.bool_]) -> bool:
-    """Return whether phi changes its sign between two walkable nodes next to each other."""
+    """Return whether phi changes its sign between two neighbouring walkable nodes."""
     below, above = walkable & (phi <= 0.0), walkable & (phi > 0.0)
     return bool(
         (below & (phi < 0.0)).any()
@@ -290,7 +298,7 @@ def _has_contour(phi: FloatArray, walkable: NDArray[np.bool_]) -> bool:
 
 
 def _middles(segments: FloatArray, off_ends: float) -> list[BaseGeometry]:
-    """Return the lines of an exit without so much at each end, but at least half of each [m]."""
+    """Return the lines of an exit shortened by `off_ends` [m] at each end, but at least half of each line."""
     lines = shapely.linestrings(segments.reshape(-1, 2, 2))
     if off_ends == 0.0:
         return list(lines)

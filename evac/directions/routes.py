@@ -1,10 +1,10 @@
-"""What a person can follow: a destination and a strategy."""
+"""Routes that people follow: a destination and a strategy."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-#: What the way out is the least of: length along the slope, time at the reference speeds, or time with that on
-#: stairs weighted by the case's comfort factor.
+#: Strategies, which minimise the length along the slope, the time at the reference speeds, or the time with stairs
+#: weighted by the comfort factor of the case.
 Strategy = Literal["shortest", "fastest", "comfortable"]
 STRATEGIES: tuple[str, ...] = get_args(Strategy)
 
@@ -16,7 +16,7 @@ class Route:
     Attributes
     ----------
     exits : tuple of str
-        Names of the exits it may end at; empty means any.
+        Names of the permitted exits; empty means any exit.
     strategy : str
         One of `STRATEGIES`.
     """
@@ -26,11 +26,11 @@ class Route:
 
     @property
     def destination(self) -> str:
-        """The exits in words, such as ``"north|south"``."""
+        """The exits as text, such as ``"north|south"``."""
         return "|".join(self.exits) or "any exit"
 
     def leads_to(self, name: str) -> bool:
-        """Say whether the route may end at the exit of this name."""
+        """Return whether the route may end at the exit of this name."""
         return not self.exits or name in self.exits
 
     def __str__(self) -> str:

@@ -1,23 +1,23 @@
-"""Kernels that read the packed fields at a position; called by every other kernel that walks."""
+"""Kernels that interpolate the packed fields at positions."""
 
 import math
 
 from evac.directions.fields import CellWalls, PackedFields
 from evac.jit import Floats, Ints, Pairs, inner, kernel
 
-#: Unit vectors whose weighted mean is shorter than this differ much; shorter than the second, they cancel.
+#: Lengths of the weighted mean of unit vectors below which they differ strongly, and below which they cancel.
 AGREEING, CANCELLING = 0.9, 0.1
 
-#: Nodes of a cell differ by no more than this many times the steepest increase over its side, but across a wall.
+#: Nodes of a cell that differ by more than this multiple of the steepest increase along its side are divided by a wall.
 LARGEST_RISE = 1.5 * math.sqrt(2.0)
 
-#: Product of two distances from a wall below which a point counts as on it [m2].
+#: Product of the distances of two points from a wall below which one of them counts as on the wall [m2].
 TOUCHING = 1e-9
 
 
 @inner
 def cell_of(fields: PackedFields, position_x: float, position_y: float, level: int) -> tuple[int, int, float, float]:
-    """Return the lower node (ix, iy) of the cell at a position and the fractions in it, clamped to the grid."""
+    """Return the lower node (ix, iy) of the cell at a position and the fractions within it, clamped to the grid."""
     nx, ny = fields.shape[level, 0], fields.shape[level, 1]
     across = (position_x - fields.origin[level, 0]) / fields.spacing
     along = (position_y - fields.origin[level, 1]) / fields.spacing
@@ -30,7 +30,7 @@ def cell_of(fields: PackedFields, position_x: float, position_y: float, level: i
 
 @inner
 def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
-    """Return where the walls through a cell (ix * ny + iy) of a level are in ``walls.wall``, as first and last + 1."""
+    """Return the range (first, last + 1) in ``walls.wall`` of the walls through a cell (ix * ny + iy) of a level."""
     low, high = 0, walls.cell.shape[0]
     if high == 0:
         return 0, 0
@@ -48,9 +48,9 @@ def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
 
 @inner
 def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, route: int) -> float:
-    """Return the travel time [s] at a position, inf without a way.
+    """Return the travel time [s] at a position, inf where the destination cannot be reached.
 
-    Bilinear over the nodes of the cell that have one; where they differ by more than a cell can, over those in sight.
+    Bilinear over the nodes of the cell with finite values; only over visible ones if they differ too much for one cell.
     """
     row = fields.field_of[level, route]
     if row < 0:
@@ -100,44 +100,50 @@ def node_at(
 def sample_direction(
     fields: PackedFields, position_x: float, position_y: float, level: int, route: int
 ) -> tuple[float, float]:
-    """Return the unit direction (ex, ey) at a position; (0, 0) where there is no way out.
+    """Return the unit direction (ex, ey) at a position; (0, 0) where the destination cannot be reached.
 
-    Bilinear over the unit vectors of the cell, normalised; the nearest node's where they cancel, as on the line
-    between two equal ways round an obstacle. Where they differ much, only nodes in sight count.
+    The bilinear interpolation of unit vectors is normalised. Where the vectors cancel, as between two equal ways around
+    an obstacle, the direction of the nearest node is used. Where they differ strongly, only visible nodes are used.
     """
     node, ix, iy, fx, fy = node_at(fields, position_x, position_y, level, route)
     if node < 0:
         return 0.0, 0.0
-    ex, ey = mean_direction(fields.direction, node, node + fields.shape[level, 1], fx, fy)
-    return unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
+    high = node + fields.shape[level, 1]
+    return direction_in_cell(fields, level, node, ix, iy, fx, fy, fields.direction, node, high)
 
 
 @inner
-def mean_direction(direction: Pairs, low: int, high: int, fx: float, fy: float) -> tuple[float, float]:
-    """Return the bilinear mean of four vectors: `low` and the next one at the lower x, `high` and the next one."""
+def direction_in_cell(
+    fields: PackedFields,
+    level: int,
+    node: int,
+    ix: int,
+    iy: int,
+    fx: float,
+    fy: float,
+    direction: Pairs,
+    low: int,
+    high: int,
+) -> tuple[float, float]:
+    """Return `sample_direction` in a cell whose nodes are in rows of `direction`: `low`, `high` at the greater x.
+
+    Each is followed by the row of the node at the greater y.
+    """
     w11 = fx * fy
     w10 = fx - w11
     w01 = fy - w11
     w00 = 1.0 - fx - w01
     ex = w00 * direction[low, 0] + w10 * direction[high, 0] + w01 * direction[low + 1, 0] + w11 * direction[high + 1, 0]
     ey = w00 * direction[low, 1] + w10 * direction[high, 1] + w01 * direction[low + 1, 1] + w11 * direction[high + 1, 1]
-    return ex, ey
-
-
-@inner
-def unit_direction(
-    fields: PackedFields, level: int, node: int, ix: int, iy: int, fx: float, fy: float, ex: float, ey: float
-) -> tuple[float, float]:
-    """Return the unit vector along a mean (ex, ey), or what `sample_direction` returns where that is short."""
     length = math.sqrt(ex * ex + ey * ey)
     if length < AGREEING:
         ny = fields.shape[level, 1]
         first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
         if first < last:
             return _direction_in_sight(fields, level, node, ix, iy, fx, fy, first, last)
-        if length < CANCELLING:
-            nearest = node + (ny if fx >= 0.5 else 0) + (1 if fy >= 0.5 else 0)
-            return fields.direction[nearest, 0], fields.direction[nearest, 1]
+    if length < CANCELLING:
+        nearest = (high if fx >= 0.5 else low) + (1 if fy >= 0.5 else 0)
+        return direction[nearest, 0], direction[nearest, 1]
     return ex / length, ey / length
 
 
@@ -145,7 +151,7 @@ def unit_direction(
 def _direction_in_sight(
     fields: PackedFields, level: int, n00: int, ix: int, iy: int, fx: float, fy: float, first: int, last: int
 ) -> tuple[float, float]:
-    """Return `sample_direction` from those nodes of a cell that none of its walls, first to last, hides."""
+    """Return the direction as in `sample_direction`, from the nodes of a cell not hidden by walls first to last."""
     ny = fields.shape[level, 1]
     ex, ey, total = 0.0, 0.0, 0.0
     heaviest = -1.0
@@ -180,10 +186,10 @@ def _is_corner_hidden(
     first: int,
     last: int,
 ) -> bool:
-    """Say whether a wall, first to last, stands between node (ix + a, iy + b) and the place (fx, fy) in its cell.
+    """Return whether one of the walls first to last is between node (ix + a, iy + b) and the position (fx, fy).
 
-    A wall that ends at or passes through one of them does not; a point counts as on a wall when it is nearer than about
-    1e-9 m, which covers rounding.
+    A wall that ends at or passes through one of them does not hide it. A point nearer than about 1e-9 m to a wall
+    counts as on it, which covers rounding errors.
     """
     x0 = fields.origin[level, 0] + fields.spacing * ix
     y0 = fields.origin[level, 1] + fields.spacing * iy

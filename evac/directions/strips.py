@@ -1,6 +1,7 @@
-"""Strips of nodes behind exits: where the march of a level starts, so that ways turn round the posts of an exit."""
+"""Strips of nodes behind exits, where marching starts so that paths pass the posts of exits at a distance."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -11,34 +12,34 @@ from evac.arrays import BoolArray, FloatArray
 from evac.building.edges import side_of
 from evac.directions.lattice import SLACK, Window
 
-#: A strip of fewer rows cannot hold the contour that a march starts from.
+#: Minimum number of rows of a strip that can contain the contour at which marching starts.
 LEAST_ROWS = 3
-#: A point behind an exit is nearest to its own place on the exit where no other part is nearer by more than this share.
+#: Tolerance, as a share, for other parts of an exit that are nearer to a point behind it than its foot point.
 STRAIGHT = 0.05
 
 
 def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: int) -> int:
-    """Return how many rows of nodes fit behind all of an exit before other ground begins; 0 below `LEAST_ROWS`.
+    """Return the number of rows of nodes that fit behind all of an exit; 0 if it is less than `LEAST_ROWS`.
 
-    Behind an exit there may be ground of the same level, a strip of another exit, or another part of the exit itself:
-    a balcony behind a door, say, or the far side of a hatch whose four sides are one exit.
+    The space behind an exit may be limited by ground of the same level, a strip of another exit, or another part of
+    the same exit, such as a balcony behind a door, or the opposite side of a hatch whose four sides are one exit.
 
     Parameters
     ----------
     segments : (s, 4) float64
-        Of the exit, the level on their left [m].
+        Segments of the exit, with the level on their left [m].
     ground : shapely geometry
-        Where a strip must not be.
+        Ground that the strip must not overlap.
     spacing : float
-        Distance of rows [m].
+        Distance between rows [m].
     most : int
-        Rows that are wanted.
+        Requested number of rows.
     """
     place, outward = points_along(segments, 0.5 * spacing)
     depth = spacing * np.arange(1, most + 1)
     points = place[:, None, :] + depth[:, None] * outward[:, None, :]
     is_free = shapely.distance(chain(segments), shapely.points(points)) > (1.0 - STRAIGHT) * depth
-    # One row more: nodes beside other ground are left out.
+    # One more row is required, since nodes adjacent to other ground are excluded.
     beyond = shapely.linestrings(
         np.stack([place + SLACK * spacing * outward, place + (most + 1) * spacing * outward], axis=1)
     )
@@ -48,18 +49,17 @@ def free_rows(segments: FloatArray, ground: BaseGeometry, spacing: float, most: 
     return rows if rows >= LEAST_ROWS else 0
 
 
-def behind(window: Window, segments: FloatArray, rows: int) -> BoolArray:
-    """Return the nodes within a strip some rows of nodes deep behind exit segments."""
-    x, y = window.coordinates()
+def behind(window: Window, segments: FloatArray, rows: int) -> Iterator[tuple[tuple[slice, slice], BoolArray]]:
+    """Yield, for each segment of an exit, a box and the mask of its nodes in a strip of a number of rows behind it."""
     depth = rows * window.lattice.spacing
-    found = np.zeros(window.shape, dtype=np.bool_)
     for segment in segments:
+        box = window.box_around(segment, depth)
+        x, y = window.coordinates(box)
         x1, y1, x2, y2 = segment
         length = math.hypot(x2 - x1, y2 - y1)
         ahead = side_of(segment, x, y) / length
         along = ((x2 - x1) * (x - x1) + (y2 - y1) * (y - y1)) / length
-        found |= (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
-    return found
+        yield box, (ahead < 0.0) & (ahead >= -depth) & (along >= 0.0) & (along <= length)
 
 
 def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
@@ -71,7 +71,7 @@ def outward_directions(segments: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _outward(segments: FloatArray) -> FloatArray:
-    """Return the unit normals (s, 2) of segments on their right, where the level is not."""
+    """Return the unit normals (s, 2) of segments to their right, away from the level."""
     normal = np.column_stack([segments[:, 3] - segments[:, 1], segments[:, 0] - segments[:, 2]])
     unit: FloatArray = normal / np.linalg.norm(normal, axis=1)[:, None]
     return unit

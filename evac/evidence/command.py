@@ -1,4 +1,4 @@
-"""How a kind of evidence is recomputed."""
+"""Recomputation of one kind of evidence."""
 
 import csv
 import importlib
@@ -34,17 +34,17 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
         The page, tables and plots go to ``folder / kind``; ``folder / README.md`` lists the kinds there. For
         docs/evidence of a checkout, the verdicts that reports show are written as well.
     quick : bool
-        Seconds instead of minutes.
+        Smaller and fewer cases: seconds instead of minutes.
     seed : int
     page_only : bool
-        Measure nothing: write the page, and the index, from the tables of an earlier run.
+        Do not measure: write the page and the index from the tables of an earlier run.
 
     Raises
     ------
     ScenarioError
-        Unknown kind.
+        The kind is unknown.
     ResultError
-        The folder cannot be written, or lacks the tables of an earlier run where only the page is written.
+        The folder cannot be written, or with `page_only` lacks the tables of an earlier run.
     """
     if kind not in KINDS:
         raise ScenarioError(f"unknown kind of evidence {kind!r}; {did_you_mean(kind, KINDS)}")
@@ -60,7 +60,7 @@ def run_evidence(kind: str, folder: Path, quick: bool = False, seed: int = 1, pa
 
 
 def write_index(folder: Path) -> None:
-    """Write README.md of the evidence folder: the verdict table of each kind that is there."""
+    """Write README.md of the evidence folder: the verdict tables of all kinds in it."""
     lines = ["# Evidence", "What each page examined and what came of it, made by the command below each table."]
     for kind in KINDS:
         conditions = folder / kind / "run.json"
@@ -73,7 +73,7 @@ def write_index(folder: Path) -> None:
 
 
 def shown_in_reports(folder: Path) -> dict[str, Any]:
-    """Return the verdicts of an evidence folder as `evac.output.report.verification.evidence` has them."""
+    """Return the verdicts of an evidence folder in the form of `evac.output.report.verification.evidence`."""
     found = {kind: folder / kind / "run.json" for kind in KINDS}
     kinds = {kind: json.loads(path.read_text()) for kind, path in found.items() if path.is_file()}
     with (folder / "validation" / "verdicts.csv").open(newline="", encoding="utf-8") as file:

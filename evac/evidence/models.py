@@ -1,4 +1,4 @@
-"""The contact models that the evidence compares, under the names its tables and plots use."""
+"""The contact models compared by the evidence, by their names in tables and plots."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -9,7 +9,7 @@ from evac.physics.engine import Engine
 from evac.physics.state import World
 from evac.registry import Registry
 
-#: Plugin and parameters of each; what is not given is the plugin's default.
+#: Plugin and parameters of each model; other parameters have the plugin's defaults.
 MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "DEM": ("dem", {"stiffness": 1.2e5}),
     "NSM1 inertial": ("nsm1", {"variant": "inertial"}),
@@ -17,7 +17,7 @@ MODELS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "NSM2": ("nsm2", {"normal_dissipation": 1e5, "tangential_dissipation": 0.0}),
 }
 
-#: Walking to a crowd that is looked at is solved this coarsely by NSM1; its last steps are solved with the defaults.
+#: Tolerance of NSM1 while a crowd walks to the state that is measured; its last steps use the defaults.
 COARSE = {"gap_tolerance": 1e-3, "velocity_tolerance": 0.02}
 
 
@@ -33,7 +33,7 @@ def make_engine(world: World, people: int) -> Engine:
 
 
 def make_model(name: str, **parameters: Any) -> ContactModel:
-    """Return a contact model by its name in `MODELS`, with more parameters or others."""
+    """Return a contact model by its name in `MODELS`, with additional or changed parameters."""
     plugin, given = MODELS[name]
     model = plugins().get("contact_model", plugin)(**{**given, **parameters})
     return cast(ContactModel, model)

@@ -1,8 +1,8 @@
-"""The frame that all kinds of evidence share: measured tables, plots, timings and the page that holds them.
+"""Common parts of all kinds of evidence: measured tables, plots, timings and the page with them.
 
-A kind of evidence is a module with ``run(evidence: Evidence) -> None``. It hands over what is to be measured as a
-function, and makes the page of the rows that come back. Rows are stored as CSV files and read from them, so that the
-page can be written again without measuring:
+A kind of evidence is a module with ``run(evidence: Evidence) -> None``. It passes a function that measures, and writes
+the page from the returned rows. Rows are stored as CSV files and read from them, so that the page can be written again
+without measuring:
 
 >>> evidence = Evidence("scaling", folder)  # doctest: +SKIP
 >>> rows = evidence.measured("hall", lambda: [{"people": people, "time [s]": walk(people)}])  # doctest: +SKIP
@@ -39,24 +39,24 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 Row = Mapping[str, Any]
 
-#: Packages whose versions matter to what comes out, and those that only some evidence uses: named where loaded.
+#: Packages whose versions affect the results, and those used only by some evidence, which are listed if imported.
 PACKAGES = ("evac", "numpy", "scipy", "numba", "llvmlite", "scikit-fmm", "shapely", "matplotlib")
-OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "pyvista", "vtk")
+OPTIONAL_PACKAGES = ("clarabel", "cromosim", "cvxopt", "jupedsim", "pyvista", "vtk")
 
-#: Files of a checkout that decide what comes out.
+#: Files of a checkout that affect the results.
 CODE = (":/*.py", ":/*.toml", ":/*.msh")
 
-#: Never more processes than this, however many cores there are: a run states times per core.
+#: Number of processes, the same on all machines so that times per core are comparable.
 WORKERS = 2
 
-#: What run.json tells of the run that measured, and the page below its verdicts.
+#: Conditions of the measurement that are stored in run.json and shown on the page below its verdicts.
 REFERENCE = "reference run, at start and end [ms]"
 CONDITIONS = ("command", "seed", "machine", "python", "commit", "versions", REFERENCE, "wall time [s]")
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall times of one call, several times over [s]."""
+    """Wall times of repeated calls [s]."""
 
     median: float
     least: float
@@ -66,26 +66,26 @@ class Timing:
 
 
 class Evidence:
-    """One kind of evidence under way: where it writes, whether it is quick, and the page so far.
+    """The measurement of one kind of evidence: its folder, settings, and the page so far.
 
     Parameters
     ----------
     kind : str
         accuracy, stability, lean, table3, scaling, validation or certainty; part of every generator's name.
     folder : Path
-        Made if it is not there. Files of the same names are overwritten.
+        Created if missing. Files with the same names are overwritten.
     quick : bool
-        Seconds instead of minutes: smaller, fewer; stated on the page.
+        Smaller and fewer cases: seconds instead of minutes; stated on the page.
     seed : int
-        All random numbers follow from it and from names.
+        Seed of all random numbers, together with names.
     page_only : bool
         Nothing is measured or drawn: the page is written from the tables and run.json of an earlier run in the
-        folder, whose `quick` and `seed` it takes.
+        folder, and has its `quick` and `seed`.
 
     Raises
     ------
     ResultError
-        Page only, but the folder lacks something of an earlier run.
+        With `page_only`, the folder lacks a file of an earlier run.
     """
 
     def __init__(self, kind: str, folder: Path, quick: bool = False, seed: int = 1, page_only: bool = False) -> None:
@@ -106,7 +106,7 @@ class Evidence:
         folder.mkdir(parents=True, exist_ok=True)
 
     def generator(self, *names: str) -> np.random.Generator:
-        """Return a random generator of its own for what the names say."""
+        """Return a random generator determined by the seed and the names."""
         return generator_for(self.seed, "evidence", self.kind, *names)
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -114,9 +114,9 @@ class Evidence:
         return list(in_processes(function, items, 1 if self.quick else WORKERS))
 
     def measured(self, name: str, measure: Callable[[], Sequence[Row]]) -> list[dict[str, Any]]:
-        """Measure, write NAME.csv with full precision, and return its rows; where only the page is written, read them.
+        """Measure, write NAME.csv with full precision, and return its rows; with `page_only` only read them.
 
-        What comes back is read from the file in both cases: integers, floats and text; None is an empty field.
+        Rows are read from the file in both cases: integers, floats and text; None for an empty field.
         """
         self._stored.add(name)
         if not self.page_only:
@@ -144,21 +144,21 @@ class Evidence:
         formats: Mapping[str, str] | None = None,
         columns: Sequence[str] = (),
     ) -> None:
-        """Put a table on the page, and write NAME.csv unless that was done before.
+        """Add a table to the page, and write NAME.csv unless `measured` has written it.
 
         Parameters
         ----------
         name : str
             File name without ending.
         rows : sequence of dicts
-            Keys are the columns' headings, with units, in the order of the first row.
+            Keys are the headings of the columns, with units, in the order of the first row.
         caption : str
-            What the table shows, and how it was computed.
+            Description of the table and of its computation.
         formats : dict, optional
             Format specification of a column on the page, e.g. ``{"time [s]": ".2f"}``; otherwise floats have
             three significant digits.
         columns : sequence of str
-            What the page shows of the file; by default all of it.
+            Columns of the file that the page shows; by default all.
         """
         self._store(name, rows)
         shown = [{key: row[key] for key in columns or row} for row in rows]
@@ -166,18 +166,18 @@ class Evidence:
         self._page.append(markdown_table(shown, formats or {}))
 
     def data(self, name: str, rows: Sequence[Row], words: str = "The numbers behind it") -> None:
-        """Put only a link to NAME.csv on the page, for what is too long to read."""
+        """Add a link to NAME.csv to the page, for long tables."""
         self._store(name, rows)
         self._page.append(f"{words}: [{name}.csv]({name}.csv), {len(rows)} rows.")
 
     def plot(self, name: str, draw: Callable[[], "Figure"], caption: str) -> None:
-        """Draw NAME.png, unless only the page is written, and put it on the page."""
+        """Draw NAME.png, unless only the page is written, and add it to the page."""
         if not self.page_only:
             draw().savefig(self.folder / f"{name}.png", dpi=130, metadata={"Software": None})
         self._page.append(f"![{caption}]({name}.png)\n\n*{caption}*")
 
     def write_page(self, title: str, examined: str) -> Path:
-        """Write README.md and run.json: what was examined, the verdicts, the run, and what was added in its order.
+        """Write README.md and run.json: the subject, the verdicts, the conditions, and everything added, in order.
 
         Parameters
         ----------
@@ -231,7 +231,7 @@ class Evidence:
             writer.writerows(rows)
 
     def _earlier(self, name: str) -> Path:
-        """Return a file of the folder that must be there."""
+        """Return the path of a file that must exist in the folder."""
         path = self.folder / name
         if not path.is_file():
             raise ResultError(f"{path}: no such file; run `evac evidence {self.kind}` without --page-only first")
@@ -239,7 +239,7 @@ class Evidence:
 
 
 def _read(text: str) -> Any:
-    """Return what a field of a CSV file says: None, an integer, a float, or text."""
+    """Return the value of a field of a CSV file: None, an integer, a float, or text."""
     if not text:
         return None
     for kind in (int, float):
@@ -251,7 +251,7 @@ def _read(text: str) -> Any:
 
 
 def markdown_table(rows: Sequence[Row], formats: Mapping[str, str]) -> str:
-    """Return rows as a Markdown table: numbers to the right."""
+    """Return rows as a Markdown table with numbers aligned to the right."""
     columns = list(rows[0])
     is_number = {key: not any(isinstance(row[key], str) for row in rows) for key in columns}
     rule = "|".join("--:" if is_number[key] else "---" for key in columns)
@@ -262,7 +262,7 @@ def markdown_table(rows: Sequence[Row], formats: Mapping[str, str]) -> str:
 
 
 def _cell(value: Any, specification: str) -> str:
-    """Return a value as a table shows it; None is a dash."""
+    """Format a value for a table; None is a dash."""
     if value is None:
         return "-"
     if isinstance(value, str):
@@ -273,22 +273,22 @@ def _cell(value: Any, specification: str) -> str:
 
 
 def timed(call: Callable[[], Any], repeats: int = 5, prepare: Callable[[], Any] | None = None) -> Timing:
-    """Time a call several times over, after one call that is not counted, each beside a reference run.
+    """Time a call repeatedly, after one call that is not counted, each next to a reference run.
 
     Parameters
     ----------
     call : callable
-        What is timed.
+        Function that is timed.
     repeats : int
-        Number of calls that count.
+        Number of timed calls.
     prepare : callable, optional
-        Called before each call, not timed; sets back what the call changes.
+        Called before each call without being timed; restores what the call changes.
 
     Returns
     -------
     Timing
-        Median, extremes, and the reference run's median over the same stretch: where that differs between two
-        timings, the machine was busier for one of them.
+        Median, extremes, and the median of the reference runs in the same period: if it differs between two timings,
+        the machine was busier in one of them.
     """
     spans, references = [], []
     for repeat in range(repeats + 1):
@@ -316,7 +316,7 @@ def reference_time(repeats: int = 5) -> float:
 
 
 def machine() -> str:
-    """Return processor and its clock as far as the platform tells them, cores and system in one line."""
+    """Return processor and clock if known, cores and system in one line."""
     name = platform.processor() or platform.machine()
     clock = ""
     information = Path("/proc/cpuinfo")
@@ -331,10 +331,10 @@ def machine() -> str:
 
 
 def commit(file: Path = Path(__file__)) -> str:
-    """Return the commit that a file is checked out from, with ``-dirty`` where code has changed since; or nothing.
+    """Return the commit of a checked-out file, with ``-dirty`` if code has changed since; empty if there is none.
 
-    An installed package may lie inside the checkout of something else: only a file that git knows counts. Pages
-    that are being recomputed are no code.
+    An installed package may lie inside another checkout, so only files tracked by git count. Changed pages are not
+    changed code.
     """
     git = ["git", "-C", str(file.resolve().parent)]
     try:
@@ -348,7 +348,7 @@ def commit(file: Path = Path(__file__)) -> str:
 
 
 def _version(package: str) -> str:
-    """Return the version of a package; of one that is not installed as a package, what its module says."""
+    """Return the version of a package from its metadata, or else from its module."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Small scenes made by hand, without mesh files: walled rooms, directions given, people placed one by one."""
+"""Small scenes without mesh files: walled rooms with given directions and positions of people."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Scene:
-    """People in a rectangular room that is walled on all sides, but for its exits.
+    """People in a rectangular room with walls on all sides except for its exits.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Scene:
     building : Building
     fields : Fields
     crowd : Crowd
-        As it starts; `start` hands out copies.
+        The initial state; `start` returns copies.
     is_closed : bool
         Whether the exits are closed.
     """
@@ -42,7 +42,7 @@ class Scene:
     is_closed: bool = False
 
     def start(self) -> tuple[Engine, Crowd]:
-        """Return a fresh engine and a copy of the crowd."""
+        """Return a new engine and a copy of the crowd."""
         crowd = copy_of(self.crowd)
         world = make_world(self.building, self.fields)
         for link in range(len(self.building.exits) if self.is_closed else 0):
@@ -50,7 +50,7 @@ class Scene:
         return make_engine(world, len(crowd.level)), crowd
 
     def border(self, step: float, explicit: bool) -> BorderScene:
-        """Return what contact models check a step [s] against."""
+        """Return the data with which contact models check a step [s]."""
         return border_scene(self.crowd, step, explicit)
 
 
@@ -80,7 +80,7 @@ def room(bounds: Bounds, inner_walls: ArrayLike = (), exits: tuple[Bounds, ...] 
 
 
 def one_direction(bounds: Bounds, direction: tuple[float, float] = (1.0, 0.0)) -> Fields:
-    """Return the same unit direction everywhere; the travel time falls along it."""
+    """Return the same unit direction everywhere; the travel time decreases along it."""
     x1, y1, x2, y2 = bounds
     side = max(x2 - x1, y2 - y1)
     node = np.array([(x1, y1), (x1, y1 + side), (x1 + side, y1), (x1 + side, y1 + side)], dtype=float)

@@ -1,8 +1,8 @@
 """Runs of the square room (paper, section 4.1) and the flow through its door.
 
-The recipe, kept fixed: the shipped case (door in mid-wall, walls without thickness, directions as shipped; who
-crosses the door line with the centre is out). Positions and parameters have seeds of their own: a position set is
-placed with the greatest radius, and each of its runs redraws radius, mass, tau and speed.
+The set-up is fixed: the shipped case (door in the middle of a wall, walls without thickness, default directions; people
+are out when their centre crosses the door line). Positions and parameters have separate seeds: a position set is placed
+with the greatest radius, and each of its runs redraws radius, mass, tau and speed.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case
 
 
-#: A run is stopped and counted apart when nobody got out for so long [s].
+#: A run is stopped and counted separately when nobody has left for this time [s].
 GAP = 10.0
 
 TICK = 0.1  # s
@@ -58,11 +58,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Flow:
-    """What the runs of one model at one step say about the flow, by two definitions.
+    """The flow in the runs of one model at one step, by two definitions.
 
     ``pooled`` is the slope of the linear regression of the number out on time over the pooled exits of all
-    runs that were not stopped, ``mean`` the mean of the slopes of single runs; ``stopped`` of ``runs`` runs were
-    counted apart.
+    runs that were not stopped, ``mean`` the mean of the slopes of single runs; ``stopped`` of ``runs`` runs are
+    counted separately.
     """
 
     pooled: Estimate
@@ -114,9 +114,9 @@ def crowd_at(positions: FloatArray, seed: int, position_set: int, run: int) -> C
 
 
 def exit_times(model: str, crowd: Crowd, step: float) -> FloatArray:
-    """Run the room until everybody is out, or nobody got out for `GAP`; return exit times (n,) [s] or NaN.
+    """Run the room until everybody is out, or nobody has left for `GAP`; return exit times (n,) [s] or NaN.
 
-    Nobody gets out of a run whose step the model refuses.
+    If the model refuses the step, all exit times are NaN.
     """
     _, simulation, world = _room()
     contact = make_model(model)
@@ -154,10 +154,10 @@ def flow(sets: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
 
 
 def change(coarse: Sequence[FloatArray], fine: Sequence[FloatArray], generator: np.random.Generator) -> Flow:
-    """Return by how much the flow changes from one step to another, for the same people.
+    """Return the change of the flow from one step to another, for the same people.
 
-    Position sets and runs are those that both steps have, from the first on; a run that was stopped at either
-    step is counted apart at both.
+    Position sets and runs are those available at both steps, from the first on; a run that was stopped at either
+    step is counted separately at both.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _mean(sums: FloatArray) -> FloatArray:
 
 
 def stopped(times: FloatArray) -> NDArray[np.bool_]:
-    """Say of each run (runs, people) whether somebody stayed inside or two exits were more than `GAP` apart."""
+    """Return for each run (runs, people) whether people stayed inside or two exit times differ by more than `GAP`."""
     gaps = np.diff(times, axis=1, prepend=0.0)
     return np.asarray(np.isnan(times).any(axis=1) | (np.nan_to_num(gaps) > GAP).any(axis=1))
 
@@ -240,7 +240,7 @@ def _slope(sums: FloatArray) -> FloatArray:
 
 @cache
 def _room() -> tuple["Case", Simulation, World]:
-    """Return the shipped case, its simulation, of which building and fields are used, and the world."""
+    """Return the shipped case, its simulation, which provides building and fields, and the world."""
     case = load_case("square_room")
     simulation = Simulation(case)
     return case, simulation, simulation.engine.state.world

@@ -1,7 +1,7 @@
-"""The verdict table that opens every evidence page: question, measured, wanted, verdict.
+"""The verdict table at the head of every evidence page: question, measured, wanted, verdict.
 
-Each function here returns one row of it. A verdict is "met", "not met" with how far off, "undecided" where an
-interval reaches across the bound, or "reported only" where nobody has set a target.
+Each function returns one row. A verdict is "met", "not met" with the deviation, "undecided" if an interval contains
+the bound, or "reported only" if there is no target.
 """
 
 import math
@@ -14,24 +14,24 @@ Finding = dict[str, str]
 MET, NOT_MET, REPORTED = "met", "not met", "reported only"
 UNDECIDED = "undecided: the interval reaches across"
 
-#: The most rows of a table: it must fit one screen.
+#: Maximum number of rows of a table, which must fit on one screen.
 MOST_ROWS = 20
 
 
 def at_most(question: str, measured: float | None, bound: float, unit: str = "", section: str = "") -> Finding:
-    """Return the row of a quantity that must not exceed a bound; None or NaN is a quantity that nobody measured."""
+    """Return the row of a quantity that must not exceed a bound; None or NaN if it was not measured."""
     return _bounded(question, measured, bound, unit, section, "at most")
 
 
 def at_least(question: str, measured: float | None, bound: float, unit: str = "", section: str = "") -> Finding:
-    """Return the row of a quantity that must reach a bound; None or NaN is a quantity that nobody measured."""
+    """Return the row of a quantity that must reach a bound; None or NaN if it was not measured."""
     return _bounded(question, measured, bound, unit, section, "at least")
 
 
 def surely_at_most(
     question: str, value: float, half: float, bound: float, unit: str = "", section: str = ""
 ) -> Finding:
-    """Return the row of a size that must not exceed a bound, known to half a confidence interval."""
+    """Return the row of a magnitude that must not exceed a bound, with half the width of its confidence interval."""
     verdict = UNDECIDED
     if abs(value) + half <= bound:
         verdict = MET
@@ -41,7 +41,7 @@ def surely_at_most(
 
 
 def all_of(question: str, count: int, total: int, section: str = "") -> Finding:
-    """Return the row of something that must hold in all of `total` cases and does in `count`."""
+    """Return the row of a property that must hold in all of `total` cases and holds in `count`."""
     verdict = MET if count == total > 0 else f"{NOT_MET} in {total - count}" if total else f"{NOT_MET}: no case"
     return _finding(question, f"{count} of {total}", "all", verdict, section)
 
@@ -49,14 +49,14 @@ def all_of(question: str, count: int, total: int, section: str = "") -> Finding:
 def within(
     question: str, measured: float, low: float, high: float, reference: float, unit: str = "", section: str = ""
 ) -> Finding:
-    """Return the row of a reference that must lie in the confidence interval of what was measured."""
+    """Return the row of a reference that must lie in the confidence interval of a measured quantity."""
     verdict = MET if low <= reference <= high else f"{NOT_MET}: {100.0 * (measured / reference - 1.0):+.0f} %"
     told = f"{_told(measured, unit)} ({low:.4g} to {high:.4g})"
     return _finding(question, told, f"{_told(reference, unit)} in the interval", verdict, section)
 
 
 def reported(question: str, measured: str, reference: str = "-", section: str = "") -> Finding:
-    """Return the row of something without a target."""
+    """Return the row of a quantity without a target."""
     return _finding(question, measured, reference, REPORTED, section)
 
 
@@ -72,7 +72,7 @@ def verdict_table(findings: Sequence[Finding], page: str = "") -> str:
 
 
 def anchor(heading: str) -> str:
-    """Return the anchor that GitHub makes of a heading."""
+    """Return the anchor of a heading on GitHub."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 

@@ -1,4 +1,4 @@
-"""Files of buildings to cases that run: `evac import`."""
+"""Import of building files as cases: `evac import`."""
 
 from evac.importing.importer import Imported, import_building
 

@@ -11,11 +11,11 @@ from evac.errors import ScenarioError
 if TYPE_CHECKING:
     from evac.importing.importer import Imported
 
-#: How report.md knows whether the case has been changed since.
+#: Line of report.md that shows whether the case has been changed since the import.
 DIGEST = re.compile(r"case\.toml as written: ([0-9a-f]{16})")
 
 PEOPLE = """
-# People are to be filled in: how many there are in each room, and what they are like.
+# Adapt the number of people in each room and their properties.
 [presets.person]
 speed = { normal = [1.34, 0.26], minimum = 0.5, maximum = 2.2 }
 speed_up = { uniform = [0.5, 0.9] }
@@ -27,10 +27,10 @@ REST = """
 [contact]
 model = "nsm2"
 
-# People keep their distance; without it they walk at full speed until bodies touch.
+# People keep a distance to the person ahead. Without this behaviour they walk at full speed until bodies touch.
 [behaviours.headway]
 
-# Seconds until they set off.
+# Response (pre-movement) times in seconds.
 [behaviours.response_time]
 time = { uniform = [0.0, 10.0] }
 per = "person"
@@ -48,12 +48,12 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     ----------
     made : Imported
     exits : list of dict
-        Openings that have become exits.
+        Exits made from openings.
     building : dict
         Keys of ``[building]`` that differ from their defaults.
     """
     names = ", ".join(file.name for file in made.files)
-    lines = [f"title = {quoted(made.files[0].stem)}", "", f"# Made by evac import of {names}, with these options:"]
+    lines = [f"title = {quoted(made.files[0].stem)}", "", f"# Written by evac import from {names}, with these options:"]
     lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items() if value is not None]
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
@@ -73,19 +73,19 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     lines += PEOPLE.rstrip().splitlines()
     for room in made.rooms:
         comment = "" if room.number else "# "
-        ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people on a square metre"
+        ground = f"  # {room.ground:.1f} m2, {room.number / max(room.ground, 1e-9):.2f} people per square metre"
         group = ["[[people]]", f"name = {quoted(room.name)}", 'preset = "person"', f"{room.key} = {quoted(room.name)}"]
         lines += ["", *(f"{comment}{line}" for line in [*group, f"number = {max(room.number, 1)}{ground}"])]
     return "\n".join(lines) + "\n" + REST
 
 
 def check_folder(folder: Path, case: str, report: str) -> None:
-    """Refuse a folder that holds anything but an import whose case is as it was written.
+    """Check that a folder is missing, empty, or contains an import whose case has not been changed.
 
     Raises
     ------
     ScenarioError
-        Naming the folder.
+        It contains something else.
     """
     if folder.exists() and not folder.is_dir():
         raise ScenarioError(f"{folder}: not a folder; choose another one for the case (--out)")
@@ -97,13 +97,13 @@ def check_folder(folder: Path, case: str, report: str) -> None:
     except OSError:
         written, current = None, ""
     if written is None:
-        raise ScenarioError(f"{folder}: holds files that are no import; choose a new or empty folder (--out)")
+        raise ScenarioError(f"{folder}: contains files other than an import; choose a new or empty folder (--out)")
     if written[1] != current:
         raise ScenarioError(f"{folder / case}: has been changed since it was imported; choose another folder (--out)")
 
 
 def digest(path: Path) -> str:
-    """Return what a file is known by."""
+    """Return the digest of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
@@ -122,7 +122,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def quoted(text: str) -> str:
-    """Return a text as TOML writes it."""
+    """Return a text as a quoted TOML string."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

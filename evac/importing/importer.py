@@ -1,4 +1,4 @@
-"""From files of a building to a folder with a case: surface, people to fill in, picture and report."""
+"""Import of building files to a folder with a case: surface, preliminary people, picture and report."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ from evac.registry import Registry
 if TYPE_CHECKING:
     from evac.building.importer import Importer
 
-#: People on a square metre of every room, unless something else is asked for [1/m2].
+#: Default density of people in rooms [1/m2].
 DENSITY = 0.1
-#: Height from one file's storey to the next [m].
+#: Default height between the storeys of consecutive files [m].
 STOREY_HEIGHT = 3.0
-#: Options of the building itself, beside those of importers.
+#: Options of the building, in addition to those of importers.
 BUILDING_OPTIONS = {
     **{"weld": WELD, "flat_angle": FLAT_ANGLE, "walkable_angle": WALKABLE_ANGLE, "scale": SCALE, "up": UP},
     **{"headroom": HEADROOM, "treads": True},
@@ -40,24 +40,24 @@ CASE, MESH, PICTURE, REPORT = "case.toml", "building.msh", "levels.png", "report
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import has come to.
+    """The result of an import.
 
     Attributes
     ----------
     files : tuple of Path
     folder : Path
-        Where case.toml, building.msh, levels.png and report.md are.
+        Folder with case.toml, building.msh, levels.png and report.md.
     building : Building
     findings : tuple of Finding
-        Of the importer, of the building, and of the case.
+        Findings of the importer, on the building and on the case.
     openings : tuple of Opening
-        Where exits may be.
+        Possible exits.
     rooms : tuple of Room
-        Where people start.
+        Rooms in which people start.
     options : dict
-        Every option with its value, for the importers and the building.
+        Values of all options of the importers and the building.
     fault : str
-        Why the case does not run yet; empty if it does.
+        Why the case cannot be run yet; empty if it can.
     """
 
     files: tuple[Path, ...]
@@ -81,7 +81,7 @@ def import_building(
     options: Mapping[str, Any] | None = None,
     registry: Registry | None = None,
 ) -> Imported:
-    """Make a case of files of a building: one file, or one for each storey, from the lowest up.
+    """Create a case from building files: one file, or one for each storey, from the lowest up.
 
     Parameters
     ----------
@@ -91,15 +91,15 @@ def import_building(
     exits : sequence of int
         Numbers of the openings that become exits.
     people : int, optional
-        How many, divided among the rooms by their ground.
+        Number of people, distributed over the rooms in proportion to their floor areas.
     density : float, optional
-        People on a square metre, if `people` is not given; 0.1 by default.
+        People per square metre, if `people` is not given; 0.1 by default.
     z : sequence of float, optional
         Heights of the storeys of several files [m]; 3 m from one to the next by default.
     options : mapping
-        Parameters of the importers, and those keys of ``[building]`` that say how a mesh is read.
+        Parameters of the importers, and keys of ``[building]`` that control how a mesh is read.
     registry : Registry, optional
-        Whose importers read the files; by default the built-in and the installed ones.
+        Registry whose importers read the files; by default the built-in and the installed ones.
 
     Returns
     -------
@@ -108,9 +108,9 @@ def import_building(
     Raises
     ------
     BuildingError
-        A file cannot be read, or what is in it does not make a building.
+        A file cannot be read, or its content is not a valid building.
     ScenarioError
-        An option or the number of an exit is not known, or the folder holds something else.
+        An option or the number of an exit is not known, or the folder contains something else.
     """
     registry = registry or Registry()
     paths, place = tuple(Path(file) for file in files), Path(folder)
@@ -122,7 +122,7 @@ def import_building(
     building = building_of(surface, paths[0], need_exit=False)
     place.mkdir(parents=True, exist_ok=True)
     write_surface(tagged_surface(surface, building), place / MESH)
-    kept = ("flat_angle", "walkable_angle", "treads")  # the others have had their effect on what is written
+    kept = ("flat_angle", "walkable_angle", "treads")  # the others have been applied to building.msh
     angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
     written = read_building(place / MESH, registry=registry, need_exit=False, **angles)
     openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
@@ -132,7 +132,7 @@ def import_building(
     findings = [*notes, *building.findings]
     findings += [one for one in written.findings if one not in findings]
     if people is None and density is None:
-        findings.append(Finding("assumed", f"{DENSITY:g} people on a square metre of every room (--density, --people)"))
+        findings.append(Finding("assumed", f"{DENSITY:g} people per square metre in every room (--density, --people)"))
     rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
     findings += left_out
     made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
@@ -153,7 +153,7 @@ def _array(ends: Any) -> Any:
 def _options(
     paths: Sequence[Path], given: dict[str, Any], registry: Registry
 ) -> "tuple[list[Importer], dict[str, Any]]":
-    """Return the importer of each file, and every option with its value."""
+    """Return the importer of each file, and the values of all options."""
     classes = [registry.importer_for(path) for path in paths]
     declared = {name: one for cls in classes for name, one in cls.declared().items()}
     for key in given:
@@ -174,20 +174,20 @@ def _options(
 def _surface(
     paths: Sequence[Path], importers: "Sequence[Importer]", z: Sequence[float] | None, registry: Registry
 ) -> tuple[SurfaceMesh, list[Finding]]:
-    """Return the surface of one file, or of storeys of several files, and what was assumed of these."""
+    """Return the surface of one file, or of several files as storeys, and the assumptions made."""
     if len(paths) == 1:
         if z is not None:
-            raise ScenarioError("heights z are for several files, one for each storey; leave them out")
+            raise ScenarioError("z: heights can be given only for several files, one for each storey; remove them")
         read = read_file(importers[0], paths[0])
         return (draw_plan(read, registry) if isinstance(read, Plan) else read), []
     heights = [STOREY_HEIGHT * k for k in range(len(paths))] if z is None else list(z)
     if len(heights) != len(paths):
-        raise ScenarioError(f"{len(heights)} heights z for {len(paths)} files; give one for each")
+        raise ScenarioError(f"z: {len(heights)} heights for {len(paths)} files; give one for each file")
     plan, notes = Plan(paths[0].parent), []
     for path, importer, height in zip(paths, importers, heights, strict=True):
         read = read_file(importer, path)
         if not isinstance(read, Plan):
-            raise BuildingError(f"{path}: is a mesh; of several files, each is the plan of one storey")
+            raise BuildingError(f"{path}: is a mesh; with several files, each must be the plan of one storey")
         plan.storey(path.stem, file=path, z=height)
         plan.take(path.stem, read)
         if z is None:
@@ -200,12 +200,12 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
     """Return the openings of some numbers."""
     for number in numbers:
         if not 1 <= number <= len(openings):
-            raise ScenarioError(f"exit {number}: the openings have the numbers 1 to {len(openings)}")
+            raise ScenarioError(f"exit {number}: no opening has this number; choose from 1 to {len(openings)}")
     return [openings[number - 1] for number in sorted(set(numbers))]
 
 
 def _fault(folder: Path, registry: Registry) -> str:
-    """Return why a case does not run; empty if it does."""
+    """Return why a case cannot be run; empty if it can."""
     from evac.scenario.loading import load_case
     from evac.simulation import Simulation
 
@@ -217,7 +217,7 @@ def _fault(folder: Path, registry: Registry) -> str:
 
 
 def _draw(made: Imported) -> None:
-    """Draw every level; openings are numbered where there is no exit."""
+    """Draw every level, with numbered openings if there is no exit."""
     from evac.importing.report import MOST_OPENINGS
     from evac.output.annotated import Mark, draw_levels
 

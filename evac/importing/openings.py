@@ -1,4 +1,4 @@
-"""Where exits may be in a building whose file names none."""
+"""Openings: possible exits of a building whose file names none."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from evac.building.edges import segment_lengths
 from evac.building.elevation import level_elevation
 from evac.building.model import Building, Level
 
-#: Narrower ones are not offered [m].
+#: Least width of an opening [m].
 LEAST_WIDTH = 0.5
-#: An opening is on a level whose outline is so close [m].
+#: Greatest distance of an opening from the outline of its level [m].
 REACH = 0.05
-#: Behind a wall so thick there may be another room [m].
+#: Greatest thickness of a wall between two rooms [m].
 THICKEST = 1.0
-#: Where along a wall it is looked for.
+#: Relative positions along a wall at which ground behind it is searched.
 LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A piece of an outline that may become an exit.
+    """A part of an outline that can become an exit.
 
     Attributes
     ----------
     number : int
-        As it is listed, from 1.
+        Number in lists, from 1.
     level : int
     segment : (4,) float64
         x1, y1, x2, y2 [m].
@@ -43,7 +43,7 @@ class Opening:
     width: float
 
     def exit(self, building: Building) -> dict[str, Any]:
-        """Return it as an exit of a case."""
+        """Return the opening as an exit of a case."""
         x1, y1, x2, y2 = np.round(self.segment, 3).tolist()
         name = f"exit {self.number}"
         return {"name": name, "segment": [[x1, y1], [x2, y2]], "level": building.levels[self.level].name}
@@ -56,7 +56,7 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
     ----------
     building : Building
     given : sequence of (level, (4,) array [m])
-        Openings that the file has; if there are none, the outer edges of all floors are taken.
+        Openings in the file; if there are none, the outer edges of all floors are used.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def find_openings(building: Building, given: Sequence[tuple[str, ArrayLike]]) ->
 
 
 def _outer(building: Building, level: Level) -> FloatArray:
-    """Return the walls (w, 4) of a floor with no ground of about its height close behind them, as inner walls have."""
+    """Return the walls (w, 4) of a floor that are not inner walls: no ground at about its height is close behind."""
     walls = building.walls[building.wall_level == level.index]
     rings = shapely.union_all([part.exterior for part in shapely.get_parts(level.polygon)])
     middle = (walls[:, :2] + walls[:, 2:]) / 2
@@ -96,7 +96,7 @@ def _outer(building: Building, level: Level) -> FloatArray:
 
 
 def _level_of(building: Building, name: str, segment: FloatArray) -> int | None:
-    """Return the level of a name, whose parts may be numbered, on whose outline a segment lies."""
+    """Return the level with a given name, or a part of it, on whose outline a segment lies."""
     middle = shapely.points((segment[:2] + segment[2:]) / 2)
     for level in building.levels:
         is_named = level.name == name or level.name.startswith(f"{name} (")

@@ -1,4 +1,4 @@
-"""The report of an import: what is there, and each thing found, assumed, repaired or left out, with its place."""
+"""The report of an import: levels, openings, and everything found, assumed, repaired or left out, with its place."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from evac.importing.openings import height_of
 if TYPE_CHECKING:
     from evac.importing.importer import Imported
 
-#: So many openings are numbered on the picture and listed on the screen; the report has all.
+#: Maximum number of openings in the picture and on the screen; the report lists all.
 MOST_OPENINGS = 20
 TITLES = {
     "found": "Found in the file",
@@ -27,7 +27,7 @@ def report_text(made: "Imported", case: Path) -> str:
     """Return the text of report.md."""
     building = made.building
     names = ", ".join(f"`{file.name}`" for file in made.files)
-    runs = "runs" if not made.fault else f"does not run yet: {made.fault}"
+    runs = "can be run" if not made.fault else f"cannot be run yet: {made.fault}"
     text = [f"# Import of {names}", "", f"The case {runs}.", "", "![every level](levels.png)", "", "## Levels", ""]
     number = {room.name: room.number for room in made.rooms}
     rows = [
@@ -39,7 +39,7 @@ def report_text(made: "Imported", case: Path) -> str:
     text += ["## Exits", "", *(table(("exit", "level", "width [m]"), exits) if exits else ["None.", ""])]
     openings = [opening_row(made, k) for k in range(len(made.openings))]
     if openings and not exits:
-        text += ["## Openings that may be exits", "", "`--exit 1,2` takes them by their numbers.", ""]
+        text += ["## Openings that may be exits", "", "Choose exits by number with `--exit 1,2`.", ""]
         text += table(("number", "level", "width [m]", "from", "to", "z [m]"), openings)
     text += ["## People", ""]
     rooms = [(room.name, room.key, f"{room.ground:.2f}", number[room.name]) for room in made.rooms]
@@ -50,13 +50,13 @@ def report_text(made: "Imported", case: Path) -> str:
         if own:
             label = [marked.index(one) + 1 if kind != "found" else "" for one in own]
             listed = [(mark, one.text, one.where) for mark, one in zip(label, own, strict=True)]
-            text += [f"## {TITLES[kind]}", "", *table(("on the picture", "what", "where"), listed)]
+            text += [f"## {TITLES[kind]}", "", *table(("in the picture", "finding", "place"), listed)]
     text += ["## Options", "", *table(("option", "value"), [(key, repr(one)) for key, one in made.options.items()])]
     return "\n".join([*text, f"case.toml as written: {digest(case)}", ""])
 
 
 def opening_row(made: "Imported", row: int) -> tuple[object, ...]:
-    """Return one opening as it is listed."""
+    """Return the row of an opening in a list."""
     opening = made.openings[row]
     x1, y1, x2, y2 = opening.segment.tolist()
     level = made.building.levels[opening.level].name
@@ -65,7 +65,7 @@ def opening_row(made: "Imported", row: int) -> tuple[object, ...]:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
-    """Return the lines of a table in Markdown, and an empty one."""
+    """Return the lines of a Markdown table, followed by an empty line."""
     written = [[" ".join(str(value).replace("|", "\\|").split()) for value in row] for row in rows]
     lines = [f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}"]
     return [*lines, *(f"| {' | '.join(row)} |" for row in written), ""]

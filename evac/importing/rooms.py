@@ -1,4 +1,4 @@
-"""The rooms of a building, and how many people start in each."""
+"""The rooms of a building, and the number of people in each."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from evac.building.components import connected_components
 from evac.building.findings import Finding
 from evac.building.model import Building
 
-#: So many people are put on a square metre of an area at most; more than that go to the floor around it [1/m2].
+#: Greatest density of people in an area; the others start on the floor around it [1/m2].
 FULL = 3.0
 
 
@@ -24,7 +24,7 @@ class Room:
 
 
 def find_rooms(building: Building) -> list[Room]:
-    """Return the areas of a building, and the floors on which there is none."""
+    """Return the areas of a building, and the floors without areas."""
     rooms = [Room("area", area.name, area.level, float(area.polygon.area)) for area in building.areas]
     taken = {room.level for room in rooms}
     floors = [level for level in building.levels if level.kind == "floor" and level.index not in taken]
@@ -41,16 +41,16 @@ def connected_to_exits(building: Building) -> set[int]:
 
 
 def fill(building: Building, rooms: list[Room], people: int | None, density: float) -> tuple[list[Room], list[Finding]]:
-    """Return the rooms with their numbers of people, and those that nobody starts in as findings.
+    """Return the rooms with their numbers of people, and findings for rooms without people.
 
     Parameters
     ----------
     building : Building
     rooms : list of Room
     people : int, optional
-        All together, divided by the ground of the rooms.
+        Total number, divided among the rooms by area.
     density : float [1/m2]
-        If `people` is not given.
+        Used if `people` is not given.
     """
     open_levels = connected_to_exits(building) if building.exits else {level.index for level in building.levels}
     used = [room for room in rooms if room.level in open_levels]
@@ -59,7 +59,7 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
         if room not in used:
             x, y = building.levels[room.level].polygon.representative_point().coords[0]
             name = building.levels[room.level].name
-            notes.append(Finding("left out", f"no people in {room.name!r}: no way leads to an exit", name, (x, y)))
+            notes.append(Finding("left out", f"no people in {room.name!r}: no exit can be reached", name, (x, y)))
     if people is None:
         counts = [max(int(density * room.ground + 0.5), 1) for room in used]
         return [replace(room, number=count) for room, count in zip(used, counts, strict=True)], notes
@@ -69,13 +69,13 @@ def fill(building: Building, rooms: list[Room], people: int | None, density: flo
         return _divided(people, used), notes
     areas = [replace(room, number=int(FULL * room.ground)) for room in areas]
     held = sum(room.number for room in areas)
-    text = f"areas hold {held} people, {FULL:g} on a square metre; the other {people - held} start on the floors"
+    text = f"{held} people start in areas, {FULL:g} per square metre; the other {people - held} start on the floors"
     notes.append(Finding("assumed", text, building.levels[areas[0].level].name))
     return areas + _divided(people - held, [room for room in used if room.key == "level"] + around), notes
 
 
 def _around(building: Building, areas: list[Room]) -> list[Room]:
-    """Return the floors around areas, without the ground of these."""
+    """Return the floors around areas, without the areas."""
     floors = []
     for index in sorted({room.level for room in areas}):
         level = building.levels[index]
@@ -85,7 +85,7 @@ def _around(building: Building, areas: list[Room]) -> list[Room]:
 
 
 def _divided(people: int, rooms: list[Room]) -> list[Room]:
-    """Return rooms with people divided by their ground; by largest remainders, the numbers add up."""
+    """Return rooms with people divided by area; the largest remainder method makes the numbers add up."""
     ground = np.array([room.ground for room in rooms])
     share = people * ground / max(ground.sum(), 1e-9)
     number = np.floor(share)

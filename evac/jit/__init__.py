@@ -1,4 +1,4 @@
-"""Kernels, compiled once and kept on disk, and the memory that they share with Python."""
+"""Compiled kernels, which are cached on disk, and the memory that they share with Python."""
 
 from collections.abc import Callable
 from typing import Any
@@ -39,17 +39,21 @@ __all__ = [
     "Struct",
     "Triples",
     "acquire",
+    "body_force",
+    "call_body_force",
+    "call_pair_contact",
     "call_pair_force",
     "fused",
     "inner",
     "kernel",
+    "pair_contact",
     "pair_force",
     "pause",
     "release",
     "row",
 ]
 
-#: Return a b + c, rounded once: the same bits on every processor, in half the latency of two instructions.
+#: Return a b + c, rounded once (fused multiply-add): identical on all processors, with half the latency.
 fused = Intrinsic("fused", lambda a, b, c: a * b + c)
 
 #: Return row k of a grid as an array.
@@ -65,9 +69,15 @@ pause = Intrinsic("pause", lambda: 0)
 #: Call the pair force at an address with gap, nx, ny, ex, ey and its parameters: (fx, fy) [N].
 call_pair_force = AddressCall([float, float, float, float, float, Floats], (float, float))
 
+#: Call the body force at an address with x, y, vx, vy, ex, ey, gap, nx, ny and its parameters: (fx, fy) [N].
+call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
+
+#: Call the law of a contact at an address with gap, closing speed, reduced mass and its parameters: a force [N].
+call_pair_contact = AddressCall([float, float, float, Floats], (float,))
+
 
 def pair_force(function: Callable[..., Any]) -> Entry:
-    """Make a kernel of a force between two people, of the one signature that the step loop can call.
+    """Compile a force between two people with the signature that the step loop calls.
 
     Parameters
     ----------
@@ -79,6 +89,45 @@ def pair_force(function: Callable[..., Any]) -> Entry:
     Returns
     -------
     Entry
-        Its ``address`` is what kernels call. Called from Python it runs the function.
+        Kernels call its ``address``. A call from Python runs the function.
     """
     return Entry(function, call_pair_force)
+
+
+def body_force(function: Callable[..., Any]) -> Entry:
+    """Compile a force on one person with the signature that the step loop calls.
+
+    Parameters
+    ----------
+    function : callable
+        ``force(x, y, vx, vy, ex, ey, gap, nx, ny, parameters) -> (fx, fy)``: the force [N] on a person at (x, y) [m]
+        with the velocity (vx, vy) [m/s] and the desired direction (ex, ey), in plan. `gap` [m] is the distance from
+        the body to the nearest wall, and (nx, ny) the unit vector from there towards the person; they are infinity
+        and (0, 0) if no wall is closer than the cut-off of the force. `parameters` is a float64 array with the
+        parameters of the force.
+
+    Returns
+    -------
+    Entry
+        Kernels call its ``address``. A call from Python runs the function.
+    """
+    return Entry(function, call_body_force)
+
+
+def pair_contact(function: Callable[..., Any]) -> Entry:
+    """Compile the force of a single contact with the signature that `evac.PairContact` calls.
+
+    Parameters
+    ----------
+    function : callable
+        ``law(gap, closing_speed, reduced_mass, parameters) -> force``: the repulsive force [N] of two people who
+        overlap, or of a person and a wall, along their normal. `gap` [m] is negative or zero: the negative overlap.
+        The closing speed [m/s] is positive while the overlap increases. 1 / reduced mass is 1/m_i + 1/m_j [1/kg], and
+        1/m_i at a wall. `parameters` is a float64 array with the parameters of the model.
+
+    Returns
+    -------
+    Entry
+        Kernels call its ``address``. A call from Python runs the function.
+    """
+    return Entry(function, call_pair_contact)

@@ -1,7 +1,8 @@
-"""Compiling kernels: each function once by numba's front end, then all functions of an entry by LLVM together.
+"""Compilation of kernels: numba's front end for each function once, then LLVM for all functions of an entry together.
 
-numba's own dispatcher optimises each function, and again in each that calls it. Here functions are kept as they were
-lowered, and only what an entry reaches is linked and optimised. Imported only to compile.
+The dispatcher of numba optimises each function by itself and again in each of its callers. Here, functions are kept as
+they were lowered, and only the functions that an entry reaches are linked and optimised. This module is imported only
+to compile.
 """
 
 import gc
@@ -31,7 +32,7 @@ from evac.jit.processor import Processor, host
 
 
 class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
-    """The code of one function as it was lowered, with the libraries that it calls."""
+    """The lowered code of one function, and the libraries that it calls."""
 
     def _optimize_functions(self, module: Any) -> None:
         module.data_layout = self._codegen._data_layout
@@ -40,7 +41,7 @@ class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
     def whole(self) -> Any:
-        """Return a module with this function and all that it calls."""
+        """Return a module with this function and all functions that it calls."""
         module, seen, waiting = self._final_module, {self}, list(self._linking_libraries)
         while waiting:
             library = waiting.pop()
@@ -50,13 +51,13 @@ class _Library(codegen.AOTCodeLibrary):  # type: ignore[misc]
             if isinstance(library, _Library):
                 waiting.extend(library._linking_libraries)
                 module.link_in(library._final_module, preserve=True)
-            else:  # of a function that numba has compiled by itself
+            else:  # a function compiled by numba itself
                 module.link_in(library._get_module_for_linking(), preserve=True)
         return module
 
 
 class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
-    """Makes libraries that are not optimised before they are whole."""
+    """Code generator for libraries that are optimised only after linking."""
 
     _library_class = _Library
 
@@ -73,15 +74,15 @@ class _Codegen(codegen.AOTCPUCodegen):  # type: ignore[misc]
 
 @lru_cache
 def _codegen(processor: Processor) -> _Codegen:
-    """Return what makes machine code for a processor; what it is given to optimise is the same for all."""
+    """Return the code generator for a processor; its input is the same for all processors."""
     return _Codegen(processor)
 
 
 class _Context(cpu.CPUContext):  # type: ignore[misc]
-    """Lowers functions without a wrapper for Python; it knows plain numbers, tuples, ranges and mathematics."""
+    """Target context without wrappers for Python; it supports numbers, tuples, ranges and mathematical functions."""
 
     def load_additional_registries(self) -> None:
-        """Load what kernels use; numba's own list brings linear algebra, random numbers, dictionaries and classes."""
+        """Load the registries that kernels use, without linear algebra, random numbers, dictionaries and classes."""
         for name in ("core.optional", "cpython.builtins", "cpython.numbers", "cpython.rangeobj", "cpython.tupleobj"):
             import_module(f"numba.{name}")
         self.install_registry(mathimpl.registry)
@@ -92,7 +93,7 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
         self._internal_codegen = _codegen(host())
 
     def get_function(self, fn: Any, sig: Any, _firstcall: bool = True) -> Any:
-        """Find also what numba has compiled by itself: functions of a plugin under ``numba.njit``, and of numpy."""
+        """Also find functions compiled by numba itself: functions under ``numba.njit``, and NumPy functions."""
         try:
             return super().get_function(fn, sig, _firstcall)
         except NotImplementedError:
@@ -102,22 +103,22 @@ class _Context(cpu.CPUContext):  # type: ignore[misc]
 
     def get_executable(self, library: Any, fndesc: Any, env: Any) -> object:
         library.finalize()
-        return object()  # numba's key of the function
+        return object()  # serves as numba's key of the function
 
 
-#: Registries of numba, as kernels use them.
+#: Registries of numba that kernels use.
 _plain: dict[Any, Any] = {}
 
 
 class _Typing(typing.Context):  # type: ignore[misc]
-    """Types what kernels call.
+    """Typing context of kernels.
 
-    Attributes that numba would compile functions for, those of its arrays above all, are left out: to make them known
+    Attributes for which numba would compile functions, mainly those of its arrays, are omitted, since registering them
     takes as long as compiling a kernel.
     """
 
     def install_registry(self, registry: Any) -> None:
-        """Install what a registry of numba holds without such attributes, once."""
+        """Install a registry of numba once, without such attributes."""
         if registry in _plain:
             return
         plain = _plain[registry] = templates.Registry()
@@ -127,7 +128,7 @@ class _Typing(typing.Context):  # type: ignore[misc]
         super().install_registry(plain)
 
     def load_additional_registries(self) -> None:
-        """Load the types of mathematical functions only, as `_Context` does."""
+        """Load only the types of mathematical functions, as in `_Context`."""
         self.install_registry(mathdecl.registry)
 
     def resolve_value_type(self, value: Any) -> Any:
@@ -144,7 +145,7 @@ class _Target(TargetDescriptor):  # type: ignore[misc]
 
 
 class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
-    """numba's stages without those for closures, generators, array expressions, reference counts and the like."""
+    """The compiler passes of numba without those for closures, generators, array expressions and reference counts."""
 
     def define_pipelines(self) -> list[PassManager]:
         stages = PassManager("evac kernel")
@@ -164,19 +165,19 @@ class _Pipeline(compiler.CompilerBase):  # type: ignore[misc]
 
 
 def _widened(kind: types.Type) -> types.Type:
-    """Return the type with which a function gets a value: int64 for all integers, constants among them."""
+    """Return the type in which a value is passed to a function: int64 for all integers, including constants."""
     kind = types.unliteral(kind)
     return types.int64 if isinstance(kind, types.Integer) else kind
 
 
 class _Dispatcher(dispatcher.Dispatcher):  # type: ignore[misc]
-    """A function for numba's front end."""
+    """Dispatcher of one function for numba's front end."""
 
     targetdescr = _Target("cpu")
     _compiler: Any
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Type a call, whose integers are int64: each function is compiled once for all kinds of them."""
+        """Type a call with all integers as int64, so that each function is compiled once for all integer types."""
         _, given = self._compiler.fold_argument_types(args, kws)
         return super().get_call_template([_widened(one) for one in given], {})
 
@@ -203,13 +204,13 @@ def _typeof_kernel(kernel: Kernel, context: Any) -> types.Type:
 
 
 def compiled_functions() -> list[str]:
-    """Return the names of the functions that this process has compiled."""
+    """Return the names of the functions that have been compiled in this process."""
     return [kernel.label for kernel, one in _dispatchers.items() for _ in one.overloads]
 
 
 @contextmanager
 def _without_collections() -> Generator[None, None, None]:
-    """Put off collections of garbage, which among the many objects of numba take a tenth of the time."""
+    """Disable garbage collection, which would take a tenth of the time because of numba's many objects."""
     is_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -222,12 +223,12 @@ def _without_collections() -> Generator[None, None, None]:
 @global_compiler_lock  # type: ignore[untyped-decorator]
 @_without_collections()
 def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
-    """Return the object code of a kernel for a processor, in which it has the name `symbol`.
+    """Compile a kernel for a processor; return its object code, in which it has the name `symbol`.
 
     Raises
     ------
     PluginError
-        If numba cannot compile it.
+        Numba cannot compile the kernel.
     """
     arguments = [type_of(kind) for _, kind in entry.signature[0]]
     try:
@@ -254,7 +255,7 @@ def compile_entry(entry: Entry, symbol: str, processor: Processor) -> bytes:
 
 
 def _check_result(entry: Entry, found: types.Type) -> None:
-    """Refuse a kernel that returns something else than it declares.
+    """Refuse a kernel whose return type differs from its declaration.
 
     Raises
     ------
@@ -267,14 +268,14 @@ def _check_result(entry: Entry, found: types.Type) -> None:
 
 
 def _fits(found: types.Type, wanted: str) -> bool:
-    """Say whether a number is returned without loss."""
+    """Return whether a type can be converted to the declared return type without loss."""
     return isinstance(found, types.Integer | types.Boolean) or (wanted == "float64" and isinstance(found, types.Float))
 
 
 def _wrapper(context: Any, description: Any, arguments: list[Any], entry: Entry, symbol: str) -> ir.Module:
-    """Return a module with a function that takes and returns plain numbers and calls numba's function.
+    """Return a module with a wrapper that takes and returns plain numbers and calls the compiled function.
 
-    Where that raises an exception, as a function under ``numba.njit`` may, it is noted, and zeros are returned.
+    An exception in the function, as functions under ``numba.njit`` may raise, is recorded, and zeros are returned.
     """
     module = context.create_module(symbol)
     inputs = [context.get_value_type(kind) for kind in arguments]

@@ -1,4 +1,4 @@
-"""What a kernel is compiled from, as a digest: a change of anything else, comments included, leaves it alone."""
+"""Digests of everything that a kernel is compiled from; changes of comments and documentation do not affect them."""
 
 import hashlib
 import sys
@@ -14,13 +14,13 @@ import numpy as np
 from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel
 from evac.jit.layout import describe
 
-#: The sources that turn functions into machine code.
+#: Source files of the compiler, which are part of every digest.
 _COMPILER = ("compiler.py", "instructions.py", "layout.py", "processor.py")
 
 
 @lru_cache
 def versions() -> str:
-    """Return the versions of all that compiles."""
+    """Return the versions of Python, numba, llvmlite and the compiler in this package."""
     own = hashlib.sha256()
     for name in _COMPILER:
         own.update((Path(__file__).parent / name).read_bytes())
@@ -29,7 +29,7 @@ def versions() -> str:
 
 
 def digest_of(entry: Entry, processor: str) -> str:
-    """Return 20 hexadecimal digits that tell what an entry is compiled from, for a processor."""
+    """Return the digest (20 hexadecimal digits) of everything that an entry is compiled from, for a processor."""
     kinds, returned = entry.signature
     signature = "; ".join(describe(kind) for _, kind in kinds)
     digest = hashlib.sha256(f"{versions()}\n{processor}\n{signature} -> {returned}\n".encode())
@@ -39,7 +39,7 @@ def digest_of(entry: Entry, processor: str) -> str:
 
 
 def kernels_in(entry: Entry) -> list[Kernel]:
-    """Return an entry and all kernels that it calls, directly or not, in an order that is always the same."""
+    """Return an entry and all kernels that it calls, directly or indirectly, in a deterministic order."""
     found: dict[int, Kernel] = {}
     waiting: list[Kernel] = [entry]
     while waiting:
@@ -52,7 +52,7 @@ def kernels_in(entry: Entry) -> list[Kernel]:
 
 @cache
 def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
-    """Return a text of a function, its constants and globals, and the kernels that it names."""
+    """Return a text representation of a function with its constants and globals, and the kernels that it refers to."""
     function = kernel.function
     lines, called = [kernel.label, *_code_lines(function)], []
     for name, value in _globals_of(function):
@@ -69,8 +69,8 @@ def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
 
 
 def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
-    """Return a text of a constant or function that is the same in every process; `above` are those that name it."""
-    function = getattr(value, "py_func", value)  # of what numba has compiled by itself
+    """Return a text of a constant or function that is the same in every process; `above` contains its referrers."""
+    function = getattr(value, "py_func", value)  # the Python function of a numba dispatcher
     if isinstance(function, FunctionType):
         above = (*above, value)
         others = [pair for pair in _globals_of(function) if not any(pair[1] is one for one in above)]
@@ -87,7 +87,7 @@ def _text_of(value: Any, above: tuple[Any, ...] = ()) -> str:
 
 
 def _codes_of(function: Any) -> list[CodeType]:
-    """Return the code of a function and of those within it, as of comprehensions."""
+    """Return the code objects of a function and of its nested functions, such as comprehensions."""
     codes = [function.__code__]
     for code in codes:
         codes += [one for one in code.co_consts if isinstance(one, CodeType)]
@@ -95,7 +95,7 @@ def _codes_of(function: Any) -> list[CodeType]:
 
 
 def _code_lines(function: Any) -> list[str]:
-    """Return texts of the code of a function, without its documentation and the places of its lines."""
+    """Return a text of the code of a function, without its docstring and line numbers."""
     lines = [repr(function.__defaults__)]
     for code in _codes_of(function):
         constants = [repr(one) for one in code.co_consts if not isinstance(one, CodeType) and one != function.__doc__]
@@ -104,7 +104,7 @@ def _code_lines(function: Any) -> list[str]:
 
 
 def _globals_of(function: Any) -> list[tuple[str, Any]]:
-    """Return what a function names outside itself: variables around it, globals, attributes of modules."""
+    """Return the values that a function refers to: closure variables, globals, and attributes of modules."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     found: list[tuple[str, Any]] = [(name, cell.cell_contents) for name, cell in cells]
     names = [name for code in _codes_of(function) for name in code.co_names]
@@ -116,7 +116,7 @@ def _globals_of(function: Any) -> list[tuple[str, Any]]:
 
 
 def _values_of(name: str, value: Any, names: list[str]) -> list[tuple[str, Any]]:
-    """Return a global, and of a module what a function may read in it and in the modules within."""
+    """Return a global; for a module, return the attributes that a function may read in it and in its submodules."""
     found = [(name, value)]
     if isinstance(value, ModuleType) and hasattr(value, "__file__") and value.__name__ != "math":
         for inner in dict.fromkeys(names):

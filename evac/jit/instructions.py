@@ -1,8 +1,8 @@
-"""How numba types and lowers what kernels use: structs, arrays, operations of our own and calls of addresses.
+"""Numba types and lowering of structs, arrays, intrinsics and calls of addresses.
 
-Imported only to compile. A struct is one pointer; an array one pointer to its header of address and extents. Headers
-do not change while a kernel runs, and loads from them say so, so that no store makes the compiler read them again.
-Indices are taken as they are: they do not count from the end.
+This module is imported only to compile. A struct is one pointer; an array is one pointer to its header, which contains
+its address and extents. Headers do not change while a kernel runs, and loads from them are marked as invariant, so
+that the compiler does not reload them after stores. Negative indices are not supported.
 """
 
 import operator
@@ -40,7 +40,7 @@ class StructType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> type[Struct]:
-        """The class: another one may have the same name, as one that is defined again has, and another layout."""
+        """The class, since another class of the same name, such as a redefinition, may have a different layout."""
         return self.struct
 
 
@@ -59,7 +59,7 @@ class BufferType(types.Type):  # type: ignore[misc]
 
 
 class RowType(BufferType):
-    """A row of a grid: its address and length, since a header of its own would change while a kernel runs."""
+    """A row of a grid, given by its address and length; it has no header, since that would change in a kernel."""
 
     def __init__(self, dtype: str) -> None:
         super().__init__(Array(dtype, (None,)))
@@ -93,7 +93,7 @@ def _word(builder: Any, pointer: Any, number: int) -> Any:
 
 
 def _load_constant(builder: Any, pointer: Any) -> Any:
-    """Load what no kernel changes."""
+    """Load a value that kernels do not change (invariant load)."""
     loaded = builder.load(pointer)
     loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
     return loaded
@@ -129,7 +129,7 @@ def _set_attribute(context: Any, builder: Any, sig: Any, arguments: Any, name: s
     struct, given = sig.args
     kind = struct.struct.kinds[name]
     if not isinstance(kind, str):
-        raise NotImplementedError(f"{struct}.{name}: kernels cannot replace arrays and structs")
+        raise NotImplementedError(f"{struct}.{name}: kernels cannot replace arrays and structs; write into them")
     place = _word(builder, arguments[0], struct.struct.words[name])
     if kind == "float64":
         place = builder.bitcast(place, ir.DoubleType().as_pointer())
@@ -174,7 +174,7 @@ def _length(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _fits(buffer: types.Type, index: types.Type) -> bool:
-    """Say whether an index gives a number of an array."""
+    """Return whether an index selects one element of an array."""
     if not isinstance(buffer, BufferType):
         return False
     if isinstance(index, types.Integer):
@@ -199,7 +199,7 @@ class _SetItem(AbstractTemplate):  # type: ignore[misc]
 
 
 def _place(context: Any, builder: Any, buffer: BufferType, value: Any, index: types.Type, given: Any) -> Any:
-    """Return the address of a number of an array."""
+    """Return the address of an element of an array."""
     kinds = [index] if isinstance(index, types.Integer) else list(index)
     numbers = [given] if isinstance(index, types.Integer) else cgutils.unpack_tuple(builder, given)
     numbers = [context.cast(builder, one, kind, types.int64) for one, kind in zip(numbers, kinds, strict=True)]
@@ -232,7 +232,7 @@ def _set_item(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _callable(key: Any, result: Callable[..., Any], lower: Callable[..., Any]) -> types.Type:
-    """Make a numba function of an object that kernels call; `result` tells its type from those of the arguments."""
+    """Make a numba function type for an object that kernels call; `result` infers the type of its result."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, args: Any, kws: Any) -> Any:
@@ -266,7 +266,7 @@ def _fused(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _row(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """Return address and length of a row of a grid."""
+    """Return the address and length of a row of a grid."""
     buffer = sig.args[0]
     pair = context.make_tuple(builder, types.UniTuple(types.int64, 2), [args[1], ir.Constant(_WORD, 0)])
     place = _place(context, builder, buffer, args[0], types.UniTuple(types.int64, 2), pair)
@@ -305,7 +305,7 @@ def _pause(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @lower_cast(RowType, BufferType)
 def _make_header(context: Any, builder: Any, given: RowType, wanted: BufferType, value: Any) -> Any:
-    """Make a header of a row for a call of an address: only what is called reads it."""
+    """Make a header of a row for a call of an address; only the callee reads it."""
     pointer = builder.bitcast(cgutils.alloca_once(builder, ir.ArrayType(_WORD, 2)), _ADDRESS)
     for word in range(2):
         builder.store(builder.extract_value(value, word), _word(builder, pointer, word))
@@ -313,7 +313,7 @@ def _make_header(context: Any, builder: Any, given: RowType, wanted: BufferType,
 
 
 def _extreme(comparison: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return type and instructions of ``max`` (">") and ``min`` ("<") of numbers, which agree with Python's on NaN."""
+    """Return typing and lowering of ``max`` (">") and ``min`` ("<"), which treat NaN as Python does."""
 
     def result(args: Any) -> Any:
         if len(args) < 2 or not all(isinstance(one, types.Integer | types.Float) for one in args):
@@ -345,7 +345,7 @@ def _truncate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 _THREE = signature(types.float64, types.float64, types.float64, types.float64)
 
-#: What kernels compile an `Intrinsic` to, by name: type of the result, instructions.
+#: Typing and lowering of each `Intrinsic`, by name.
 _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "fused": (lambda args: _THREE, _fused),
     "row": (_row_type, _row),
@@ -356,7 +356,7 @@ _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
 
 _known: dict[Any, types.Type] = {}
 
-#: Functions of Python that numba would compile a function of its own for, for each combination of types.
+#: Python functions for which numba would compile a separate function for each combination of types.
 BUILTINS = {
     max: _callable("evac max", *_extreme(">")),
     min: _callable("evac min", *_extreme("<")),

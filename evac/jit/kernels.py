@@ -1,8 +1,8 @@
-"""Kernels: Python functions that run as machine code, compiled once and kept on disk.
+"""Kernels: Python functions that run as machine code, compiled once and cached on disk.
 
-`kernel` declares an entry, which Python calls and whose annotations are its signature; `inner` a function that only
-kernels call. Nothing is compiled, and numba is not imported, before an entry is called whose code is not on disk.
-With the environment variable NUMBA_DISABLE_JIT set, kernels run as the Python functions that they are.
+`kernel` declares an entry, which Python calls and whose annotations are its signature; `inner` declares a function that
+only kernels call. Numba is imported, and an entry compiled, when the entry is first called and its code is not on disk.
+If the environment variable NUMBA_DISABLE_JIT is set, kernels run as plain Python functions.
 """
 
 import ctypes
@@ -14,27 +14,27 @@ from typing import Any, get_args, get_origin, get_type_hints
 from evac.errors import PluginError
 from evac.jit.layout import Array, Kind, Struct, check_array, describe, kind_of
 
-#: Run kernels as Python functions, to look into them.
+#: Whether kernels run as Python functions, for debugging.
 INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
-#: Arguments by name and kind, and the kinds of the numbers returned.
+#: Names and kinds of the arguments, and kinds of the returned numbers.
 Signature = tuple[tuple[tuple[str, Kind], ...], tuple[str, ...]]
 
 _C_TYPES: dict[str, Any] = {"int64": ctypes.c_int64, "float64": ctypes.c_double}
 
 
-#: Name of the function that machine code calls with the label of a kernel in which an exception has been raised.
+#: Name of the function that machine code calls with the label of a kernel that has raised an exception.
 NOTE_RAISED = "evac_note_raised"
 
 _raised: list[str] = []
 
 
 def _note_raised(label: bytes) -> None:
-    """Remember a kernel in which an exception has been raised, until the call from Python has returned."""
+    """Record a kernel that has raised an exception, until the call from Python returns."""
     _raised.append(label.decode())
 
 
-#: The same, as machine code calls it.
+#: The same function as a C callback.
 note_raised = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(_note_raised)
 
 
@@ -54,7 +54,7 @@ class Kernel:
 
     @property
     def label(self) -> str:
-        """Name of the kernel with its module."""
+        """Qualified name of the kernel with its module."""
         return f"{self.__module__}.{self.function.__qualname__}"
 
     def __call__(self, *arguments: Any) -> Any:
@@ -66,14 +66,14 @@ class Kernel:
 
 
 class Entry(Kernel):
-    """A kernel with a declared signature: it has machine code and an address of its own.
+    """A kernel with a declared signature, which has its own machine code and address.
 
-    The signature is that of the annotations, or of the calls of an address that it is made for.
+    The signature is given by the annotations, or by the `AddressCall` that it is made for.
 
     Raises
     ------
     TypeError
-        If the function lacks annotations or has others than kernels know.
+        The function lacks annotations, or has annotations of unsupported types.
     """
 
     def __init__(self, function: Callable[..., Any], like: "AddressCall | None" = None) -> None:
@@ -90,7 +90,7 @@ class Entry(Kernel):
 
     @property
     def signature(self) -> Signature:
-        """Names and kinds of the arguments, and the kinds of the numbers returned."""
+        """Names and kinds of the arguments, and kinds of the returned numbers."""
         if self._signature is None:
             hints = get_type_hints(self.function, include_extras=True)
             code = self.function.__code__
@@ -101,18 +101,18 @@ class Entry(Kernel):
                 parts = get_args(result) if get_origin(result) is tuple else [result]
                 returned = () if result is type(None) else tuple(map(kind_of, parts))
             except KeyError as missing:
-                raise TypeError(f"kernel {self.label}: {missing} has no annotation") from None
+                raise TypeError(f"kernel {self.label}: {missing} has no type annotation; add one") from None
             except TypeError as wrong:
                 raise TypeError(f"kernel {self.label}: {wrong}") from None
             numbers = tuple(kind for kind in returned if isinstance(kind, str))
             if numbers != returned:
-                raise TypeError(f"kernel {self.label}: it can return int, float, bool, a tuple of them or None")
+                raise TypeError(f"kernel {self.label}: it must return int, float, bool, a tuple of them or None")
             self._signature = arguments, numbers
         return self._signature
 
     @property
     def address(self) -> int:
-        """Address of the machine code, which is loaded or compiled if need be."""
+        """Address of the machine code, which is loaded or compiled if necessary."""
         if not self._address:
             if INTERPRETED:
                 self._address = id(self)
@@ -129,9 +129,9 @@ class Entry(Kernel):
         return bool(self._address)
 
     def bind(self, address: int) -> None:
-        """Let calls go to the machine code at an address."""
+        """Use the machine code at an address for calls."""
         kinds, returned = self.signature
-        if len(returned) <= 1:  # only kernels call what returns several numbers
+        if len(returned) <= 1:  # entries with several results are only called by kernels
             result = _C_TYPES[returned[0]] if returned else None
             types = [
                 _C_TYPES.get(kind, ctypes.c_int64) if isinstance(kind, str) else ctypes.c_int64 for _, kind in kinds
@@ -145,9 +145,9 @@ class Entry(Kernel):
         Raises
         ------
         TypeError
-            If an argument does not fit the signature.
+            An argument does not match the signature.
         PluginError
-            If a function under ``numba.njit`` has raised an exception, in this kernel or in one that it calls.
+            A function under ``numba.njit`` has raised an exception, in this kernel or in one that it calls.
         """
         if INTERPRETED or len(self.signature[1]) > 1:
             return self.function(*arguments)
@@ -156,8 +156,8 @@ class Entry(Kernel):
         assert self._call is not None
         kinds, _ = self.signature
         if len(kinds) != len(arguments):
-            raise TypeError(f"kernel {self.label} takes {len(kinds)} arguments, {len(arguments)} given")
-        kept: list[Any] = []  # headers live until the call returns
+            raise TypeError(f"kernel {self.label} takes {len(kinds)} arguments, but {len(arguments)} were given")
+        kept: list[Any] = []  # keeps headers alive until the call returns
         passed: list[float] = []
         for (name, kind), value in zip(kinds, arguments, strict=True):
             if isinstance(kind, Array):
@@ -169,52 +169,51 @@ class Entry(Kernel):
                 passed.append(float(value) if kind == "float64" else int(value))
             else:
                 if not isinstance(value, kind):
-                    raise TypeError(f"{self.label}: {name}: {type(value).__name__}, not {kind.__name__}")
+                    raise TypeError(f"{self.label}: {name}: must be a {kind.__name__}, not {type(value).__name__}")
                 passed.append(value.memory_address)
         found = self._call(*passed)
         if _raised:
             label = _raised[0]
             _raised.clear()
             raise PluginError(
-                f"kernel {label}: a function that it calls has raised an exception; run with NUMBA_DISABLE_JIT=1 to see"
-                " which"
+                f"kernel {label}: a function that it calls raised an exception; set NUMBA_DISABLE_JIT=1 to see it which"
             )
         return found
 
 
-#: Python functions by what stands for their addresses where nothing is compiled.
+#: Python functions by the numbers that represent their addresses if nothing is compiled.
 _interpreted: dict[int, Callable[..., Any]] = {}
 
 
 class Intrinsic:
-    """An operation that kernels compile to instructions of their own, see `evac.jit.instructions`.
+    """An operation that is compiled to special instructions, see `evac.jit.instructions`.
 
     Attributes
     ----------
     name : str
     twin : callable
-        What it does, in Python.
+        Python implementation.
     """
 
     def __init__(self, name: str, twin: Callable[..., Any]) -> None:
         self.name, self.twin = name, twin
 
     def __call__(self, *arguments: Any) -> Any:
-        """Do it in Python."""
+        """Run the Python implementation."""
         return self.twin(*arguments)
 
 
 class AddressCall:
-    """A call of machine code at an address, with one signature: what makes a part of a kernel exchangeable.
+    """A call of machine code at an address with a fixed signature, by which kernels call exchangeable parts.
 
-    Called with the address first.
+    The first argument of a call is the address.
 
     Parameters
     ----------
     arguments : sequence of types
-        As entries annotate them.
+        Types of the arguments, as in the annotations of entries.
     returns : tuple of types
-        One number, or several as pair forces return.
+        Types of the results; several for pair forces.
     """
 
     def __init__(self, arguments: Sequence[Any], returns: tuple[Any, ...]) -> None:
@@ -222,50 +221,50 @@ class AddressCall:
         self.returns = tuple(str(kind_of(hint)) for hint in returns)
 
     def check(self, entry: Any, what: str) -> None:
-        """Refuse what cannot be called so; `what` is its name in the message.
+        """Check that an entry has this signature; `what` is its name in the message.
 
         Raises
         ------
         PluginError
-            If it is no kernel that Python can call, or takes or returns something else.
+            The object is not an entry, or its signature differs.
         """
         if isinstance(entry, Entry):
             kinds, returned = entry.signature
             if tuple(kind for _, kind in kinds) == self.kinds and returned == self.returns:
                 return
-        raise PluginError(f"{what} must be a kernel {self}, compiled by evac.jit.kernel or evac.jit.pair_force")
+        raise PluginError(f"{what} must be a kernel {self}; decorate it with a decorator of evac.jit for this purpose")
 
     def __str__(self) -> str:
         names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in self.kinds]
         return f"({', '.join(names)}) -> ({', '.join(self.returns)})"
 
     def __call__(self, address: int, *arguments: Any) -> Any:
-        """Call a kernel that is not compiled."""
+        """Call the Python function of a kernel, if nothing is compiled."""
         return _interpreted[int(address)](*arguments)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Make a kernel that Python can call of a module-level function whose annotations are its signature.
+    """Declare a module-level function as a kernel that Python can call; its annotations are its signature.
 
-    Arguments are int, float, bool, a `Struct` or an array type of `evac.jit`; it returns int, float, bool or None.
+    Arguments are int, float, bool, a `Struct` or an array type of `evac.jit`; the result is int, float, bool or None.
     """
     return Entry(function)
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Make a function that kernels can call of a module-level function; it needs no annotations."""
+    """Declare a module-level function as a function that kernels can call; it needs no annotations."""
     return Kernel(function)
 
 
 def entries_of(module: ModuleType) -> list[Entry]:
-    """Return the entries that a module and its classes define."""
+    """Return the entries defined in a module and its classes."""
     holders = [module, *(value for value in vars(module).values() if isinstance(value, type))]
     found = [value for holder in holders for value in vars(holder).values() if isinstance(value, Entry)]
     return [entry for entry in dict.fromkeys(found) if entry.__module__ == module.__name__]
 
 
 def structs_of(kind: Kind) -> set[type[Struct]]:
-    """Return the structs that a value of a kind holds or is."""
+    """Return the structs that a kind of value is or contains."""
     if isinstance(kind, Array | str):
         return set()
     return {kind}.union(*(structs_of(inner_kind) for inner_kind in kind.kinds.values()))

@@ -1,7 +1,8 @@
-"""Memory that Python and kernels share: structs of numbers and array headers, passed by reference.
+"""Memory shared by Python and kernels: structs of numbers and array headers, passed by reference.
 
-A kernel gets one pointer for each struct, however many arrays it holds. An array is described by its address and its
-shape, in words of the struct's memory; Python replaces an array (to make room) by assigning to the attribute.
+A kernel receives one pointer for each struct, regardless of the number of arrays in it. The address and the shape of an
+array are words in the memory of the struct; Python replaces an array, for example to enlarge it, by assignment to the
+attribute.
 """
 
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin, get_type_hints
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 
 class Array(NamedTuple):
-    """Type of an array in a struct or of an argument: its numbers, and its extents where they are fixed."""
+    """Type of an array in a struct or of an argument: the type of its elements, and its fixed extents."""
 
     dtype: str
     shape: tuple[int | None, ...]
@@ -30,17 +31,17 @@ Indices = Annotated[NDArray[np.uint32], Array("uint32", (None,))]
 Bytes = Annotated[NDArray[np.uint8], Array("uint8", (None,))]
 ByteGrid = Annotated[NDArray[np.uint8], Array("uint8", (None, None))]
 
-#: What a kernel's argument or a struct's attribute can be: an array, "int64", "float64", or a struct.
+#: Kind of an argument of a kernel or an attribute of a struct: an array, "int64", "float64", or a struct.
 Kind = Array | str | type["Struct"]
 
 
 def kind_of(hint: Any) -> Kind:
-    """Return how kernels see values of an annotated type.
+    """Return the kind of values of an annotated type.
 
     Raises
     ------
     TypeError
-        For a type that kernels do not know.
+        Kernels do not support the type.
     """
     if get_origin(hint) is Annotated:
         for note in get_args(hint)[1:]:
@@ -52,16 +53,16 @@ def kind_of(hint: Any) -> Kind:
         return "int64"
     if isinstance(hint, type) and issubclass(hint, Struct):
         return hint
-    raise TypeError(f"{hint} is no type of kernels: use int, float, bool, a Struct or an array type of evac.jit")
+    raise TypeError(f"kernels do not support {hint}; use int, float, bool, a Struct or an array type of evac.jit")
 
 
 def words_of(kind: Kind) -> int:
-    """Return how many words of 8 bytes a value takes in a struct."""
+    """Return the number of words of 8 bytes that a value needs in a struct."""
     return 1 + len(kind.shape) if isinstance(kind, Array) else 1
 
 
 def describe(kind: Kind) -> str:
-    """Return a text that differs wherever the memory of a kind does, nested structs included."""
+    """Return a text that identifies the memory layout of a kind, including nested structs."""
     if isinstance(kind, Array):
         return f"{kind.dtype}{list(kind.shape)}"
     if isinstance(kind, str):
@@ -70,22 +71,22 @@ def describe(kind: Kind) -> str:
 
 
 def check_array(array: Any, kind: Array, name: str) -> None:
-    """Refuse what kernels cannot read as an array of this kind.
+    """Check that kernels can read a value as an array of a kind.
 
     Raises
     ------
     TypeError
     """
     if not isinstance(array, np.ndarray):
-        raise TypeError(f"{name}: {type(array).__name__}, not an array")
+        raise TypeError(f"{name}: must be an array, not {type(array).__name__}")
     fits = array.ndim == len(kind.shape) and all(
         wanted is None or wanted == given for wanted, given in zip(kind.shape, array.shape, strict=True)
     )
     if array.dtype != kind.dtype or not fits or not array.flags.c_contiguous:
         wanted = ", ".join("n" if extent is None else str(extent) for extent in kind.shape)
         raise TypeError(
-            f"{name}: an array {array.dtype} of shape {array.shape}, contiguous: {array.flags.c_contiguous};"
-            f" it must be {kind.dtype} of shape ({wanted}) and contiguous"
+            f"{name}: must be an array of {kind.dtype} of shape ({wanted}) and C-contiguous, not of {array.dtype} of"
+            f" shape {array.shape} (contiguous: {array.flags.c_contiguous})"
         )
 
 
@@ -105,7 +106,7 @@ class _NumberField:
 
 
 class _ArrayField:
-    """An array whose address and shape are in the memory of a struct; reading finds it in the instance."""
+    """An array whose address and shape are in the memory of a struct; the instance holds the array itself."""
 
     def __init__(self, word: int, kind: Array, name: str) -> None:
         self.word, self.kind, self.name = word, kind, name
@@ -129,26 +130,26 @@ class _StructField:
 
 
 class Struct:
-    """Base class of what kernels take by reference: a subclass annotates attributes, and takes them by keyword.
+    """Base class of structs that kernels take by reference; subclasses annotate attributes, given by keyword.
 
     Attributes
     ----------
     kinds : mapping of str to Kind
-        Of the attributes of a class, in order.
+        Kinds of the attributes, in order.
     words : mapping of str to int
         First word of each attribute.
     memory_address : int
-        Of an instance's memory.
+        Address of the memory of an instance.
 
     Raises
     ------
     TypeError
-        If an array does not fit, or an attribute is missing or unknown; for a class with an attribute of the name of
-        one of the base class.
+        An array does not fit, or an attribute is missing or unknown; or a subclass declares an attribute with the name
+        of an attribute of this base class.
 
     Notes
     -----
-    Kernels write where their code does: they do not see numpy's flag of arrays that are read-only.
+    Kernels ignore the ``writeable`` flag of NumPy arrays.
     """
 
     kinds: ClassVar[dict[str, Kind]] = {}
@@ -163,7 +164,7 @@ class Struct:
             if name.startswith("_") or get_origin(hint) is ClassVar:
                 continue
             if hasattr(Struct, name):
-                raise TypeError(f"{cls.__name__}.{name}: every struct has something of this name; choose another name")
+                raise TypeError(f"{cls.__name__}.{name}: this name is reserved in structs; choose another one")
             kind = kind_of(hint)
             cls.kinds[name], cls.words[name] = kind, word
             field: Any
@@ -180,7 +181,7 @@ class Struct:
     def __init__(self, **values: Any) -> None:
         if values.keys() != self.kinds.keys():
             wrong = sorted(values.keys() ^ self.kinds.keys())
-            raise TypeError(f"{type(self).__name__}: missing or unknown {', '.join(wrong)}")
+            raise TypeError(f"{type(self).__name__}: missing or unknown attributes: {', '.join(wrong)}")
         self._words = np.zeros(self._size, np.int64)
         self._floats = self._words.view(np.float64)
         self.memory_address = int(self._words.ctypes.data)
@@ -192,7 +193,7 @@ class Struct:
         return {name: getattr(self, name) for name in self.kinds}
 
     def replace(self, **changes: Any) -> Self:
-        """Return a struct with some attributes changed; arrays that are not are shared."""
+        """Return a struct with some attributes changed; unchanged arrays are shared."""
         return type(self)(**(self.values() | changes))
 
     def __reduce__(self) -> Any:

@@ -1,4 +1,4 @@
-"""From entries to addresses: read object code from disk, compile what is missing, load it into the process."""
+"""Loading of entries: object code is read from disk, compiled if it is missing, and loaded into the process."""
 
 import ctypes
 import threading
@@ -18,7 +18,7 @@ from evac.jit.processor import Processor, generic, host, missing_features
 from evac.jit.store import Store, user_store
 from evac.jit.workers import Progress, Task, compile_tasks
 
-#: Kernels that a wheel contains, compiled for the generic processor.
+#: Kernels in the wheel, compiled for the generic processor.
 SHIPPED = Store(Path(__file__).parents[1] / "kernels", is_shipped=True)
 
 _lock = threading.RLock()
@@ -28,7 +28,7 @@ _addresses: dict[str, int] = {}
 
 @lru_cache(maxsize=1)
 def _engine() -> Any:
-    """Return what loads object code."""
+    """Return the LLVM engine that loads object code."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     llvm.add_symbol(NOTE_RAISED, ctypes.cast(note_raised, ctypes.c_void_p).value)
@@ -37,14 +37,14 @@ def _engine() -> Any:
 
 
 def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> None:
-    """Load the machine code of entries, and compile what is not on disk.
+    """Load the machine code of entries; compile entries that are not on disk.
 
     Parameters
     ----------
     entries : iterable of Entry
-        Those that are missing are compiled together, if there are many in several processes.
+        Missing entries are compiled together, in several processes if there are many.
     progress : callable, optional
-        Called with the number of kernels compiled so far and of all that must be; never if none must.
+        Called with the number of kernels compiled so far and the total number to compile; never if there are none.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> 
         return
     with _lock:
         store, missing = user_store(), list[Task]()
-        twins: list[Task] = []  # of entries that are to be compiled
+        twins: list[Task] = []  # entries with the same code as one that is compiled
         for entry in dict.fromkeys(entries):
             if entry.is_ready:
                 continue
@@ -75,10 +75,10 @@ def addresses_of(entries: Iterable[Entry], progress: Progress | None = None) -> 
 def compile_missing(
     missing: list[Task], processor: Processor, store: Store | None, progress: Progress | None = None
 ) -> None:
-    """Compile kernels into a store, load those for this processor, and remove what is old."""
+    """Compile kernels into a store, load them, and remove old files."""
     if store is None:
         warnings.warn(
-            "compiled kernels cannot be kept: there is no home folder; set EVAC_CACHE_DIR to a folder",
+            "compiled kernels cannot be cached because there is no home folder; set EVAC_CACHE_DIR to a folder",
             CacheWarning,
             stacklevel=2,
         )
@@ -91,7 +91,7 @@ def compile_missing(
 
 
 def _load_shipped(entry: Entry) -> bool:
-    """Load a kernel of the wheel, if there is one that this machine can run."""
+    """Load a kernel of the wheel, if it contains one that this machine can run."""
     if not SHIPPED.folder.is_dir() or missing_features():
         return False
     task = Task(entry, digest_of(entry, f"{generic()}"))
@@ -102,7 +102,7 @@ def _load_shipped(entry: Entry) -> bool:
 
 
 def _load(task: Task, code: bytes) -> None:
-    """Load object code and let the entry call it; of two entries with the same code the first is loaded."""
+    """Load object code and bind the entry to it; for entries with the same code, the first one is loaded."""
     if task.symbol not in _addresses:
         engine = _engine()
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))

@@ -1,4 +1,4 @@
-"""The processor that kernels are compiled for."""
+"""Processors that kernels are compiled for."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -6,10 +6,10 @@ from typing import Any
 
 from llvmlite import binding as llvm
 
-#: Kernels in a wheel are compiled for this level of x86-64: AVX2 and fused multiplication, but not AVX-512.
+#: Level of x86-64 that kernels in a wheel are compiled for: AVX2 and fused multiply-add, but not AVX-512.
 GENERIC = "x86-64-v3"
 
-#: What a processor of that level has beyond the baseline, or implies it, by the names of LLVM.
+#: Features of processors of that level beyond the baseline, and features that imply them, by their LLVM names.
 _GENERIC_FEATURES = (
     "avx2",
     "bmi",
@@ -28,14 +28,14 @@ _GENERIC_FEATURES = (
 
 @dataclass(frozen=True)
 class Processor:
-    """Name and features of a processor as LLVM knows them, and the system's triple."""
+    """Name and features of a processor in LLVM terms, and the target triple of the system."""
 
     triple: str
     name: str
     features: str
 
     def options(self) -> dict[str, Any]:
-        """Return the options of a target machine whose code is loaded into this process."""
+        """Return the options of the LLVM target machine for code that is loaded into this process."""
         relocation = "static" if self.triple.startswith("x86") else "default"
         return {
             "cpu": self.name,

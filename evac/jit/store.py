@@ -1,7 +1,8 @@
-"""Object code on disk: one file for each kernel and what it was compiled from, with a checksum.
+"""Object code on disk: one file for each kernel and digest, with a checksum.
 
-The checksum finds damage, not intent: whoever can write a file here can execute code in the process that loads it. So
-the folder is made for its owner alone, and nothing is loaded from one that others may write to.
+The checksum detects damage, not manipulation: anyone who can write a file here can execute code in the process that
+loads it. Therefore, the folder is created for its owner only, and nothing is loaded from a folder that others can
+write to.
 """
 
 import errno
@@ -19,22 +20,22 @@ from pathlib import Path
 
 from evac.errors import CacheWarning
 
-#: How files of this format begin; those of others begin with the first word as well.
+#: First bytes of files of this format, and of files of any version of the format.
 _MAGIC = b"evac kernel 1\n"
 _ANY_MAGIC = b"evac kernel "
 
-#: Files kept of one kernel: those used last.
+#: Number of files kept for one kernel; the most recently used ones are kept.
 KEPT = 8
 
-#: Files that nothing has used for so long are removed [s].
+#: Age since the last use after which files are removed [s].
 UNUSED = 90 * 86400.0
 
-#: Files that are written belong to an interrupted process if they are older [s].
+#: Age after which temporary files are taken as left by an interrupted process [s].
 _ABANDONED = 3600.0
 
 
 def cache_root() -> Path | None:
-    """Return the folder that holds compiled kernels: ``EVAC_CACHE_DIR``, or the user's; None without a home."""
+    """Return the cache folder: ``EVAC_CACHE_DIR``, or that of the user; None if there is no home folder."""
     chosen = os.environ.get("EVAC_CACHE_DIR")
     if chosen:
         return Path(chosen).absolute()
@@ -44,18 +45,18 @@ def cache_root() -> Path | None:
             return base / "evac"
     with suppress(RuntimeError):
         home = Path.home()
-        # An empty HOME would mean the current folder, which may be anybody's.
+        # An empty HOME would mean the current folder, which may belong to anyone.
         return home / ".cache" / "evac" if home.is_absolute() else None
     return None
 
 
 def user_store() -> "Store | None":
-    """Return the store of this user; None without a home."""
+    """Return the store of this user; None if there is no home folder."""
     root = cache_root()
     return Store(root / "kernels") if root else None
 
 
-#: Folders that something has been warned of.
+#: Warnings that have been issued.
 _warned: set[tuple[Path, str]] = set()
 
 
@@ -67,28 +68,28 @@ class Store:
     ----------
     folder : Path
     is_shipped : bool
-        Part of an installed wheel: nothing in it is changed.
+        Whether the folder is part of an installed wheel and must not be changed.
     """
 
     folder: Path
     is_shipped: bool = False
 
     def path(self, name: str, digest: str) -> Path:
-        """Return where the code of a kernel is kept."""
+        """Return the path of the object code of a kernel."""
         return self.folder / f"{name}-{digest}.kernel"
 
     def read(self, name: str, digest: str) -> bytes | None:
-        """Return object code, or None where there is none; a damaged file is removed, with one warning."""
+        """Return object code, or None if there is none; a damaged file is removed, with one warning."""
         path = self.path(name, digest)
         try:
             if not self.is_shipped and exposure(self.folder):
-                return None  # what is compiled then cannot be kept, which is warned of
+                return None  # the compiled code cannot be stored either, which causes a warning
             problem = "" if self.is_shipped else exposure(path)
             content = b"" if problem else path.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
             return None
         except OSError as error:
-            self.warn("access", f"{path}: cannot be read ({error.strerror}); what cannot be read is compiled again")
+            self.warn("access", f"{path}: cannot be read ({error.strerror}); such kernels are compiled again")
             return None
         start = len(_MAGIC) + 32
         code = content[start:]
@@ -96,21 +97,21 @@ class Store:
             self._note_use(path)
             return code
         if content.startswith(_ANY_MAGIC) and not content.startswith(_MAGIC):
-            return None  # of another format
+            return None  # another version of the format
         if not self.is_shipped:
             with suppress(OSError):
                 path.unlink()
         problem = problem or "is damaged"
-        self.warn("damaged", f"{path}: {problem}; it is compiled again, as is everything else that is damaged")
+        self.warn("damaged", f"{path}: {problem}; such kernels are compiled again")
         return None
 
     def write(self, name: str, digest: str, code: bytes) -> None:
-        """Keep object code and remove older of the same kernel.
+        """Store object code and remove older files of the same kernel.
 
         Raises
         ------
         OSError
-            If that is not possible, or others may write to the folder; a file is there as a whole or not at all.
+            The file cannot be written, or others can write to the folder. A file is written completely or not at all.
         """
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         problem = exposure(self.folder)
@@ -129,7 +130,7 @@ class Store:
         _remove(sorted(same, key=_age)[KEPT:])
 
     def entries(self) -> list[Path]:
-        """Return the files of all kernels; none of a folder that cannot be read."""
+        """Return the files of all kernels; none if the folder cannot be read."""
         return sorted(self._files("*.kernel"))
 
     def _files(self, pattern: str) -> list[Path]:
@@ -139,20 +140,20 @@ class Store:
             return []
 
     def warn(self, what: str, message: str) -> None:
-        """Warn of something that concerns the folder, once."""
+        """Issue a warning about the folder, once for each kind of problem."""
         if (self.folder, what) not in _warned:
             _warned.add((self.folder, what))
             warnings.warn(message, CacheWarning, stacklevel=3)
 
     def _note_use(self, path: Path) -> None:
-        """Keep a file that is used from being removed as old."""
+        """Update the time of a used file, so that it is not removed as old."""
         if not self.is_shipped:
-            with suppress(OSError):  # a folder that can only be read
+            with suppress(OSError):  # a read-only folder
                 if _age(path) > 86400.0:
                     os.utime(path)
 
     def prune(self) -> None:
-        """Remove what nothing has used for long, what interrupted processes left, and former caches."""
+        """Remove files not used for a long time, files of interrupted processes, and caches of former versions."""
         _remove(path for path in self.entries() if _age(path) > UNUSED)
         _remove(path for path in self._files("*.part") if _age(path) > _ABANDONED)
         with suppress(OSError):
@@ -160,7 +161,7 @@ class Store:
                 _remove_former(folder)
 
     def clear(self) -> None:
-        """Remove all kernels and former caches; other files are left alone."""
+        """Remove all kernels and caches of former versions; other files are kept."""
         _remove([*self.entries(), *self._files("*.part")])
         with suppress(OSError):
             self.folder.rmdir()
@@ -168,14 +169,14 @@ class Store:
 
 
 def exposure(path: Path) -> str:
-    """Return why others than this user and root could have written a folder or file; empty if they could not.
+    """Return why other users, except root, could have written a folder or file; empty if they could not.
 
-    Systems without owners and modes, as Windows, protect the folder by where it is: in the user's profile.
+    Systems without owners and modes, such as Windows, protect the folder by its location in the user's profile.
 
     Raises
     ------
     OSError
-        It is not there, or cannot be looked at.
+        The path does not exist or cannot be accessed.
     """
     if not hasattr(os, "geteuid"):
         return ""
@@ -183,9 +184,9 @@ def exposure(path: Path) -> str:
     if found.st_uid not in (os.geteuid(), 0):
         return f"belongs to another user (number {found.st_uid})"
     if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        return f"may be written by others (mode {stat.S_IMODE(found.st_mode):o}); chmod go-w {path}"
+        return f"can be written by others (mode {stat.S_IMODE(found.st_mode):o}); run chmod go-w {path}"
     if not (stat.S_ISDIR(found.st_mode) or stat.S_ISREG(found.st_mode)):
-        return "is no regular file"
+        return "is not a regular file"
     return ""
 
 
@@ -194,7 +195,7 @@ def _checksum(digest: str, code: bytes) -> bytes:
 
 
 def _age(path: Path) -> float:
-    """Return the time since a file was last used, to a day [s]; none for one that is gone."""
+    """Return the time since a file was last used [s], accurate to a day; 0 if it no longer exists."""
     try:
         return time.time() - path.stat().st_mtime
     except OSError:
@@ -208,7 +209,7 @@ def _remove(paths: Iterator[Path] | list[Path]) -> None:
 
 
 def _remove_former(folder: Path) -> None:
-    """Remove a folder of the cache that numba kept for evac: 16 hexadecimal digits, and indices and code within."""
+    """Remove a cache folder of former versions: named by 16 hexadecimal digits, with index and code files of numba."""
     if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
         return
     inside = sorted(folder.rglob("*"), reverse=True)  # files before their folders

@@ -1,6 +1,6 @@
-"""Compiling kernels: in this process, or in several, each of which imports numba by itself.
+"""Compilation of kernels in this process or in several worker processes, each of which imports numba.
 
-Every kernel is kept on disk as soon as it is finished, so that an interrupted process loses only what it was at.
+Every kernel is stored as soon as it is finished, so that an interrupted process loses only its current kernel.
 """
 
 import base64
@@ -24,14 +24,14 @@ from evac.jit.kernels import Entry, entries_of
 from evac.jit.processor import Processor
 from evac.jit.store import Store
 
-#: Called with the number of kernels that are finished, and of all.
+#: Called with the number of finished kernels and the total number.
 Progress = Callable[[int, int], None]
 
-#: Time for the front end of a function, once in a process, and for the optimisation of an entry with all that it
-#: calls, both for a byte of byte code; and what a process spends before: about 3, 1 and 15,000 units of 70 us.
+#: Cost model in units of about 70 us: front end per byte of byte code of a function, once per process; optimisation per
+#: byte of byte code of an entry with all its callees; start of a process.
 _FRONT, _BACK, _START = 3, 1, 15_000
 
-#: Progress is told at least so often [s].
+#: Longest time between reports of progress [s].
 _TOLD_EVERY = 1.0
 
 _BOOTSTRAP = (
@@ -53,29 +53,29 @@ class Task(NamedTuple):
 
     @property
     def file_name(self) -> str:
-        """How the kernel's files begin."""
+        """Prefix of the names of the kernel's files."""
         return self.entry.label.replace("<", "").replace(">", "")
 
 
 def compile_tasks(
     tasks: Sequence[Task], processor: Processor, store: Store | None, progress: Progress | None = None
 ) -> Generator[tuple[Task, bytes], None, None]:
-    """Compile kernels, in as many processes as make it fastest, and yield each with its object code.
+    """Compile kernels, in the estimated optimal number of processes, and yield each with its object code.
 
     Parameters
     ----------
     tasks : sequence of Task
-        Different ones.
+        Distinct kernels.
     processor : Processor
-        That the digests were made for.
+        Processor that the digests were made for.
     store : Store, optional
-        Where the kernels are kept.
+        Store of the compiled kernels.
     progress : callable, optional
 
     Raises
     ------
     PluginError
-        A kernel cannot be compiled. What has been compiled before is kept.
+        A kernel cannot be compiled. Kernels compiled before are kept.
     """
     left = dict.fromkeys(tasks)
 
@@ -102,13 +102,13 @@ def compile_tasks(
 
 
 def divide(tasks: Sequence[Task], most: int) -> list[list[Task]]:
-    """Divide kernels among processes so that the last ends early; shared functions are lowered once in each.
+    """Divide kernels among processes to minimise the total time; shared functions are lowered once in each process.
 
     Parameters
     ----------
     tasks : sequence of Task
     most : int
-        Number of processes, at most; fewer are used where more would save less than a fifth of the time.
+        Maximum number of processes; fewer are used if more would save less than a fifth of the time.
 
     Returns
     -------
@@ -143,13 +143,13 @@ def cores() -> int:
 
 
 def _source(entry: Entry) -> str | None:
-    """Return the file of a kernel's module, from which another process can import it; None for scripts and the like."""
+    """Return the file of a kernel's module for import in another process; None if impossible, as for scripts."""
     file = getattr(sys.modules.get(entry.__module__), "__file__", None)
     return str(Path(file).absolute()) if file and entry.__module__ != "__main__" else None
 
 
 def _compile_here(task: Task, processor: Processor, store: Store | None) -> tuple[bytes, str]:
-    """Compile and keep a kernel; return its object code and why it could not be kept."""
+    """Compile and store a kernel; return its object code, and the reason if it could not be stored."""
     from evac.jit.compiler import compile_entry  # imports numba
 
     code = compile_entry(task.entry, task.symbol, processor)
@@ -163,16 +163,16 @@ def _compile_here(task: Task, processor: Processor, store: Store | None) -> tupl
 
 def _warn(store: Store | None, problem: str) -> None:
     if store is not None:
-        store.warn("access", f"{store.folder}: kernels cannot be kept ({problem}); the next run compiles them again")
+        store.warn("access", f"{store.folder}: kernels cannot be stored ({problem}); the next run compiles them again")
 
 
-# The side that asks
+# Parent process
 
 
 def _compile_elsewhere(
     shares: list[list[Task]], processor: Processor, store: Store | None, tell: Callable[[], None]
 ) -> Generator[tuple[Task, bytes], None, None]:
-    """Yield what processes compile. What they cannot is left out, and so is what one that died would have compiled."""
+    """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
     tasks = {task.digest: task for share in shares for task in share}
     answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
     workers: list[subprocess.Popen[str]] = []
@@ -207,7 +207,7 @@ def _compile_elsewhere(
 def _start(
     share: list[Task], processor: Processor, store: Store | None, answers: "queue.SimpleQueue[dict[str, Any] | None]"
 ) -> subprocess.Popen[str]:
-    """Start a process and a thread that passes on what it answers, None at the end."""
+    """Start a worker process, and a thread that forwards its answers, followed by None."""
     job = {
         "path": [os.path.abspath(folder) for folder in sys.path],
         "processor": astuple(processor),
@@ -226,7 +226,7 @@ def _start(
     def pass_on() -> None:
         assert worker.stdin is not None
         assert worker.stdout is not None
-        with suppress(OSError, ValueError):  # ended before its time
+        with suppress(OSError, ValueError):  # the process ended early
             worker.stdin.write(json.dumps(job) + "\n")
             worker.stdin.flush()
             for line in worker.stdout:
@@ -237,15 +237,15 @@ def _start(
     return worker
 
 
-# The side that answers
+# Worker process
 
 
 def serve(job: dict[str, Any]) -> None:
-    """Compile what another process asks for, in that process's name."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the one that asks decides
+    """Compile the kernels that the parent process requests."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent handles it
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what plugins print is no answer
+    os.dup2(2, 1)  # output of plugins must not mix with answers
     processor = Processor(*job["processor"])
     store = Store(Path(job["folder"])) if job["folder"] else None
     for module, file, label, digest in job["tasks"]:
@@ -256,25 +256,25 @@ def serve(job: dict[str, Any]) -> None:
             answer = {"digest": digest, "code": base64.b64encode(code).decode(), "problem": problem}
         except PluginError as error:
             answer = {"error": str(error)}
-        except Exception:  # the process that asks compiles it, and tells what is wrong
+        except Exception:  # the parent compiles the kernel again and reports the error
             continue
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
 
 
 def _end_with_the_other() -> None:
-    """End this process when the one that asks has ended."""
+    """End this process when the parent process has ended."""
     sys.stdin.read()
     os._exit(1)
 
 
 def _find(module: str, file: str, label: str, digest: str, processor: Processor) -> Entry:
-    """Import a module as it was imported elsewhere, and return its kernel of a digest."""
+    """Import a module as in the parent process, and return its kernel with the given digest."""
     if module not in sys.modules:
         spec = importlib.util.find_spec(module)
         if spec is not None and spec.origin is not None and Path(spec.origin).absolute() == Path(file):
             importlib.import_module(module)
-        else:  # the file of a plugin
+        else:  # a plugin given as a file
             spec = importlib.util.spec_from_file_location(module, file)
             assert spec is not None
             assert spec.loader is not None
@@ -283,4 +283,4 @@ def _find(module: str, file: str, label: str, digest: str, processor: Processor)
     for entry in entries_of(sys.modules[module]):
         if entry.label == label and digest_of(entry, f"{processor}") == digest:
             return entry
-    raise LookupError(f"{label}: not the same in this process")
+    raise LookupError(f"{label}: differs in this process")

@@ -1,4 +1,4 @@
-"""Pictures of a building, level by level: everything with its name, and a numbered mark for each finding."""
+"""Pictures of a building: annotated plans of all storeys with a numbered mark for each finding."""
 
 import textwrap
 from collections.abc import Sequence
@@ -22,24 +22,24 @@ from evac.output import palette
 from evac.output.files import writing
 from evac.output.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 
-#: Endings of pictures that can be written.
+#: Supported file name endings of pictures.
 PICTURES = (".png", ".svg", ".pdf")
-#: Only so many findings are listed under a picture.
+#: Maximum number of findings listed below a picture.
 MOST_LISTED = 40
 
 AREA, OPENING, UPHILL = "#7d5fb2", "#d9730d", "#a8842c"
 MARK = {"warning": "#c0392b", "repaired": "#1f77b4", "assumed": "#b8860b", "left out": "#6b7280"}
 
-#: Paper behind names.
+#: Background of names.
 PAPER = {"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7}
 
-#: Height of a line of the list, margin around it [inches], and letters that fit in an inch.
+#: Height of a line of the list and margin around it [inches], and number of letters per inch.
 LINE, MARGIN, LETTERS = 0.17, 0.3, 13.5
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A numbered segment, such as an opening that may become an exit: its label, level, and ends x1, y1, x2, y2."""
+    """A labelled segment, such as a possible exit: label, level, and ends x1, y1, x2, y2 [m]."""
 
     label: str
     level: int
@@ -70,7 +70,7 @@ def levels_figure(
     title: str | None = "",
     greatest: tuple[float, float] = (WIDTH, HEIGHT),
 ) -> Figure:
-    """Return the plan of every storey: walls, portals, exits, areas and stairs, with names, widths and coordinates.
+    """Return the plan of every storey: walls, portals, exits, doors, areas and stairs, with names and widths.
 
     Stairs are drawn with the storey that they lead up from. Findings other than those of kind "found" are marked with
     numbers at their places and listed below, in their order.
@@ -111,13 +111,17 @@ def _show_coordinates(axes: Axes) -> None:
 
 
 def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None:
-    """Draw areas, the ways up stairs, and the names of both."""
+    """Draw areas, doors and the ways up stairs, and the names of all of them."""
     rows = [level.index for level in levels]
     for area in building.areas:
         if area.level in rows:
             style = {"facecolor": AREA, "edgecolor": AREA, "alpha": 0.12, "lw": 0.8, "ls": ":"}
             axes.add_patch(PathPatch(outline_of(area.polygon), **style))
             _name(axes, area.polygon, area.name, AREA)
+    for door in building.doors:
+        if door.level in rows:
+            _line(axes, door.segment, palette.PORTAL, 0.8)
+            beside(axes, door.segment[None], f"{door.name} {door.width:.2f} m", palette.EDGE)
     for level in levels:
         if level.kind == "flight":
             _arrow(axes, level)
@@ -128,7 +132,7 @@ def _name_parts(axes: Axes, building: Building, levels: Sequence[Level]) -> None
 
 
 def _list_below(figure: Figure, listed: list[tuple[int, Finding]]) -> None:
-    """Make a figure higher, and list findings in the room below."""
+    """Enlarge a figure at the bottom and list findings there."""
     width, height = figure.get_size_inches().tolist()
     lines = _listing(listed, round(LETTERS * (width - 2 * MARGIN)))
     if not lines:
@@ -151,7 +155,7 @@ def _line(axes: Axes, segments: FloatArray, colour: str, width: float) -> None:
 
 
 def _name(axes: Axes, polygon: BaseGeometry, text: str, colour: str) -> None:
-    """Write a name where a polygon is widest."""
+    """Write a name at the widest place of a polygon."""
     part = max(shapely.get_parts(polygon), key=lambda one: one.area)
     if shapely.contains(part, part.centroid):
         x, y = part.centroid.coords[0]
@@ -188,7 +192,7 @@ def _by_place(
 
 
 def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> int:
-    """Return the storey that a finding is on: that of its level, or the one whose ground is nearest to its place."""
+    """Return the storey of a finding: that of its level, or else the one whose ground is nearest to its place."""
     assert finding.place is not None
     names = [level.name for level in building.levels]
     if finding.level is not None:
@@ -206,7 +210,7 @@ def panel_of(building: Building, panels: list[list[int]], finding: Finding) -> i
 
 
 def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
-    """Put a ring at the place of findings, and their numbers beside it."""
+    """Draw a ring at the place of findings with their numbers beside it."""
     kinds = [finding.kind for _, finding in findings]
     colour = next(colour for kind, colour in MARK.items() if kind in kinds)
     labels = ",".join(str(number) for number, _ in findings)
@@ -219,7 +223,7 @@ def _draw_findings(axes: Axes, findings: list[tuple[int, Finding]]) -> None:
 
 
 def _listing(listed: list[tuple[int, Finding]], width: int) -> list[tuple[str, str]]:
-    """Return the lines under a picture, with their colours."""
+    """Return the lines below a picture, with their colours."""
     lines: list[tuple[str, str]] = []
     for number, finding in listed[:MOST_LISTED]:
         wrapped = textwrap.wrap(f"{number}  {finding.kind}: {finding}", width, subsequent_indent="     ")

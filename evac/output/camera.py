@@ -1,4 +1,4 @@
-"""Where a building is looked at from: by default, from where most of its stairs and exits are seen."""
+"""Camera: direction of view of a building, by default the one in which most of its stairs and exits are visible."""
 
 import math
 from collections.abc import Sequence
@@ -13,33 +13,33 @@ from evac.building.elevation import elevation
 from evac.building.model import Building, Level
 from evac.errors import ResultError
 
-ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # of the look on one storey, on several [degrees]
-TURNS = (20.0, -20.0, 35.0, -35.0)  # of the look off the short side of the building, at its front and back [degrees]
-CLEARANCES = (0.75, 0.9, 1.05)  # of a storey seen past the one above
-SPREAD = 0.3  # what a clearance of 1 more costs, as a share of hidden stairs and exits
+ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one storey, for several [degrees]
+TURNS = (20.0, -20.0, 35.0, -35.0)  # from the normals of the short sides of the building [degrees]
+CLEARANCES = (0.75, 0.9, 1.05)  # share of a storey that is visible below the one above
+SPREAD = 0.3  # cost of an increase of the clearance by 1, relative to the share of hidden stairs and exits
 
 
 @dataclass(frozen=True)
 class Camera:
-    """How a building is looked at, in parallel projection; None is chosen for the building.
+    """Parallel projection of a building; parameters that are None are chosen for the building.
 
     Parameters
     ----------
     azimuth : float, optional
-        Direction from the building to the eye in plan, counterclockwise from x [degrees]: -90 looks from the side of
-        low y. By default the one of eight slanting directions from which most of the stairs and exits are seen.
+        Direction from the building to the camera in plan, counterclockwise from x [degrees]: -90 views from the side of
+        low y. By default the one of eight oblique directions in which most of the stairs and exits are visible.
     elevation : float, optional
-        Angle of the look with the horizontal, above 0 and below 90 [degrees]; by default 36 for several storeys,
-        58 for one.
+        Angle of the view above the horizontal, between 0 and 90 [degrees]; by default 36 for several storeys, 58 for
+        one.
     stretch : float, optional
-        Factor on heights that pulls storeys apart; by default as much as it takes to look into each.
+        Factor for heights that separates storeys; by default large enough to show the floor of each.
     zoom : float
-        Factor on the size at which the building fills the picture.
+        Factor relative to the size at which the building fills the picture.
 
     Raises
     ------
     ResultError
-        A number is out of its range.
+        A parameter is out of range.
     """
 
     azimuth: float | None = None
@@ -49,25 +49,25 @@ class Camera:
 
     def __post_init__(self) -> None:
         if self.azimuth is not None and not math.isfinite(self.azimuth):
-            raise ResultError(f"azimuth: the camera cannot look from {self.azimuth:g} degrees; give a finite number")
+            raise ResultError(f"azimuth: must be a finite number of degrees, got {self.azimuth:g}")
         if self.elevation is not None and not 0.0 < self.elevation < 90.0:
             raise ResultError(
-                f"elevation: the camera cannot look down by {self.elevation:g} degrees; give a number above 0 and "
-                "below 90, or ask for the plan view"
+                f"elevation: must be greater than 0 and less than 90 degrees, got {self.elevation:g}; for a view from "
+                "above use the plan view"
             )
         for name, value in (("stretch", self.stretch), ("zoom", self.zoom)):
             if value is not None and not 0.0 < value < math.inf:
-                raise ResultError(f"{name}: the factor must be greater than 0, not {value:g}; 1 draws true sizes")
+                raise ResultError(f"{name}: the factor must be greater than 0, got {value:g}; 1 draws true sizes")
 
 
 @dataclass(frozen=True)
 class Aimed:
-    """A camera with all that was chosen for a building.
+    """A camera with all parameters set for a building.
 
     Attributes
     ----------
     axes : (3, 3) float64
-        Unit vectors to the right, up in the picture and towards the eye.
+        Unit vectors to the right and up in the picture, and towards the camera.
     stretch : float
     elevation : float [rad]
     """
@@ -78,7 +78,7 @@ class Aimed:
 
 
 def aim(building: Building, levels: Sequence[Level], camera: Camera) -> Aimed:
-    """Choose what a camera leaves open."""
+    """Choose the parameters that a camera leaves open."""
     heights = _floor_heights(levels)
     angle = camera.elevation if camera.elevation is not None else ELEVATION if len(heights) > 1 else ELEVATION_FLAT
     tilt = math.radians(angle)
@@ -113,7 +113,7 @@ def _floor_heights(levels: Sequence[Level]) -> FloatArray:
 def _clear_stretch(
     building: Building, levels: Sequence[Level], heights: FloatArray, axes: FloatArray, clearance: float
 ) -> float:
-    """Return the factor on heights at which that part of a storey is seen past the one above."""
+    """Return the factor for heights at which a share of each storey is visible below the one above."""
     if len(heights) < 2:
         return 1.0
     corners = building.vertices[np.unique(np.concatenate([level.triangles.ravel() for level in levels]))]
@@ -122,7 +122,7 @@ def _clear_stretch(
 
 
 def _hidden(building: Building, levels: Sequence[Level], aimed: Aimed) -> float:
-    """Return the shares of stairs and of exits that floors hide, added."""
+    """Return the sum of the shares of stairs and of exits that are hidden by floors."""
     rows = {level.index for level in levels}
     stairs = [building.vertices[level.triangles].mean(axis=1) for level in levels if level.kind != "floor"]
     exits = []
@@ -136,7 +136,7 @@ def _hidden(building: Building, levels: Sequence[Level], aimed: Aimed) -> float:
 def hides(levels: Sequence[Level], points: FloatArray, aimed: Aimed) -> NDArray[np.bool_]:
     """Return which points (p, 3) [m] of the building are behind a floor of these levels."""
     hidden = np.zeros(len(points), bool)
-    per_metre = aimed.axes[2, :2] / aimed.axes[2, 2] * aimed.stretch  # way in plan to the eye, per metre of height
+    per_metre = aimed.axes[2, :2] / aimed.axes[2, 2] * aimed.stretch  # in plan, per metre of height
     for level in levels:
         if level.kind == "floor":
             rise = level.z_min - points[:, 2]

@@ -1,11 +1,11 @@
-"""The file of a checkpoint: a JSON header and arrays, under one checksum. Nothing in it is executed.
+"""The file of a checkpoint: a JSON header and arrays with one checksum. Reading it executes no code.
 
 ::
 
     EVACCHK1                     8 bytes
     length of the header         unsigned 64-bit, little-endian
-    header                       JSON in UTF-8: "format", what the writer gave, and "arrays": name, type, shape
-    arrays                       one behind the other, in the order of the header
+    header                       JSON in UTF-8: "format", the given header, and "arrays": name, type, shape
+    arrays                       one after the other, in the order of the header
     SHA-256 of all before        32 bytes
 """
 
@@ -28,12 +28,12 @@ MAGIC = b"EVACCHK1"
 FORMAT = 1
 _LENGTH = struct.Struct("<Q")
 _DIGEST_BYTES = hashlib.sha256().digest_size
-#: Kinds of numpy arrays that are kept: booleans, integers and floats, which are nothing but bytes.
+#: Kinds of numpy arrays that can be saved: booleans, integers and floats.
 _KINDS = "biuf"
 
 
 def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write a checkpoint beside `path`, see that it is on the disk, and only then put it in the place of the last one.
+    """Write a checkpoint to a temporary file, flush it to disk, and then replace the previous one atomically.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     header : mapping
         JSON data; numbers may be infinite.
     arrays : mapping of str to array
-        Of booleans, integers or floats.
+        Arrays of booleans, integers or floats.
 
     Raises
     ------
     ResultError
-        The file cannot be written; the last one is still there. Or an array is of another type.
+        The file cannot be written, in which case the previous one is kept, or an array has another type.
     """
     contiguous = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     for name, array in contiguous.items():
         if array.dtype.kind not in _KINDS:
-            raise ResultError(f"{path}: array {name!r} is of type {array.dtype}; keep booleans, integers or floats")
+            raise ResultError(f"{path}: array {name!r} has type {array.dtype}; use booleans, integers or floats")
     little = {name: array.astype(array.dtype.newbyteorder("<"), copy=False) for name, array in contiguous.items()}
     listed = [[name, array.dtype.str, list(np.shape(arrays[name]))] for name, array in little.items()]
     text = json.dumps({**header, "format": FORMAT, "arrays": listed}, default=_plain).encode()
@@ -76,12 +76,12 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return header and arrays of a checkpoint, after a look at its checksum.
+    """Return header and arrays of a checkpoint after verifying its checksum.
 
     Raises
     ------
     ResultError
-        It cannot be read, is damaged, or was written by another version of evac.
+        The file cannot be read, is damaged, or was written by another version of evac.
     """
     try:
         data = path.read_bytes()
@@ -97,16 +97,16 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
         header = json.loads(data[start : start + length])
         if header["format"] != FORMAT:
             raise ResultError(
-                f"{path}: checkpoints of format {header['format']!r} are unknown, this version reads format {FORMAT}; "
-                "go on with the version of evac that wrote it, or run the case again"
+                f"{path}: unknown checkpoint format {header['format']!r}, this version reads format {FORMAT}; "
+                "resume with the version of evac that wrote it, or run the case again"
             )
         return header, _arrays(memoryview(data)[start + length : end], header.pop("arrays"))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ResultError(f"{path}: the checkpoint is not as it should be: {error}; run the case again") from error
+        raise ResultError(f"{path}: the checkpoint is not valid: {error}; run the case again") from error
 
 
 def _arrays(data: memoryview, listed: Iterable[tuple[str, str, list[int]]]) -> dict[str, NDArray[Any]]:
-    """Return copies of the arrays, which may be written to."""
+    """Return writable copies of the arrays."""
     found: dict[str, NDArray[Any]] = {}
     start = 0
     for name, kind, shape in listed:
@@ -118,14 +118,14 @@ def _arrays(data: memoryview, listed: Iterable[tuple[str, str, list[int]]]) -> d
         found[name] = array.astype(dtype.newbyteorder("="))
         start = end
     if start != len(data):
-        raise ValueError(f"its arrays take {start} bytes, and there are {len(data)}")
+        raise ValueError(f"its arrays have {start} bytes, but the file contains {len(data)}")
     return found
 
 
 def _plain(value: Any) -> Any:
-    """Return a number or an array of numpy as JSON knows it."""
+    """Convert a number or an array of numpy to plain data for JSON."""
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
     raise ResultError(
-        f"{value!r} of a case cannot be kept in a checkpoint; give plain numbers, words, lists and tables"
+        f"{value!r} in a case cannot be saved in a checkpoint; use plain numbers, strings, lists and tables"
     )

@@ -1,4 +1,4 @@
-"""What the colours of people mean in pictures: their group, or a quantity on a scale of colours."""
+"""Colours of people in pictures: by group, or by a quantity on a colour scale."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from evac.output.maps import KERNEL_RADIUS, SPACING, WAITING_SPEED
 from evac.output.trajectory import Frame, Trajectory
 from evac.parameters import did_you_mean
 
-#: What people can be coloured by, and the label of its scale.
+#: Quantities by which people can be coloured, and the labels of their scales.
 COLOURINGS = {
     "group": "group",
     "speed": "speed\n[m/s]",
@@ -25,13 +25,13 @@ COLOURINGS = {
     "waiting": "waited so far\n[s]",
 }
 
-#: So many groups at most are told apart in a legend.
+#: Maximum number of groups in a legend.
 LEGEND_GROUPS = 24
 
 #: Scale of colours of quantities.
 SCALE = "plasma"
 
-#: Frames that the top of a scale is taken from, at most.
+#: Maximum number of frames that determine the top of a scale.
 SAMPLES = 40
 
 
@@ -46,7 +46,7 @@ class Colouring:
     names, colours : tuple of str
         Legend of groups; empty for quantities, for a single group and for too many.
     top : float or None
-        Of the scale of colours from 0 on; None for groups.
+        Upper end of the colour scale, which begins at 0; None for groups.
     label : str
     """
 
@@ -58,33 +58,33 @@ class Colouring:
 
     @property
     def has_legend(self) -> bool:
-        """Whether there is anything to explain."""
+        """Whether there are entries for a legend."""
         return self.top is not None or len(self.names) > 0
 
     @staticmethod
     def scale() -> NDArray[np.uint8]:
-        """Return the scale of colours of quantities, (256, 3)."""
+        """Return the colour scale of quantities, (256, 3)."""
         table = matplotlib.colormaps[SCALE](np.linspace(0.0, 0.95, 256))[:, :3]
         return np.asarray((255.0 * table).round(), np.uint8)
 
 
 def colouring(trajectory: Trajectory, colour_by: str) -> Colouring:
-    """Return how people are coloured.
+    """Return the colouring of people by a quantity.
 
     Parameters
     ----------
     trajectory : Trajectory
     colour_by : str
-        One of `COLOURINGS`. Density is that of the maps at the person's place, see `evac.output.maps.LevelMaps`;
-        waiting is the time so far at less than `WAITING_SPEED`.
+        One of `COLOURINGS`. Density is that of the maps at the person's position, see `evac.output.maps.LevelMaps`;
+        waiting is the time so far at a speed below `WAITING_SPEED`.
 
     Raises
     ------
     ResultError
-        There is no such quantity.
+        The quantity is unknown.
     """
     if colour_by not in COLOURINGS:
-        raise ResultError(f"people cannot be coloured by {colour_by!r}; {did_you_mean(colour_by, list(COLOURINGS))}")
+        raise ResultError(f"unknown colouring {colour_by!r}; {did_you_mean(colour_by, list(COLOURINGS))}")
     label = COLOURINGS[colour_by]
     if colour_by == "group":
         shades = palette.group_colours(len(trajectory.groups))
@@ -150,7 +150,7 @@ QUANTITIES: dict[str, Callable[[Trajectory], Callable[[Frame], FloatArray]]] = {
 
 
 def _round_up(value: float) -> float:
-    """Return a number with one or two digits that is not smaller, for the top of a scale."""
+    """Round up to one or two significant digits, for the top of a scale."""
     if value <= 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))

@@ -15,7 +15,7 @@ from evac.output.grid import Grid
 from evac.output.maps import KERNEL_RADIUS, SPACING
 from evac.output.trajectory import Trajectory
 
-#: Threshold of the density [1/m2], and the share of the evacuation time for which it has to be exceeded: those of
+#: Threshold of the density [1/m2], and share of the evacuation time for which it must be exceeded, from
 #: MSC.1/Circ.1533 of the IMO (2016) for advanced analyses.
 DENSITY = 4.0
 SHARE = 0.1
@@ -31,17 +31,17 @@ class Place:
     near : str
         Name of the nearest portal or exit of the level, empty if it has none.
     x, y : float [m]
-        Where the density was exceeded longest, the middle of such cells.
+        Centre of the cells in which the threshold was exceeded longest.
     area : float [m2]
-        Of the cells in which the density was exceeded for longer than the time asked for.
+        Area of the cells in which the threshold was exceeded for longer than the least time.
     density : float [1/m2]
-        Greatest density there.
+        Greatest density in these cells.
     start, end : float [s]
-        First and last recorded time at which the density was exceeded in one of them.
+        First and last recorded time at which the threshold was exceeded in one of these cells.
     duration : float [s]
-        Longest time, in all, for which it was in one cell.
+        Greatest total time for which it was exceeded in one cell.
     longest_spell : float [s]
-        Longest time without interruption for which it was in one cell.
+        Greatest uninterrupted time for which it was exceeded in one cell.
     """
 
     level: str
@@ -58,18 +58,18 @@ class Place:
 
 @dataclass(frozen=True)
 class Congestion:
-    """Where it was congested, and what counts as that.
+    """Congested places of a run, and the criteria.
 
     Attributes
     ----------
     density : float [1/m2]
     least_time : float [s]
     places : tuple of Place
-        The longest first.
+        Sorted by duration, the longest first.
     longest : float [s]
-        Longest time, in all, for which the density was exceeded in any cell; 0 where it never was.
+        Greatest total time for which the threshold was exceeded in any cell; 0 if it never was.
     greatest_density : float [1/m2]
-        At any recorded time.
+        Greatest density at any recorded time.
     """
 
     density: float
@@ -82,39 +82,38 @@ class Congestion:
 def find_congestion(
     trajectory: Trajectory, density: float = DENSITY, least_time: float | None = None, *, spacing: float = SPACING
 ) -> Congestion:
-    """Find where a crowd was denser than a threshold for longer than a time.
+    """Find places where the density exceeded a threshold for longer than a time.
 
-    The density is that of `evac.output.maps.LevelMaps`. Times count in steps of the recorded ones: between two of them
-    the density is taken to be exceeded where it is at the first.
+    The density is that of `evac.output.maps.LevelMaps`. Its value at a recorded time is used until the next one.
 
     Parameters
     ----------
     trajectory : Trajectory
     density : float [1/m2]
     least_time : float, optional [s]
-        In all, not necessarily without interruption. By default `SHARE` of the recorded time.
+        Total time, possibly with interruptions. By default `SHARE` of the recorded time.
     spacing : float [m]
-        Side of the cells.
+        Side length of the cells.
 
     Raises
     ------
     ResultError
-        The density is not positive, the time is negative, or nothing was recorded.
+        The density is not positive, the time is negative, or no frame was recorded.
 
     Notes
     -----
-    Cells that were congested are joined to places where they touch, also at corners.
+    Congested cells that touch, also at corners, form one place.
 
     Examples
     --------
     >>> find_congestion(evac.read_trajectory("school-result"), 4.0, 10.0).places  # doctest: +SKIP
     """
     if not 0.0 < density < math.inf:
-        raise ResultError(f"the density of congestion must be greater than 0, not {density!r}")
+        raise ResultError(f"the density of congestion must be greater than 0, got {density!r}")
     if least_time is not None and not 0.0 <= least_time < math.inf:
-        raise ResultError(f"the time of congestion must not be negative, and not {least_time!r}")
+        raise ResultError(f"the time of congestion must be at least 0, got {least_time!r}")
     if not len(trajectory):
-        raise ResultError(f"{trajectory.path}: nothing was recorded")
+        raise ResultError(f"{trajectory.path}: no frame was recorded; the run ended before its first output")
     time = trajectory.time
     if least_time is None:
         least_time = SHARE * float(time[-1] - time[0])
@@ -136,7 +135,7 @@ def find_congestion(
 
 
 class _Exceeding:
-    """For how long each cell of a level was denser than the threshold."""
+    """Times for which the density in each cell of a level exceeded the threshold."""
 
     def __init__(self, grid: Grid, density: float) -> None:
         self.grid = grid
@@ -145,7 +144,7 @@ class _Exceeding:
         self._first, self._last = np.full((2, *grid.shape), np.nan)
 
     def add(self, position: FloatArray, time: float, span: float) -> None:
-        """Add the people of the level at one recorded time, which stand for the time `span` after it."""
+        """Add the people of the level at a recorded time, which represent the time `span` after it."""
         if len(position):
             density = self.grid.smoothed(self.grid.gathered(position))
             np.maximum(self.greatest, density, out=self.greatest)
@@ -159,7 +158,7 @@ class _Exceeding:
         self._last[exceeded] = time + span
 
     def places(self, building: Building, level: Level, least_time: float) -> Iterator[Place]:
-        """Yield the connected parts in which the threshold was exceeded for longer than the least time."""
+        """Yield the connected places in which the threshold was exceeded for longer than the least time."""
         from scipy.ndimage import label
 
         parts, count = label(self.total > least_time, np.ones((3, 3)))

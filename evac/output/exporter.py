@@ -1,4 +1,4 @@
-"""Exporters: recorded runs in the formats of other programs. The base class of exporter plugins."""
+"""Export of recorded runs to formats of other programs, and the base class of exporter plugins."""
 
 import re
 from abc import ABC, abstractmethod
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Exporter(Configurable, ABC):
     """Writes a recorded run in one format, for ``evac export RESULT --to NAME``."""
 
-    #: Ending of the file that it writes, in lower case, with the dot; empty if it writes several files to a folder.
+    #: Ending of the file, in lower case with the dot; empty if several files are written to a folder.
     suffix: ClassVar[str] = ""
 
     @abstractmethod
@@ -27,26 +27,25 @@ class Exporter(Configurable, ABC):
         Parameters
         ----------
         trajectory : Trajectory
-            To be looked at only. It may have no frame, as of a run that failed at once.
+            Must not be modified. It may have no frame, for example if the run failed in its first step.
         path : Path
-            File to write, or folder to write to if `suffix` is empty; the folder is there. What is there already
-            is overwritten.
+            File to write, or existing folder to write to if `suffix` is empty. Existing files are overwritten.
 
         Returns
         -------
         iterable of Path
-            The files written that a user opens; not those that these refer to.
+            The files written that a user opens, without other files to which they refer.
 
         Raises
         ------
         ResultError
-            The run has nothing that could be written in this format.
+            The run contains nothing that can be written in this format.
         OSError
-            A file cannot be written; the command names the place.
+            A file cannot be written; the caller adds the path.
         """
 
     def place(self, trajectory: "Trajectory") -> Path:
-        """Return where to write if the user names no place.
+        """Return the default path.
 
         By default ``export/trajectory.SUFFIX`` or ``export/NAME/`` in the result folder.
         """
@@ -62,7 +61,7 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
     trajectory : Trajectory
     exporter : Exporter
     path : Path, optional
-        File, or folder for an exporter of several files, made if it is not there; by default `Exporter.place`.
+        File, or folder for an exporter with several files, created if missing; by default `Exporter.place`.
 
     Returns
     -------
@@ -72,7 +71,7 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
     Raises
     ------
     ResultError
-        The run has nothing that could be written, or a file cannot be written.
+        The run contains nothing that can be written, or a file cannot be written.
     PluginError
         The exporter fails.
     """
@@ -83,7 +82,7 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
 
 
 def file_stems(names: Iterable[str]) -> list[str]:
-    """Return a stem of a file name for each name, all different: other characters than ``a-z0-9._-`` become ``_``.
+    """Return a unique file name stem for each name; characters other than ``A-Za-z0-9._-`` become ``_``.
 
     >>> file_stems(["ground", "flight z=0.00..1.50", "Ground"])
     ['ground', 'flight_z_0.00..1.50', 'Ground_2']
@@ -93,7 +92,7 @@ def file_stems(names: Iterable[str]) -> list[str]:
     for name in names:
         plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._") or "unnamed"
         stem, number = plain, 1
-        while stem.lower() in taken:  # some file systems do not tell upper from lower case
+        while stem.lower() in taken:  # some file systems do not distinguish upper and lower case
             number += 1
             stem = f"{plain}_{number}"
         taken.add(stem.lower())

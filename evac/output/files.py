@@ -1,4 +1,4 @@
-"""The files of a result folder: what each is called, and what is said where one cannot be written."""
+"""The files of a result folder: their names, and the error if one cannot be written."""
 
 import os
 from collections.abc import Iterator
@@ -34,24 +34,24 @@ FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
 #: Pattern of the files of the parts of a building.
 BUILDING_PARTS = f"{BUILDING_FOLDER}/*.vtp"
 
-#: Where `evac export` writes if no place is named, and the patterns of what it writes there.
+#: Default folder of `evac export`, and the patterns of the files in it.
 EXPORT_FOLDER = "export"
 EXPORTS = (f"{EXPORT_FOLDER}/*.*", f"{EXPORT_FOLDER}/*/*.*")
 
 #: Pattern of the pictures of maps, see `map_name`.
 MAPS = "map_*.png"
 
-#: What `evac render` draws if nothing else is named.
+#: Default files of `evac render`.
 PICTURE_NAME = "picture.png"
 FILM_NAME = "film.gif"
 
-#: The report to hand in.
+#: The report of `evac report`.
 REPORT_NAME = "report.html"
 
 #: Key of a summary that lists the files of plugins, relative to the folder.
 PLUGIN_FILES = "plugin_files"
 
-#: What a run writes to its folder, besides files of plugins, which its summary lists.
+#: Files that evac writes to a result folder; the summary lists those of plugins.
 WRITTEN = (
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
@@ -79,28 +79,28 @@ WRITTEN = (
     f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",
     CHECKPOINT_NAME,
-    SUMMARY_NAME,  # these two last: while one is there, the folder is known to be evac's
+    SUMMARY_NAME,  # these two are removed last, since they identify a result folder
     TRAJECTORY_NAME,
 )
 
 
 def frame_name(k: int) -> str:
-    """Return the file of frame `k` of the VTK animation, relative to the result folder."""
+    """Return the path of frame `k` of the VTK animation, relative to the result folder."""
     return FRAMES.replace("*", f"{k:05d}")
 
 
 def map_name(quantity: str) -> str:
-    """Return the picture of the map of a quantity, relative to the result folder."""
+    """Return the path of the map of a quantity, relative to the result folder."""
     return MAPS.replace("*", quantity)
 
 
 def sync_file(path: Path) -> None:
-    """See that a file is on the disk as the system has it now."""
+    """Flush the content of a file to the disk."""
     _sync(path, os.O_RDWR)
 
 
 def sync_folder(folder: Path) -> None:
-    """See that names and renames in a folder are on the disk, where the system lets one ask for it."""
+    """Flush the entries of a folder to the disk, if the system supports it."""
     if os.name != "nt":
         _sync(folder, os.O_RDONLY)
 
@@ -115,21 +115,21 @@ def _sync(path: Path, mode: int) -> None:
 
 @contextmanager
 def writing(what: str, place: Path) -> Iterator[None]:
-    """Say what cannot be written, and where, if the system refuses.
+    """Convert an OSError to a ResultError that names what cannot be written and where.
 
     Parameters
     ----------
     what : str
-        Such as ``"the results"``.
+        Description of the content, such as ``"the results"``.
     place : Path
         File or folder.
 
     Raises
     ------
     ResultError
-        In place of any OSError.
+        The code within the context raises an OSError.
     """
     try:
         yield
     except OSError as error:
-        raise ResultError(f"{place}: cannot write {what}: {error}; mend that or write somewhere else") from error
+        raise ResultError(f"{place}: cannot write {what}: {error}; correct this, or write to another place") from error

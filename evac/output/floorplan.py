@@ -1,4 +1,4 @@
-"""Plans of storeys drawn with matplotlib, all at one scale: the ground that plan pictures and maps are drawn on."""
+"""Plans of storeys drawn with matplotlib at one scale, on which plan pictures and maps are drawn."""
 
 import math
 import textwrap
@@ -22,7 +22,7 @@ from evac.output import palette
 from evac.output.storeys import level_of, storeys
 from evac.output.writing import round_length
 
-#: Greatest width and height of all plans together, and the room around them [inches].
+#: Greatest width and height of all plans together, and the margin around them [inches].
 WIDTH, HEIGHT = 10.0, 7.0
 MARGIN, TITLE, HEAD, BAR, SIDE = 0.3, 0.75, 0.3, 0.45, 1.3
 
@@ -35,11 +35,11 @@ class Plans:
     ----------
     figure : Figure
     axes : tuple of Axes
-        One for each storey, from the bottom to the top, with x and y in plan [m].
+        Axes of each storey, from the bottom to the top, with x and y in plan [m].
     levels : tuple of tuple of Level
-        The levels in each.
+        The levels in each of them.
     side : (4,) float
-        Left, bottom, width and height of the room for a legend or a colour bar, in parts of the figure.
+        Left, bottom, width and height of the space for a legend or a colour bar, as fractions of the figure.
     """
 
     figure: Figure
@@ -66,15 +66,15 @@ def draw_plans(
     ----------
     building : Building
     title : str or None
-        Its first line is bold. None leaves no room for one.
+        The first line is bold. With None, no space is left for a title.
     levels : sequence of str or int, optional
-        Levels by name or row, each in a plan of its own; by default all levels, storey by storey
+        Levels by name or index, each in its own plan; by default all levels, grouped by storey
         (`evac.output.storeys.storeys`).
     dpi : int
     is_filled : bool
-        Whether floors have the colours of their kinds; maps fill them on their own.
+        Whether floors are filled with the colours of their kinds; maps fill them themselves.
     side : float
-        Room at the right for a legend or a colour bar [inches].
+        Width of the space at the right for a legend or a colour bar [inches].
     has_scale_bar : bool
     has_widths : bool
         Whether the widths of portals and exits are written beside them.
@@ -84,13 +84,13 @@ def draw_plans(
     Raises
     ------
     ResultError
-        There is no such level.
+        A level does not exist.
     """
     if levels is None:
         panels = [(name, tuple(found)) for name, found in storeys(building)]
     else:
         panels = [(found.name, (found,)) for found in (level_of(building, level) for level in levels)]
-    # One frame for all plans, so that places above one another are seen at the same place of each.
+    # All plans have the same limits, so that places above one another have the same position in each.
     x1, y1, x2, y2 = shapely.total_bounds([level.polygon for _, found in panels for level in found]).tolist()
     pad = 0.03 * max(x2 - x1, y2 - y1) + 0.2  # for the names of exits
     width, height = x2 - x1 + 2.0 * pad, y2 - y1 + 2.0 * pad
@@ -120,7 +120,7 @@ def draw_plans(
 
 
 def _arrangement(count: int, width: float, height: float, greatest: tuple[float, float]) -> tuple[int, int, float]:
-    """Return columns, rows and inches per metre that show `count` plans largest."""
+    """Return the columns, rows and inches per metre for which `count` plans are largest."""
     best = (1, count, 0.0)
     for columns in range(1, count + 1):
         rows = math.ceil(count / columns)
@@ -162,7 +162,10 @@ def _draw_exit(axes: Axes, exit_: Exit, is_open: bool, has_width: bool) -> None:
 def beside(
     axes: Axes, segments: FloatArray, text: str, colour: str, *, size: float = 6.5, weight: str = "normal"
 ) -> None:
-    """Write a text outside the middle of a line, whose inside is on its left."""
+    """Write a text outside the middle of a line, which has the inside on its left; upright where the line is.
+
+    An upright text needs no more space beside the plan than its height, so that it is not cut off.
+    """
     x1, y1, x2, y2 = segments[len(segments) // 2].tolist()
     length = math.hypot(x2 - x1, y2 - y1)
     outward = (y2 - y1) / length, -(x2 - x1) / length
@@ -171,8 +174,9 @@ def beside(
         (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
         xytext=(6.0 * outward[0], 6.0 * outward[1]),
         textcoords="offset points",
-        ha="left" if outward[0] > 0.5 else "right" if outward[0] < -0.5 else "center",
-        va="bottom" if outward[1] > 0.5 else "top" if outward[1] < -0.5 else "center",
+        ha="center" if abs(outward[0]) <= 0.5 else "left" if outward[0] > 0.0 else "right",
+        va="center" if abs(outward[1]) <= 0.5 else "bottom" if outward[1] > 0.0 else "top",
+        rotation=90 if abs(outward[0]) > abs(outward[1]) else 0,
         color=colour,
         fontsize=size,
         fontweight=weight,
@@ -187,12 +191,12 @@ def _ends(segments: FloatArray) -> list[FloatArray]:
 
 
 def outline(level: Level) -> Outline:
-    """Return the plan of a level, holes included, as matplotlib clips and fills it."""
+    """Return the plan of a level, including holes, as a path for clipping and filling in matplotlib."""
     return outline_of(level.polygon)
 
 
 def outline_of(polygon: BaseGeometry) -> Outline:
-    """Return polygons with their holes as matplotlib clips and fills them."""
+    """Return polygons with their holes as a path for clipping and filling in matplotlib."""
     rings = [ring for part in shapely.get_parts(polygon) for ring in shapely.get_rings(shapely.orient_polygons(part))]
     return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
@@ -200,7 +204,7 @@ def outline_of(polygon: BaseGeometry) -> Outline:
 def _write_title(figure: Figure, title: str, size: tuple[float, float]) -> None:
     """Write the first line in bold and the others below it."""
     first, _, rest = title.partition("\n")
-    letters = 9.4 * (size[0] - 2.0 * MARGIN)  # of 12 points that fit
+    letters = 9.4 * (size[0] - 2.0 * MARGIN)  # number of letters of 12 points per line
     first = textwrap.shorten(first, int(1.4 * letters), placeholder=" ...")
     style: dict[str, Any] = {"color": palette.TEXT, "va": "top", "ha": "left", "parse_math": False}
     small: dict[str, Any] = {"fontsize": min(12.0, 12.0 * letters / max(len(first), 1)), "fontweight": "bold"}

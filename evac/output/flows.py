@@ -1,4 +1,4 @@
-"""How many people pass in a second: the flow through exits."""
+"""The flow of people through exits."""
 
 import math
 from collections.abc import Mapping
@@ -9,17 +9,17 @@ import numpy as np
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 
-#: Share of the people who pass before and after the stretch in which a flow is taken as steady.
+#: Share of the people who pass before, and of those who pass after, the interval in which a flow counts as steady.
 MARGIN = 0.2
 
-#: Fewer people than this make no steady flow.
+#: Least number of people for a steady flow.
 FEWEST = 20
 
 
 def steady_flow(times: FloatArray) -> float:
     """Return the flow between the first and the last fifth of those who pass at ascending `times` [s], in 1/s.
 
-    NaN of a single person, and of people who all pass at once.
+    NaN for a single person, and for people who all pass at the same time.
     """
     first, last = int(MARGIN * len(times)), int((1.0 - MARGIN) * len(times))
     if last == first or times[last] == times[first]:
@@ -40,8 +40,8 @@ def exit_table(building: Building, exit_used: IntArray, exit_time: FloatArray) -
     Returns
     -------
     mapping of str to dict
-        ``people``, ``last_out`` [s], ``width`` [m], ``flow`` [1/s] and ``flow_per_metre`` [1/s/m]; None where nobody
-        left, and for flows of fewer than `FEWEST` people or of people who left at once.
+        ``people``, ``last_out`` [s], ``width`` [m], ``flow`` [1/s] and ``flow_per_metre`` [1/s/m]; None if nobody
+        left, and for flows of fewer than `FEWEST` people or of people who left at the same time.
     """
     table = {}
     for exit_ in building.exits:

@@ -1,4 +1,4 @@
-"""Frames at equal intervals, as programs ask for that know a frame rate instead of times."""
+"""Frames at equal intervals, for programs that use a frame rate instead of times."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from evac.output.trajectory import Trajectory
 def regular_frames(trajectory: Trajectory) -> tuple[IntArray, float]:
     """Return the frames at multiples of the interval between the first two, and the frame rate.
 
-    The last frame of a run is that of its end, which may lie between two output times; then it is left out.
+    The last frame is left out if the run ended between two output times.
 
     Returns
     -------

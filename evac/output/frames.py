@@ -1,4 +1,4 @@
-"""The frames of a trajectory file: where each starts, checksums, and the range and order of everything in them."""
+"""The frames of a trajectory file: positions in the file, checksums, and checks of range and order."""
 
 import zlib
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Records = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the numbers of a file must keep to.
+    """Bounds of the numbers in a file.
 
     Attributes
     ----------
@@ -50,11 +50,11 @@ class _Head:
     first, end : int
         Bytes at which the records start and end.
     is_sound : bool
-        Whether the head can be believed, so that `end` is where the next frame starts.
+        Whether the head is valid, so that the next frame starts at `end`.
     check : int
         Checksum of the records.
     salt : int
-        What that checksum starts from.
+        Initial value of that checksum.
     """
 
     time: float
@@ -68,10 +68,10 @@ class _Head:
 def read_frames(
     path: Path, data: memoryview, start: int, form: int, bounds: Bounds
 ) -> tuple[FloatArray, tuple[Records, ...], int]:
-    """Return times and records of all whole frames; the records are views of `data`.
+    """Return times and records of all complete frames; the records are views of `data`.
 
-    What a killed run or a failure of the system leaves behind the last whole frame is passed over: a frame that is cut
-    off, a last frame whose records do not match their checksum, zeros up to the end of the file.
+    Data that a killed run or a system failure may leave after the last complete frame are ignored: an incomplete
+    frame, a last frame whose records do not match their checksum, zeros up to the end of the file.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def read_frames(
     time : (f,) float64 [s]
     records : tuple of (c, 7) float32
     end : int
-        Byte at which the last whole frame ends.
+        Byte at which the last complete frame ends.
 
     Raises
     ------
     ResultError
-        A frame before the last is damaged, or holds numbers that cannot be; names frame and byte.
+        A frame before the last is damaged, or contains invalid numbers; names frame and byte.
     """
     read_head, head_bytes = (_head_1, FRAME_HEAD_BYTES_1) if form == 1 else (_head, FRAME_HEAD_BYTES)
     times: list[float] = []
@@ -119,7 +119,7 @@ def read_frames(
 
 
 def _head(data: memoryview, start: int, number: int, people: int) -> _Head:
-    """Return a head of format 2: its own checksum tells whether it can be believed."""
+    """Return a head of format 2, which has a checksum of its own."""
     time, stated, count = FRAME.unpack_from(data, start)
     own, check = (CHECK.unpack_from(data, start + FRAME.size + at)[0] for at in (0, CHECK.size))
     is_sound = own == zlib.crc32(data[start : start + FRAME.size]) and stated == number and count <= people
@@ -128,7 +128,7 @@ def _head(data: memoryview, start: int, number: int, people: int) -> _Head:
 
 
 def _head_1(data: memoryview, start: int, number: int, people: int) -> _Head:
-    """Return a head of format 1: one checksum is over head and records."""
+    """Return a head of format 1, which has one checksum for head and records."""
     time, count = FRAME_1.unpack_from(data, start)
     check = CHECK.unpack_from(data, start + FRAME_1.size)[0]
     first = start + FRAME_HEAD_BYTES_1
@@ -137,29 +137,29 @@ def _head_1(data: memoryview, start: int, number: int, people: int) -> _Head:
 
 
 def _is_blank(rest: memoryview) -> bool:
-    """Return whether nothing follows but zeros, as a file system may leave them after a power failure."""
+    """Return whether only zeros follow, which a file system may leave after a power failure."""
     return not np.frombuffer(rest, np.uint8).any()
 
 
 def _fault(time: float, before: float | None, rows: Records, bounds: Bounds) -> str:
-    """Return what is impossible in a frame whose checksum matches; nothing if all can be."""
+    """Return what is invalid in a frame whose checksum matches; empty if it is valid."""
     if not 0.0 <= time < np.inf:
         return f"its time is {time!r} s"
     if before is not None and time <= before:
         return f"its time, {time!r} s, is not after that of the frame before, {before!r} s"
     if not rows.size:
         return ""
-    columns = np.ascontiguousarray(rows.T)  # of which numpy takes extremes ten times faster
+    columns = np.ascontiguousarray(rows.T)  # for which numpy computes extrema ten times faster
     least, greatest = columns.min(axis=1), columns.max(axis=1)
     if not (np.isfinite(least) & np.isfinite(greatest)).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
         return f"{FIELDS[column]} of record {row} is {rows[row, column]}"
     if (np.floor(columns[:2]) != columns[:2]).any():
-        return "a person or a level is no whole number"
+        return "a person or a level is not a whole number"
     if least[0] < 0 or greatest[0] >= bounds.people or (np.diff(columns[0]) <= 0).any():
         return f"persons are not in ascending order from 0 to {bounds.people - 1}"
     if least[1] < 0 or greatest[1] >= bounds.levels:
-        return f"a level is not in 0 to {bounds.levels - 1}"
+        return f"a level is not between 0 and {bounds.levels - 1}"
     if (least[2:4] < bounds.low).any() or (greatest[2:4] > bounds.high).any():
         row = np.flatnonzero(((rows[:, 2:4] < bounds.low) | (rows[:, 2:4] > bounds.high)).any(axis=1))[0]
         return f"person {rows[row, 0]:.0f} is far outside the building"

@@ -1,4 +1,4 @@
-"""A grid of square cells on the floor of a level: which cells bodies cover, and densities by a Gaussian kernel."""
+"""A grid of square cells on the floor of a level: cells covered by bodies, and densities with a Gaussian kernel."""
 
 import math
 
@@ -11,7 +11,7 @@ from evac.building.model import Level
 
 
 class Grid:
-    """Square cells over one level; those whose centre is on the floor count.
+    """Square cells over one level; cells whose centre is on the floor are used.
 
     Cells are numbered row by row from the lower left corner of the grid: ``row * nx + column``.
 
@@ -44,11 +44,11 @@ class Grid:
         x = self.origin[0] + spacing * (np.arange(nx) + 0.5)
         y = self.origin[1] + spacing * (np.arange(ny) + 0.5)
         self.on_floor: NDArray[np.bool_] = shapely.contains_xy(level.polygon, *np.meshgrid(x, y))
-        # Part of the kernel at each cell that lies on the floor; people stand on the edge of it at worst.
+        # Share of the kernel around each cell that lies on the floor.
         self._kept = np.maximum(self._smooth(self.on_floor.astype(np.float64)), 0.05)
 
     def cell(self, position: FloatArray) -> NDArray[np.int64]:
-        """Return the number of the cell of each point (s, 2); points beyond the grid are moved to its edge."""
+        """Return the number of the cell of each point (s, 2); points outside the grid are moved to its edge."""
         ny, nx = self.shape
         column, row = np.floor((position - self.origin) / self.spacing).astype(np.int64).T
         cell: NDArray[np.int64] = np.clip(row, 0, ny - 1) * nx + np.clip(column, 0, nx - 1)
@@ -61,7 +61,7 @@ class Grid:
         ----------
         position : (s, 2) [m]
         values : (s,), optional
-            Of each point; by default 1, which gives a density.
+            Value of each point; by default 1, which gives a density.
         """
         cell = self.cell(position)
         shares = (1.0 if values is None else values) / self._kept.ravel()[cell]
@@ -72,9 +72,9 @@ class Grid:
         return np.where(self.on_floor, self._smooth(gathered) / self.spacing**2, 0.0)
 
     def covered(self, position: FloatArray, radius: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return which bodies cover which cells of the floor: rows of `position`, and cells; as many of each.
+        """Return pairs of bodies and covered cells of the floor: rows of `position`, and numbers of cells.
 
-        A body covers the cells whose centre is within its `radius` (s,), and the one that its centre is in.
+        A body covers the cells whose centres are within its `radius` (s,), and the cell that contains its centre.
         """
         ny, nx = self.shape
         # The centre of the k-th neighbour of a cell is no nearer than k - 1/2 cells.

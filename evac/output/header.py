@@ -1,4 +1,4 @@
-"""The header of a trajectory file: the building and the people as plain JSON, there and back, checked when read."""
+"""The header of a trajectory file: conversion of building and people to and from plain JSON, with checks on reading."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,27 +14,27 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.findings import as_findings
-from evac.building.model import Area, Building, Exit, Level, Portal
+from evac.building.model import Area, Building, Door, Exit, Level, Portal
 
-#: Coordinates lie between this and its negative [m]; far more than coordinates of any survey on Earth.
+#: Greatest absolute coordinate [m]; far more than in any coordinate system on Earth.
 COORDINATE_MAX = 1e9
 
 KINDS = ("floor", "flight", "landing")
 
 
 class HeaderError(ValueError):
-    """A header lacks something or holds something impossible; names the key."""
+    """A key of a header is missing or has an invalid value; names the key."""
 
 
 @dataclass(frozen=True)
 class People:
-    """Who is in a trajectory.
+    """The people in a trajectory.
 
     Attributes
     ----------
     radius : (n,) float64 [m]
     group : (n,) int32
-        Row of ``groups`` of each person, -1 for none.
+        Index in ``groups`` of each person, -1 for none.
     groups : tuple of str
     """
 
@@ -44,7 +44,7 @@ class People:
 
 
 def building_to_json(building: Building) -> dict[str, Any]:
-    """Return the whole building as lists, numbers and words; floats keep every bit."""
+    """Return the building as lists, numbers and strings; floats are exact."""
     return {
         "source": building.source.name,
         "vertices": building.vertices.tolist(),
@@ -63,11 +63,16 @@ def building_to_json(building: Building) -> dict[str, Any]:
         "stairs": {name: list(levels) for name, levels in building.stairs.items()},
         "warnings": list(building.warnings),
         "closed": sorted(building.closed),
+        "doors": [
+            {"name": d.name, "level": d.level, "segment": d.segment.tolist(), "width": d.width} for d in building.doors
+        ],
     }
 
 
 def building_from_json(data: Any) -> Building:
-    """Return the building that `building_to_json` wrote; in files of earlier versions every link is open.
+    """Return the building from the output of `building_to_json`.
+
+    In files of earlier versions every link is open, and there are no doors.
 
     Raises
     ------
@@ -92,6 +97,7 @@ def building_from_json(data: Any) -> Building:
         raise HeaderError(f"building.wall_level has {len(wall_level)} numbers for {len(walls)} walls")
     stairs = _get(data, "building", "stairs", dict)
     closed = _rows(data, "building", "closed", len(portals) + len(exits)) if "closed" in data else ()
+    doors = _list(data, "building", "doors") if "doors" in data else ()
     return Building(
         source=Path(_get(data, "building", "source", str)),
         vertices=vertices,
@@ -104,6 +110,7 @@ def building_from_json(data: Any) -> Building:
         stairs={name: tuple(_rows(stairs, "building.stairs", name, n).tolist()) for name in stairs},
         findings=as_findings(_words(data, "building", "warnings")),
         closed=frozenset(int(link) for link in closed),
+        doors=tuple(_door(index, d, n) for index, d in enumerate(doors)),
     )
 
 
@@ -126,12 +133,12 @@ def people_from_json(data: Any) -> People:
 
 
 def origin_from_json(data: Any) -> FloatArray:
-    """Return the plan point that positions count from, (2,) [m].
+    """Return the origin of recorded positions in plan, (2,) [m].
 
     Raises
     ------
     HeaderError
-        It is missing or no point.
+        The origin is missing or not valid.
     """
     origin = _numbers(data, "", "origin", (), COORDINATE_MAX)
     if origin.shape != (2,):
@@ -156,13 +163,13 @@ def _level_to_json(level: Level) -> dict[str, Any]:
 def _level_from_json(index: int, data: Any, key: str, vertices: FloatArray) -> Level:
     kind, stair = _get(data, key, "kind", str), _get(data, key, "stair", (str, type(None)))
     if kind not in KINDS:
-        raise HeaderError(f"{key}.kind is {kind!r:.40}, which is none of {', '.join(KINDS)}")
+        raise HeaderError(f"{key}.kind is {kind!r:.40}; it must be one of {', '.join(KINDS)}")
     triangles = _rows(data, key, "triangles", len(vertices), (3,))
     if not len(triangles):
         raise HeaderError(f"{key}.triangles is empty")
     a, b, c = vertices[triangles, :2].transpose(1, 0, 2)
     if ((b - a)[:, 0] * (c - a)[:, 1] == (b - a)[:, 1] * (c - a)[:, 0]).any():
-        raise HeaderError(f"{key}.triangles has one without an area in plan")
+        raise HeaderError(f"{key}.triangles contains a triangle without area in plan")
     uphill = _numbers(data, key, "uphill", (), 2.0)
     if uphill.shape != (2,):
         raise HeaderError(f"{key}.uphill has {len(uphill)} numbers instead of 2")
@@ -198,6 +205,15 @@ def _area(index: int, data: Any, levels: int) -> Area:
     return Area(_get(data, key, "name", str), _row(data, key, "level", levels), _polygon(data, key))
 
 
+def _door(index: int, data: Any, levels: int) -> Door:
+    key = f"building.doors.{index}"
+    segment = _numbers(data, key, "segment", (), COORDINATE_MAX)
+    if segment.shape != (4,):
+        raise HeaderError(f"{key}.segment has {len(segment)} numbers instead of 4")
+    width = _number(data, key, "width", 0.0, COORDINATE_MAX)
+    return Door(_get(data, key, "name", str), _row(data, key, "level", levels), segment, width)
+
+
 def _segments(data: Any, key: str) -> tuple[FloatArray, float]:
     """Return segments and width of a portal or an exit."""
     segments = _numbers(data, key, "segments", (4,), COORDINATE_MAX)
@@ -212,21 +228,21 @@ def _polygon(data: Any, key: str) -> BaseGeometry:
         polygon = shape(geometry)
         is_finite = bool(np.isfinite(polygon.bounds).all())
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, RecursionError, ShapelyError) as error:
-        raise HeaderError(f"{key}.polygon is no geometry: {error}") from error
+        raise HeaderError(f"{key}.polygon is not a geometry: {error}") from error
     if polygon.geom_type not in ("Polygon", "MultiPolygon") or not is_finite:
-        raise HeaderError(f"{key}.polygon is no polygon with finite corners")
+        raise HeaderError(f"{key}.polygon is not a polygon with finite corners")
     return polygon
 
 
 def _get(data: Any, place: str, key: str, kind: type | tuple[type, ...]) -> Any:
-    """Return the value of a key, which must be there and of a kind."""
+    """Return the value of a key, which must exist and have a certain type."""
     name = f"{place}.{key}" if place else key
     if not isinstance(data, Mapping):
-        raise HeaderError(f"{place or 'the header'} is no table")
+        raise HeaderError(f"{place or 'the header'} is not a table")
     if key not in data:
         raise HeaderError(f"{name} is missing")
     if not isinstance(data[key], kind):
-        raise HeaderError(f"{name} is {type(data[key]).__name__}, not what is written there")
+        raise HeaderError(f"{name} has the wrong type {type(data[key]).__name__}")
     return data[key]
 
 
@@ -238,32 +254,32 @@ def _list(data: Any, place: str, key: str) -> Sequence[Any]:
 def _words(data: Any, place: str, key: str) -> tuple[str, ...]:
     found = _list(data, place, key)
     if not all(isinstance(word, str) for word in found):
-        raise HeaderError(f"{place + '.' if place else ''}{key} holds something that is no text")
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains a value that is not a string")
     return tuple(found)
 
 
 def _number(data: Any, place: str, key: str, least: float, greatest: float) -> float:
     value = _get(data, place, key, (int, float))
     if isinstance(value, bool) or not least <= value <= greatest:
-        raise HeaderError(f"{place}.{key} is {value!r:.40}, it must be in {least:g} to {greatest:g}")
+        raise HeaderError(f"{place}.{key} is {value!r:.40}; it must be between {least:g} and {greatest:g}")
     return float(value)
 
 
 def _row(data: Any, place: str, key: str, count: int) -> int:
     value = _get(data, place, key, int)
     if isinstance(value, bool) or not 0 <= value < count:
-        raise HeaderError(f"{place}.{key} is {value!r:.40}, it must be in 0 to {count - 1}")
+        raise HeaderError(f"{place}.{key} is {value!r:.40}; it must be between 0 and {count - 1}")
     return int(value)
 
 
 def _array(data: Any, place: str, key: str, kinds: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return a list, or a list of rows of that shape, as an array of numbers of those numpy kinds."""
+    """Return a list of numbers, or of rows of numbers of a given shape, as an array; `kinds` are kinds of numpy."""
     name = f"{place}.{key}" if place else key
     values = _list(data, place, key)
     try:
         array = np.array(values) if values else np.empty((0, *shape), np.int64)
     except (ValueError, OverflowError, RecursionError) as error:
-        raise HeaderError(f"{name} is no array of numbers") from error
+        raise HeaderError(f"{name} is not an array of numbers") from error
     if array.dtype.kind not in kinds or array.shape[1:] != shape:
         what = f"rows of {shape[0]} numbers" if shape else "a list of numbers"
         raise HeaderError(f"{name} must be {what}{'' if 'f' in kinds else ', all of them whole'}")
@@ -274,7 +290,7 @@ def _numbers(data: Any, place: str, key: str, shape: tuple[int, ...], greatest: 
     """Return finite numbers between -greatest and greatest."""
     array = _array(data, place, key, "iuf", shape).astype(np.float64)
     if not (np.abs(array) <= greatest).all():
-        raise HeaderError(f"{place + '.' if place else ''}{key} holds numbers beyond {greatest:g}")
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains numbers greater than {greatest:g}")
     return array
 
 
@@ -282,5 +298,5 @@ def _rows(data: Any, place: str, key: str, count: int, shape: tuple[int, ...] = 
     """Return whole numbers from `least` to below `count`."""
     array = _array(data, place, key, "iu", shape)
     if array.size and not (array.min() >= least and array.max() < count):
-        raise HeaderError(f"{place + '.' if place else ''}{key} holds numbers that are not in {least} to {count - 1}")
+        raise HeaderError(f"{place + '.' if place else ''}{key} contains numbers outside of {least} to {count - 1}")
     return array.astype(np.int32)

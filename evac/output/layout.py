@@ -11,12 +11,12 @@ from evac.errors import ResultError
 from evac.output.files import TRAJECTORY_NAME
 
 MAGIC = b"EVACTRJ2"
-#: Files of earlier versions, which are still read.
+#: Magic numbers of earlier formats, which can still be read.
 MAGIC_1 = b"EVACTRJ1"
-#: One float32 each, little-endian; x and y count from the header's origin.
+#: Fields of a record, float32 in little-endian order; x and y are relative to the header's origin.
 FIELDS = ("person", "level", "x", "y", "velocity_x", "velocity_y", "contact_force")
 RECORD_BYTES = 4 * len(FIELDS)
-#: Greatest length of a header. Much larger than that of any building, and small enough for memory.
+#: Greatest length of a header [bytes], much more than any building needs.
 HEADER_BYTES_MAX = 2**28
 
 LENGTH = struct.Struct("<I")
@@ -30,7 +30,7 @@ FRAME_HEAD_BYTES_1 = FRAME_1.size + CHECK.size
 
 
 def is_trajectory(path: Path) -> bool:
-    """Return whether a file starts as a trajectory of evac does; False where there is none that can be read."""
+    """Return whether a file starts like a trajectory of evac; False if it cannot be read."""
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) in (MAGIC, MAGIC_1)
@@ -39,7 +39,7 @@ def is_trajectory(path: Path) -> bool:
 
 
 def damaged(path: Path, what: str) -> ResultError:
-    """Return the error for a damaged file that no part of can be used."""
+    """Return the error for a damaged file."""
     return ResultError(f"{path}: {what}; run the case again, or take an undamaged copy")
 
 
@@ -55,14 +55,14 @@ def pack_start(path: Path, header: Mapping[str, Any]) -> bytes:
     if len(text) > HEADER_BYTES_MAX:
         raise ResultError(
             f"{path}: the building is too large for a trajectory: its header would have {len(text)} bytes, "
-            f"{HEADER_BYTES_MAX} are allowed; use a coarser mesh, or leave the recorder out: recorders.trajectory=false"
+            f"{HEADER_BYTES_MAX} are allowed; use a coarser mesh, or disable the recorder: recorders.trajectory=false"
         )
     start = MAGIC + LENGTH.pack(len(text))
     return start + CHECK.pack(zlib.crc32(text, zlib.crc32(start))) + text
 
 
 def read_header(path: Path, data: memoryview) -> tuple[dict[str, Any], int]:
-    """Return the header of a file, and the byte at which its frames start; the content is not looked at.
+    """Return the header of a file, without checking its content, and the byte at which the frames start.
 
     Parameters
     ----------
@@ -74,22 +74,22 @@ def read_header(path: Path, data: memoryview) -> tuple[dict[str, Any], int]:
     Raises
     ------
     ResultError
-        This is no trajectory, its format is unknown, or its start is damaged or cut off.
+        The file is not a trajectory, its format is unknown, or its start is damaged or incomplete.
     """
     magic = bytes(data[: len(MAGIC)])
     if magic not in (MAGIC, MAGIC_1):
         raise ResultError(
-            f"{path}: not a trajectory of evac (it does not start with {MAGIC.decode()}); name a {TRAJECTORY_NAME}"
+            f"{path}: not a trajectory of evac (it does not start with {MAGIC.decode()}); give a {TRAJECTORY_NAME}"
         )
     number = 1 if magic == MAGIC_1 else 2
     first = len(MAGIC) + LENGTH.size + (0 if number == 1 else CHECK.size)
     length = LENGTH.unpack_from(data, len(MAGIC))[0] if len(data) >= first else 0
     if length > HEADER_BYTES_MAX:
-        raise damaged(path, f"the header is damaged: its length, {length} bytes at byte {len(MAGIC)}, is impossible")
+        raise damaged(path, f"the header is damaged: its length, {length} bytes at byte {len(MAGIC)}, is not valid")
     if len(data) < first + length or len(data) < first:
         raise damaged(
             path,
-            f"the header is cut off: it should end at byte {first + length}, the file has {len(data)} bytes "
+            f"the header is incomplete: it should end at byte {first + length}, the file has {len(data)} bytes "
             "(the run was killed before its first frame, or the length at byte 8 is damaged)",
         )
     text = data[first : first + length]
@@ -100,12 +100,12 @@ def read_header(path: Path, data: memoryview) -> tuple[dict[str, Any], int]:
     try:
         header = json.loads(bytes(text), parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
-        raise damaged(path, f"the header is no JSON: {error}") from error
+        raise damaged(path, f"the header is not valid JSON: {error}") from error
     found = header.get("format") if isinstance(header, dict) else header
     if not isinstance(header, dict) or found != number or isinstance(found, bool):
         raise ResultError(
-            f"{path}: trajectory format {found!r:.40} is unknown; this version reads formats 1 and 2; "
-            "run the case again with it"
+            f"{path}: unknown trajectory format {found!r:.40}; this version reads formats 1 and 2; run the case again, "
+            "or use the version of evac that wrote it"
         )
     return header, first + length
 

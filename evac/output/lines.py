@@ -1,4 +1,4 @@
-"""Who passed the lines of portals and exits, and when, from a recorded run."""
+"""Passages of people through the lines of portals and exits, from a recorded run."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -15,17 +15,18 @@ from evac.output.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class LineFlow:
-    """The people who passed the line of a portal or an exit.
+    """The passages through the line of a portal or an exit.
 
     Attributes
     ----------
     link : Portal or Exit
     person : (m,) int32
-        Row of each person who passed, in order of time; whoever passes twice is there twice.
+        Index of the person of each passage, in order of time.
     time : (m,) float64 [s]
-        Middle of the interval between the recorded times before and after: exact to half of ``output.every``.
+        Middle of the interval between the recorded times before and after, with an error of up to half of
+        ``output.every``.
     forward : (m,) bool
-        Whether they went out by an exit, or from the first to the second level of a portal.
+        Whether the passage is out through an exit, or from the first to the second level of a portal.
     """
 
     link: Portal | Exit
@@ -35,14 +36,14 @@ class LineFlow:
 
     @property
     def people(self) -> int:
-        """Number of passages, both ways together."""
+        """Number of passages in both directions together."""
         return len(self.person)
 
     @property
     def flow(self) -> float | None:
         """People per second between the first and the last fifth of those who passed [1/s].
 
-        None for fewer people than `evac.output.flows.FEWEST`, and for people who all passed at once.
+        None for fewer people than `evac.output.flows.FEWEST`, and for people who all passed at the same time.
         """
         flow = steady_flow(self.time) if self.people >= FEWEST else float("nan")
         return None if np.isnan(flow) else flow
@@ -54,10 +55,10 @@ class LineFlow:
 
 
 def line_flows(trajectory: Trajectory) -> Mapping[str, LineFlow]:
-    """Return who passed which portal and which exit, by its name.
+    """Return the passages through each portal and exit, by its name.
 
-    Between two recorded times people are taken to have gone the way over the fewest levels; of several portals or
-    exits between two levels, by the one nearest to where they were before.
+    Between two recorded times, people are assumed to have taken the path over the fewest levels, and the nearest of
+    several portals or exits between two levels.
 
     Examples
     --------
@@ -108,7 +109,7 @@ class _Ways:
         return self._rows[source, target]
 
     def between(self, source: int, target: int) -> list[int]:
-        """Return the levels after `source` on the way over the fewest levels, ending with `target`; empty if none."""
+        """Return the levels after `source` on the path over the fewest levels to `target`; empty if there is none."""
         if (source, target) not in self._known:
             before = {source: source}
             queue = deque([source])

@@ -1,4 +1,4 @@
-"""A lock of the operating system on a file, which ends with the process that holds it, however that ends."""
+"""A lock of the operating system on a file, which is released when the process that holds it ends for any reason."""
 
 import json
 import os
@@ -14,24 +14,24 @@ from typing import Self
 from evac.errors import FolderWarning, ResultError
 from evac.output.files import writing
 
-#: Byte that is locked where the system locks ranges of bytes: behind what is written, so that others can read that.
+#: Byte that is locked on systems that lock ranges of bytes: after the content, so that others can read the file.
 _BYTE = 1 << 30
 
 
 class FileLock:
-    """A lock on a file, for one process or one part of it; a context manager.
+    """An exclusive lock on a file; a context manager.
 
-    The file tells who holds the lock. It is removed when the lock is released; one that a killed process has left
-    stands in nobody's way.
+    The file contains the process that holds the lock. It is removed when the lock is released; a file left by a killed
+    process does not block others.
 
     Parameters
     ----------
     path : Path
-        The file; its folder is made if it is not there.
+        The file; its folder is created if missing.
     what : str
-        What the lock is for, for the message: ``"result.running is being written"``.
+        Beginning of the message: ``"result.running is being written"``.
     advice : str
-        What to do if somebody else holds it.
+        What to do if another process holds the lock.
     """
 
     def __init__(self, path: Path, what: str, advice: str) -> None:
@@ -50,12 +50,12 @@ class FileLock:
         self.release()
 
     def acquire(self) -> None:
-        """Take the lock.
+        """Acquire the lock.
 
         Raises
         ------
         ResultError
-            Somebody else holds it; the message names the process. Or the file cannot be written.
+            Another process, which is named, holds the lock, or the file cannot be written.
         """
         while self._file < 0:
             with writing("the lock", self.path):
@@ -63,7 +63,7 @@ class FileLock:
                 file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
             try:
                 self._lock(file)
-                if _is_at(file, self.path):  # else its last holder has removed it meanwhile
+                if _is_at(file, self.path):  # otherwise the previous holder has removed it meanwhile
                     self._file = file
                     self._sign()
             finally:
@@ -71,11 +71,11 @@ class FileLock:
                     os.close(file)
 
     def release(self) -> None:
-        """Remove the file and let others take the lock; nothing happens if it is not held."""
+        """Remove the file and release the lock, if it is held."""
         if self._file < 0:
             return
         file, self._file = self._file, -1
-        if os.name == "nt":  # an open file cannot be removed there
+        if os.name == "nt":  # Windows cannot remove an open file
             os.close(file)
             _remove(self.path)
         else:
@@ -90,20 +90,21 @@ class FileLock:
             raise ResultError(f"{self._what} by {self._holder()}; {self._advice}") from None
         except OSError as error:
             warnings.warn(
-                f"{self.path}: the file system has no locks ({error.strerror}); see that no other run writes here",
+                f"{self.path}: the file system does not support locks ({error.strerror}); make sure that no other run "
+                "writes here",
                 FolderWarning,
                 stacklevel=4,
             )
 
     def _sign(self) -> None:
-        """Write who holds the lock."""
+        """Write the holder of the lock to the file."""
         holder = {"process": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
         with writing("the lock", self.path):
             os.ftruncate(self._file, 0)
             os.write(self._file, json.dumps(holder).encode())
 
     def _holder(self) -> str:
-        """Return who holds the lock, in words."""
+        """Return a description of the holder of the lock."""
         try:
             holder = json.loads(self.path.read_text(encoding="utf-8"))
             return f"process {int(holder['process'])} on {holder['host']} since {holder['since']}"
@@ -112,7 +113,7 @@ class FileLock:
 
 
 def _is_at(file: int, path: Path) -> bool:
-    """Return whether an open file is the one at a path."""
+    """Return whether an open file is still the file at a path."""
     try:
         return os.path.samestat(os.fstat(file), os.stat(path))
     except OSError:
@@ -120,7 +121,7 @@ def _is_at(file: int, path: Path) -> bool:
 
 
 def _remove(path: Path) -> None:
-    with suppress(OSError):  # it stands in nobody's way
+    with suppress(OSError):  # a file that is left does not block others
         path.unlink(missing_ok=True)
 
 

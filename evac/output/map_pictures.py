@@ -1,4 +1,4 @@
-"""Pictures of maps: one quantity on the plans of all storeys, with one scale of colours."""
+"""Pictures of maps: one quantity on the plans of all storeys, with one colour scale."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ from evac.output.lines import LineFlow, line_flows
 from evac.output.maps import QUANTITIES, LevelMaps, level_maps
 from evac.output.trajectory import Trajectory
 
-#: Scale of colours of each map: light is little where nothing is the rule, so that places of interest stand out.
+#: Colour map of each quantity; low values are light for quantities that are zero in most places.
 SCALES = {
     "density": "YlOrRd",
     "max_density": "YlOrRd",
@@ -32,7 +32,7 @@ SCALES = {
     "usage": "YlGnBu",
 }
 
-#: Of floors where a map has no value, and of cells that are never cleared.
+#: Colours of floors where a map has no value, and of cells that are never cleared.
 NO_VALUE, NEVER = "#eef0f3", "#7a0177"
 
 #: The formats that a picture of a map can have.
@@ -52,23 +52,23 @@ def draw_map(
     ----------
     trajectory : Trajectory
     quantity : str
-        One of `evac.output.maps.QUANTITIES`. On the map of ``"flow"``, portals and exits bear the number of people
-        who passed and the flow between the first and the last fifth of them.
+        One of `evac.output.maps.QUANTITIES`. On the map of ``"flow"``, portals and exits are labelled with the number
+        of people who passed and the flow between the first and the last fifth of them.
     maps : mapping of str to LevelMaps, optional
-        What `level_maps` returned, of the levels drawn; computed if it is not given.
+        Result of `level_maps` for the levels drawn; computed if not given.
     levels : sequence of str or int, optional
-        Levels by name or row, each in a plan of its own; by default all levels, storey by storey.
+        Levels by name or index, each in its own plan; by default all levels, grouped by storey.
     dpi : int
 
     Returns
     -------
     Figure
-        To save with ``savefig``, or to show in a notebook.
+        A figure of matplotlib.
 
     Raises
     ------
     ResultError
-        There is no such map or level, or nothing was recorded.
+        The quantity or a level does not exist, or no frame was recorded.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def draw_map(
         maps = level_maps(trajectory, levels)
     what = QUANTITIES.get(quantity)
     grids = {name: found.array(quantity) for name, found in maps.items()}
-    assert what is not None  # or array() has refused it
+    assert what is not None  # array() raises an error for unknown quantities
     any_map = next(iter(maps.values()))
     title = f"{trajectory.header.get('title', '')}\n{what.label} [{what.unit}], {any_map.start:g} to {any_map.end:g} s"
     if quantity == "flow":
@@ -128,12 +128,12 @@ def write_maps(
         As for `draw_map`.
     quantities : iterable of str
     path : Path
-        Folder, or file whose ending is one of `FORMATS`.
+        Folder, or file with one of the endings `FORMATS`.
 
     Raises
     ------
     ResultError
-        A file cannot be written, or as for `draw_map`.
+        As for `draw_map`, or a file cannot be written.
     """
     written = []
     for quantity in quantities:
@@ -148,16 +148,16 @@ def write_maps(
 
 
 def _top(grids: Iterable[np.ndarray]) -> float:
-    """Return the upper end of the scale of colours: the greatest finite value."""
+    """Return the upper end of the colour scale: the greatest finite value."""
     tops = [float(grid[np.isfinite(grid)].max()) for grid in grids if np.isfinite(grid).any()]
     top = max(tops, default=1.0)
     return top if top > 0.0 else 1.0
 
 
 def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
-    """Return a map for `imshow`: infinity as a value beyond the scale, and cells cut by the edge of the floor filled.
+    """Return a map for `imshow`: infinity as a value above the scale, and cells cut by the edge of the floor filled.
 
-    Those whose centre is off the floor get the value of the nearest cell, and what is off the floor is clipped.
+    Cells whose centre is off the floor get the value of the nearest cell; the image is clipped to the floor.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -168,7 +168,7 @@ def _drawn(maps: LevelMaps, quantity: str, beyond: float) -> np.ndarray:
 
 
 def _add_scale(plans: Plans, colours: ScalarMappable, label: str, is_whole: bool) -> None:
-    """Add the scale of colours at the right, with whole numbers for people."""
+    """Add the colour bar at the right, with whole numbers for people."""
     left, bottom, _, height = plans.side
     inch = 1.0 / plans.figure.get_size_inches()
     tall = min(height, 4.0 * inch[1])
@@ -180,7 +180,7 @@ def _add_scale(plans: Plans, colours: ScalarMappable, label: str, is_whole: bool
 
 
 def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
-    """Write at each portal and exit how many passed, and how many per second and metre."""
+    """Label each portal and exit with the number of people who passed, and per second and metre."""
     box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": palette.EDGE, "linewidth": 0.5, "alpha": 0.9}
     for axes, levels in zip(plans.axes, plans.levels, strict=True):
         rows = {level.index for level in levels}
@@ -198,7 +198,7 @@ def _label_lines(plans: Plans, flows: Mapping[str, LineFlow]) -> None:
                 (0.5 * (x1 + x2), 0.5 * (y1 + y2)),
                 xytext=(14.0 * inward[0], 14.0 * inward[1])
                 if is_exit
-                else (0.0, 0.0),  # the outside of an exit bears its name
+                else (0.0, 0.0),  # the name of an exit is on its outside
                 textcoords="offset points",
                 ha="center",
                 va="center",

@@ -21,22 +21,22 @@ SPACING = 0.2
 #: Radius R of the Gaussian kernel exp(-r^2 / R^2) / (pi R^2) [m]: it weighs an area of 2 pi R^2 = 3.1 m2.
 KERNEL_RADIUS = 0.7
 
-#: Who is slower waits [m/s].
+#: People slower than this count as waiting [m/s].
 WAITING_SPEED = 0.2
 
-#: Below this kernel density, averaged over time, a mean speed is not given [1/m2].
+#: Least kernel density, averaged over time, for a mean speed [1/m2].
 FEWEST = 1e-3
 
 
 class Quantity(NamedTuple):
-    """What a map shows.
+    """The quantity of a map.
 
     Attributes
     ----------
     label : str
     unit : str
     doc : str
-        One sentence.
+        Definition.
     """
 
     label: str
@@ -47,58 +47,58 @@ class Quantity(NamedTuple):
 #: The maps, by the name of the array of `LevelMaps`.
 QUANTITIES = {
     "density": Quantity("mean density", "1/m²", "mean over time of the density"),
-    "max_density": Quantity("greatest density", "1/m²", "greatest density at any recorded time"),
+    "max_density": Quantity("maximum density", "1/m²", "maximum density at any recorded time"),
     "speed": Quantity("mean speed", "m/s", "mean speed of the people there, along the slope on stairs"),
     "flow": Quantity("specific flow", "1/(m s)", "mean over time of density times velocity, length of the vector"),
     "waiting": Quantity("waiting", "s/m²", f"time spent by people slower than {WAITING_SPEED:g} m/s, per area"),
     "time_to_clear": Quantity("time to clear", "s", "time at which the last body was there"),
-    "contact_pressure": Quantity("greatest contact pressure", "N/m", "greatest contact force over circumference"),
+    "contact_pressure": Quantity("maximum contact pressure", "N/m", "maximum contact force over circumference"),
     "usage": Quantity("usage", "people", "number of different people whose bodies passed"),
 }
 
 
 @dataclass(frozen=True)
 class LevelMaps:
-    """The maps of one level: arrays (ny, nx), whose row 0 is the lowest y, NaN outside the floor.
+    """The maps of one level: arrays (ny, nx), with row 0 at the lowest y, NaN outside the floor.
 
     Attributes
     ----------
     level : str
     index : int
-        Its row in ``building.levels``.
+        Its index in ``building.levels``.
     spacing : float [m]
-        Side of the square cells of the grid.
+        Side length of the square cells of the grid.
     origin : (2,) float64 [m]
         Lower left corner of the grid in plan. A cell is on the floor if its centre is.
     start, end : float [s]
-        First and last recorded time that is looked at.
+        First and last recorded time used.
     density : (ny, nx) float64 [1/m2]
         Mean over time of the density rho(x) = sum_i K(x - x_i) / k_i of the people i on the level, with the kernel
         K(r) = exp(-r^2 / R^2) / (pi R^2) of Helbing, Johansson and Al-Abideen (2007), Phys. Rev. E 75, 046109. k_i is
         the part of the kernel of person i that lies on the floor, so that the integral over the level is the number
-        of people on it. The kernel does not see walls inside a level.
+        of people on it. Walls inside a level do not limit the kernel.
     max_density : (ny, nx) float64 [1/m2]
         Greatest rho at a recorded time.
     speed : (ny, nx) float64 [m/s]
         sum rho_i v_i / sum rho_i over people and times, the local speed of the same source; v is along the slope.
-        NaN also where nobody was near.
+        NaN where the density is too low.
     flow : (ny, nx) float64 [1/(m s)]
         Length of the mean over time of sum_i rho_i v_i, v in plan: the net specific flow.
     waiting : (ny, nx) float64 [s/m2]
-        Integral over time of the density of the people slower than ``waiting_speed``. People who have not started
-        yet wait too.
+        Integral over time of the density of the people slower than ``waiting_speed``, including people who have not
+        started.
     time_to_clear : (ny, nx) float64 [s]
-        Time at which a body last covered the cell: inf if one does at `end`, NaN also where none ever did.
+        Time at which a body last covered the cell: inf if one does at `end`, NaN if none ever did.
     contact_pressure : (ny, nx) float64 [N/m]
         Greatest crowd pressure, which is contact force over circumference as in Helbing, Farkas and Vicsek (2000),
-        Nature 407, 487, of the bodies that covered the cell at recorded times; 0 where there was none.
+        Nature 407, 487, of the bodies that covered the cell at recorded times; 0 if there was none.
     usage : (ny, nx) float64
         Number of different people whose bodies covered the cell.
 
     Notes
     -----
-    Means over time take the trapezoidal rule over the recorded times. Between two of them bodies are taken to move
-    straight for `time_to_clear` and `usage`. Measured densities, speeds and flows come from PedPy: see
+    Means over time use the trapezoidal rule over the recorded times. For `time_to_clear` and `usage`, bodies are
+    assumed to move straight between recorded times. For the measurement methods of PedPy see
     `evac.output.pedpy_data.to_pedpy`.
     """
 
@@ -135,21 +135,21 @@ class LevelMaps:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top [m], as ``imshow(..., origin="lower", extent=...)`` takes them."""
+        """Left, right, bottom and top [m], for ``imshow(..., origin="lower", extent=...)``."""
         ny, nx = self.shape
         x, y = self.origin.tolist()
         return x, x + self.spacing * nx, y, y + self.spacing * ny
 
     def array(self, name: str) -> FloatArray:
-        """Return one of the maps `QUANTITIES` by its name.
+        """Return the map of one of the `QUANTITIES` by its name.
 
         Raises
         ------
         ResultError
-            There is no such map.
+            The quantity is unknown.
         """
         if name not in QUANTITIES:
-            raise ResultError(f"there is no map {name!r}; there are {', '.join(QUANTITIES)}")
+            raise ResultError(f"unknown map {name!r}; use one of {', '.join(QUANTITIES)}")
         values: FloatArray = getattr(self, name)
         return values
 
@@ -174,26 +174,26 @@ def level_maps(
     ----------
     trajectory : Trajectory
     levels : iterable of str or int, optional
-        Names or rows of levels; by default all.
+        Names or indices of levels; by default all.
     spacing : float [m]
-        Side of the cells.
+        Side length of the cells.
     kernel_radius : float [m]
-        Radius R of the Gaussian kernel of densities, speeds and flows.
+        Radius R of the Gaussian kernel for densities, speeds and flows.
     waiting_speed : float [m/s]
-        Who is slower waits.
+        People slower than this count as waiting.
     start, end : float [s], optional
-        Look at the recorded times from `start` to `end` only. With a single one, maps of density, speed and flow are
-        those of that time.
+        Use only the recorded times from `start` to `end`. With a single recorded time, maps of density, speed and flow
+        are those at that time.
 
     Returns
     -------
     mapping of str to LevelMaps
-        By the name of the level.
+        Maps by the name of the level.
 
     Raises
     ------
     ResultError
-        There is no such level, `spacing` or another length is not positive, or no frame lies between `start` and
+        A level does not exist, `spacing` or another parameter is not positive, or no frame lies between `start` and
         `end`.
 
     Examples
@@ -203,14 +203,14 @@ def level_maps(
     """
     for name, value in {"spacing": spacing, "kernel_radius": kernel_radius, "waiting_speed": waiting_speed}.items():
         if not 0.0 < value < math.inf:
-            raise ResultError(f"{name} of a map must be greater than 0, not {value!r}")
+            raise ResultError(f"{name} of a map must be greater than 0, got {value!r}")
     building = trajectory.building
     chosen = [level_of(building, level) for level in (range(len(building.levels)) if levels is None else levels)]
     first, last = -math.inf if start is None else start, math.inf if end is None else end
     rows = np.flatnonzero((trajectory.time >= first) & (trajectory.time <= last))
     if not rows.size:
         recorded = f"{trajectory.time[0]:g} to {trajectory.time[-1]:g} s" if len(trajectory) else "nothing"
-        raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded was {recorded}")
+        raise ResultError(f"{trajectory.path}: no frame between {first:g} and {last:g} s; recorded: {recorded}")
     time = trajectory.time[rows]
     sums = {level.index: _Sums(Grid(level, spacing, kernel_radius)) for level in chosen}
     for now, after, share in _steps(trajectory, rows.astype(np.int32)):
@@ -221,7 +221,7 @@ def level_maps(
 
 
 def _steps(trajectory: Trajectory, rows: IntArray) -> Iterator[tuple[Frame, Frame | None, float]]:
-    """Return each frame, the one after it if there is one, and its share in means over time."""
+    """Yield each frame, the next one or None, and its weight in means over time."""
     time = trajectory.time[rows]
     shares = np.ones(1)
     if time[-1] > time[0]:
@@ -237,19 +237,19 @@ def _steps(trajectory: Trajectory, rows: IntArray) -> Iterator[tuple[Frame, Fram
 
 
 class _Sums:
-    """What is summed up over the frames for the maps of one level."""
+    """Sums over the frames for the maps of one level."""
 
     def __init__(self, grid: Grid) -> None:
         self.grid = grid
         cells = grid.shape[0] * grid.shape[1]
-        # All but the greatest density are linear in people, and are smoothed once, at the end.
+        # All except the greatest density are linear in people, and are smoothed once at the end.
         self.density, self.max_density, self.speed, self.waiting = np.zeros((4, *grid.shape))
         self.flow = np.zeros((2, *grid.shape))
         self.last = np.full(cells, np.nan)
         self.pressure = np.zeros(cells)
-        self.visits = np.zeros(0, np.int64)  # person * cells + cell, of everybody who covered a cell
+        self.visits = np.zeros(0, np.int64)  # sorted person * cells + cell of all visits
         self._new_visits: list[NDArray[np.int64]] = []
-        self._new = 0  # number of those
+        self._new = 0  # number of visits that are not merged
 
     def add_people(self, frame: Frame, level: int, share: float, waiting_speed: float) -> None:
         """Add one frame to the maps of densities."""
@@ -267,7 +267,7 @@ class _Sums:
         self.waiting += share * gathered(position[speed < waiting_speed])
 
     def add_bodies(self, now: Frame, after: Frame | None, level: int, radius: FloatArray) -> None:
-        """Add the bodies of one frame, and their ways to the next one, to the maps of what they covered."""
+        """Add the cells covered by the bodies in one frame and between it and the next one."""
         here = np.flatnonzero(now["level"] == level)
         if not here.size:
             return
@@ -290,11 +290,11 @@ class _Sums:
             self._visit(stays[body], cell, now["time"] + (part / parts) * (after["time"] - now["time"]))
 
     def _visit(self, person: IntArray, cell: NDArray[np.int64], time: float) -> None:
-        """Note that people cover cells at a time."""
+        """Record that people cover cells at a time."""
         self.last[cell] = time
         self._new_visits.append(np.unique(person * np.int64(self.last.size) + cell))
         self._new += len(self._new_visits[-1])
-        if self._new > max(1_000_000, len(self.visits)):  # so that what is known is not sorted again too often
+        if self._new > max(1_000_000, len(self.visits)):  # limits how often all visits are sorted
             self._merge_visits()
 
     def _merge_visits(self) -> None:
@@ -302,7 +302,7 @@ class _Sums:
         self._new_visits, self._new = [], 0
 
     def maps(self, level: Level, time: FloatArray) -> LevelMaps:
-        """Return the maps of frames at these times."""
+        """Return the maps after all frames have been added; `time` are their times [s]."""
         self._merge_visits()
         grid = self.grid
         usage = np.bincount(self.visits % self.last.size, minlength=self.last.size).reshape(grid.shape)

@@ -1,4 +1,4 @@
-"""How results and buildings look in a notebook: tables, the egress curve, the replay in a frame, plans."""
+"""Display of results and buildings in notebooks: tables, egress curve, replay, plans."""
 
 import base64
 import io
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.output.results import Results
 
-#: Larger replays are named and not shown, since they would be kept in the notebook [bytes].
+#: Greatest size of a replay that is embedded in a notebook; of larger ones the path is shown [bytes].
 LARGEST_REPLAY = 5_000_000
 
 
 def results_html(results: "Results") -> str:
-    """Return what a notebook shows of the results of a run."""
+    """Return the results of a run as HTML."""
     last = "" if results.last_out is None else f"{results.last_out:.1f} s"
     facts = {
         "ended": results.ended,
@@ -42,21 +42,21 @@ def results_html(results: "Results") -> str:
 
 
 def building_figure(building: "Building") -> "Figure":
-    """Return the plan of every storey of a building, with its warnings."""
+    """Return a figure with the plan of every storey of a building and its warnings."""
     from evac.output.annotated import levels_figure
 
     return levels_figure(building, building.findings, title=building.source.name)
 
 
 def table_html(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table; numbers are rounded to four digits."""
+    """Return an HTML table with numbers rounded to four digits."""
     names = "".join(f"<th>{escape(name)}</th>" for name in head)
     body = "".join(f"<tr>{''.join(f'<td>{_cell(value)}</td>' for value in row)}</tr>" for row in rows)
     return f"<table>{f'<tr>{names}</tr>' if head else ''}{body}</table>"
 
 
 def figure_html(figure: "Figure", alt: str) -> str:
-    """Return a figure as an image, with a text for those who cannot see it."""
+    """Return a figure as an HTML image with an alternative text."""
     with io.BytesIO() as file:
         figure.savefig(file, format="png", dpi=90)
         image = base64.b64encode(file.getvalue()).decode()
@@ -70,7 +70,7 @@ def _cell(value: Any) -> str:
 
 
 def _replay_html(results: "Results") -> str:
-    """Return the replay of the result folder in a frame; nothing where there is none."""
+    """Return the replay in the result folder as an HTML frame; empty if there is none."""
     path = results.folder / REPLAY_NAME if results.folder is not None else None
     if path is None or not path.is_file():
         return ""

@@ -1,4 +1,4 @@
-"""Who was where: people on each level and stair over the run, from the log of crossings."""
+"""Occupancy: people on each level and stair over the run, from the log of crossings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from evac.errors import ResultError
 
 @dataclass(frozen=True)
 class Occupancy:
-    """One place over the whole run.
+    """The occupancy of a place over the whole run.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Occupancy:
     greatest_number : int
         Greatest number of people there at once.
     last_left : float or None
-        Time at which the last of them left [s]; None while somebody is there, or if nobody ever was.
+        Time at which the last of them left [s]; None if people are still there, or nobody ever was.
     """
 
     people: int
@@ -31,16 +31,16 @@ class Occupancy:
 
 @dataclass(frozen=True)
 class Moves:
-    """Every change of level of a run, in order of time; rows of equal length.
+    """All changes of level in a run, in order of time.
 
     Attributes
     ----------
     start : (n,) int32
         Level on which each person starts.
     row : (m,) int32
-        Person.
+        Index of the person.
     source, target : (m,) int32
-        Level left and level entered, -1 outside.
+        Level that the person left and level that it entered, -1 outside.
     time : (m,) float64 [s]
     """
 
@@ -51,7 +51,7 @@ class Moves:
     time: FloatArray
 
     def occupancy(self, levels: Sequence[int]) -> Occupancy:
-        """Return how the place made of `levels` was used; moves within it do not count."""
+        """Return the occupancy of the place that consists of `levels`; moves within it do not count."""
         inside = np.isin(self.start, levels)
         entered = np.isin(self.target, levels)
         left = np.isin(self.source, levels)
@@ -72,7 +72,7 @@ def moves_of(
     crossings: tuple[IntArray, IntArray, FloatArray],
     exit_time: FloatArray,
 ) -> Moves:
-    """Follow everybody from level to level.
+    """Return all changes of level of a run.
 
     Parameters
     ----------
@@ -80,15 +80,15 @@ def moves_of(
     start_level : (n,) int32
         Level of each person at time zero.
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
-        Person, link and time in the order of the log. Links are portals, then exits (as in
-        ``evac.physics.state.World``); exits may be absent from the log.
+        Person, link and time in the order of the log. Links are the portals, then the exits (as in
+        ``evac.physics.state.World``); exits may be missing in the log.
     exit_time : (n,) float64 [s]
         NaN for people who are not out.
 
     Raises
     ------
     ResultError
-        A person crosses a portal of a level where the log does not have them.
+        A person crosses a portal of a level on which, according to the log, it is not.
     """
     level = np.array(start_level, dtype=np.int32)
     portal = crossings[1] < len(building.portals)
@@ -112,10 +112,10 @@ def moves_of(
 
 
 def level_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
-    """Return the use of each level, by name."""
+    """Return the occupancy of each level, by name."""
     return {level.name: moves.occupancy([level.index]) for level in building.levels}
 
 
 def stair_table(building: Building, moves: Moves) -> Mapping[str, Occupancy]:
-    """Return the use of each stair, its flights and landings taken together, by name."""
+    """Return the occupancy of each stair with all its flights and landings, by name."""
     return {name: moves.occupancy(levels) for name, levels in building.stairs.items()}

@@ -1,9 +1,9 @@
-"""Colours that all pictures share, so that a group, an exit or a wall looks the same in each of them."""
+"""Colours of all pictures, so that groups, exits and walls have the same colours in each of them."""
 
 from collections.abc import Sequence
 
-#: Colours of groups in their order: those of Okabe and Ito (2008, https://jfly.uni-koeln.de/color), which people with
-#: any kind of colour vision tell apart, without yellow and black, which are hard to see on floors and beside walls;
+#: Colours of groups in their order: those of Okabe and Ito (2008, https://jfly.uni-koeln.de/color), distinguished with
+#: any kind of colour vision, without yellow and black, which have too little contrast to floors and walls;
 #: then darker and lighter ones of the same hues.
 GROUPS = (
     *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#56b4e9", "#cc79a7"),
@@ -17,10 +17,10 @@ WALL, EDGE, TEXT, FURNITURE = "#c3cad3", "#6b7785", "#1f2933", "#d9bf9b"
 EXIT, CLOSED, PORTAL = "#0b7a3c", "#b3261e", "#6b7785"
 
 
-#: Colour map of each quantity. All are perceptually uniform, safe for the colour-blind, and seen on light and dark.
+#: Colour map of each quantity. All are perceptually uniform and suitable for colour-blind people.
 MAPS = {"speed": "viridis", "density": "plasma", "contact force": "plasma", "waiting time": "cividis"}
 
-#: Colours at equal distances along each map, of which the others are interpolated (those of matplotlib).
+#: Colours at equal distances along each map, to be interpolated (from matplotlib).
 STOPS = {
     "viridis": ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"],
     "cividis": ["#00224e", "#1a386f", "#434e6c", "#61656f", "#7d7c78", "#9b9476", "#bcae6c", "#dec958", "#fee838"],
@@ -29,13 +29,13 @@ STOPS = {
 
 
 def group_colours(count: int) -> list[str]:
-    """Return one colour for each of `count` groups, and that of people of none last.
+    """Return one colour for each of `count` groups, and last the colour of people without group.
 
-    More groups than there are colours share them in turn.
+    If there are more groups than colours, colours repeat.
     """
     return [*(GROUPS[k % len(GROUPS)] for k in range(count)), NO_GROUP]
 
 
 def rgb(colours: Sequence[str]) -> list[tuple[int, int, int]]:
-    """Return colours written ``#rrggbb`` as numbers from 0 to 255."""
+    """Convert colours ``#rrggbb`` to numbers from 0 to 255."""
     return [(int(c[1:3], 16), int(c[3:5], 16), int(c[5:7], 16)) for c in colours]

@@ -1,4 +1,4 @@
-"""Figures of people: pawns of their true radius, drawn into pictures from any angle."""
+"""Figures of people: pawns with the radius of each person, drawn into pictures from any angle."""
 
 from functools import cache
 from typing import NamedTuple
@@ -10,27 +10,27 @@ from evac.arrays import FloatArray
 
 PERSON_HEIGHT, PERSON_RADIUS = 1.6, 0.22  # of the figure [m]; it is scaled to the radius of each body
 
-#: Opacity of people behind a floor or a wall: they are seen through it.
+#: Opacity of people behind a floor or a wall.
 HIDDEN = 0.45
 
-#: Light comes from the left, from above and from behind the eye: right, up, toward.
+#: Direction of light, from the left, above and behind the camera: right, up, towards the camera.
 LIGHT = np.array([-0.45, 0.55, 0.70])
 
-#: Fine pixels per pixel, each way, from which smooth edges are made.
+#: Subpixels per pixel in each direction, for smooth edges.
 FINE = 4
 
 
 class Pawn(NamedTuple):
-    """A figure as it is seen: arrays (h, w), with the ground under its centre at a pixel.
+    """The image of a figure: arrays (h, w).
 
     Attributes
     ----------
     opacity : float64
-        0 beside the figure, 1 on it, between on its edge.
+        0 beside the figure, 1 on it, in between on its edge.
     shade : float64
-        Factor on its colour.
+        Factor for its colour.
     nearness : float64 [pixels]
-        Of its surface, from its centre on the ground.
+        Nearness of its surface to the camera, relative to its centre on the ground.
     column, row : int
         Pixel of its centre on the ground.
     """
@@ -50,20 +50,20 @@ def draw_people(
     elevation: float,
     nearness: FloatArray | None = None,
 ) -> None:
-    """Draw people into a picture, the far ones first.
+    """Draw people into a picture, from the farthest to the nearest.
 
     Parameters
     ----------
     image : (h, w, 3) uint8
-        Changed in place.
+        Modified in place.
     places : (p, 3) float64
         Column, row and nearness of each person's centre on the ground [pixels].
     radius : (p,) float64 [pixels]
     colours : (p, 3) uint8
     elevation : float
-        Angle of the look with the horizontal [rad].
+        Angle of the view above the horizontal [rad].
     nearness : (h, w) float64, optional
-        Of what is in the picture already: people behind it show through.
+        Nearness of the objects in the picture; people behind them are drawn translucent.
     """
     height, width = image.shape[:2]
     columns, rows = np.rint(places[:, :2]).astype(np.int64).T
@@ -86,7 +86,7 @@ def draw_people(
 
 @cache
 def _pawn(quarters: int, elevation: float) -> Pawn:
-    """Return the figure of a person whose radius is so many quarters of a pixel."""
+    """Return the figure of a person with a radius of `quarters` quarters of a pixel."""
     size = FINE * 0.25 * quarters
     right, up, toward, shade = _surface(elevation, 1 + int(size / 40.0))
     low, high = FINE * np.floor(size * up.min() / FINE), FINE * np.ceil(size * up.max() / FINE)
@@ -94,7 +94,7 @@ def _pawn(quarters: int, elevation: float) -> Pawn:
     shape = int(high - low) + FINE, 2 * wide + FINE
     column = np.rint(size * right).astype(np.int64) + wide + FINE // 2
     row = int(high) - np.rint(size * up).astype(np.int64) + FINE // 2
-    order = np.argsort(toward, kind="stable")  # of what falls on one pixel, the nearest is drawn last
+    order = np.argsort(toward, kind="stable")  # the nearest point of each pixel is drawn last
     fine = np.empty((3, *shape))
     for layer, nothing, values in ((0, 0.0, np.ones_like(shade)), (1, 0.0, shade), (2, -np.inf, size * toward / FINE)):
         fine[layer] = nothing
@@ -107,7 +107,7 @@ def _pawn(quarters: int, elevation: float) -> Pawn:
 
 @cache
 def _surface(elevation: float, density: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the visible points of a pawn of radius 1: right, up, toward the eye, and shade."""
+    """Return the visible points of a pawn of radius 1: right, up, towards the camera, and shade."""
     heights, angles = 400 * density, 240 * density
     tall, head = PERSON_HEIGHT / PERSON_RADIUS, 0.6
     turn = np.linspace(-0.4 * np.pi, 0.5 * np.pi, 12)
@@ -122,7 +122,7 @@ def _surface(elevation: float, density: int) -> tuple[FloatArray, FloatArray, Fl
     sin_e, cos_e = np.sin(elevation), np.cos(elevation)
 
     def seen(x: FloatArray, away: FloatArray, z: FloatArray) -> FloatArray:
-        """Return right, up and toward of space."""
+        """Project coordinates in space to right, up and towards the camera."""
         return np.array([x, away * sin_e + z * cos_e, z * sin_e - away * cos_e])
 
     point = seen(np.outer(r, cosine), np.outer(r, sine), np.outer(h, np.ones_like(angle)))
@@ -134,7 +134,7 @@ def _surface(elevation: float, density: int) -> tuple[FloatArray, FloatArray, Fl
         np.outer(-slope_r / length, np.ones(angles)),
     )
     light = np.maximum(np.tensordot(LIGHT / np.linalg.norm(LIGHT), normal, 1), 0.0)
-    rim = np.clip(normal[2] * 2.5, 0.0, 1.0)  # darker where it turns away, so that neighbours stand apart
+    rim = np.clip(normal[2] * 2.5, 0.0, 1.0)  # darker at the outline, so that neighbours can be distinguished
     shade = (0.55 + 0.55 * light) * (0.72 + 0.28 * rim)
     front = normal[2] > -0.05
     return point[0][front], point[1][front], point[2][front], shade[front]

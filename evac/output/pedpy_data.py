@@ -1,4 +1,4 @@
-"""A recorded level as PedPy takes it, to measure densities, speeds, flows and fundamental diagrams.
+"""Conversion of a recorded level to PedPy, to measure densities, speeds, flows and fundamental diagrams.
 
 PedPy (https://pedpy.readthedocs.io) is installed with ``pip install evac[pedpy]``.
 """
@@ -18,26 +18,26 @@ if TYPE_CHECKING:
 
 
 def to_pedpy(trajectory: Trajectory, level: str | int) -> "tuple[pedpy.TrajectoryData, pedpy.WalkableArea]":
-    """Return the motion on one level and its floor as PedPy takes them.
+    """Return the motion on one level and its floor as objects of PedPy.
 
     Parameters
     ----------
     trajectory : Trajectory
     level : str or int
-        Name of the level, or its row in ``building.levels``.
+        Name of the level, or its index in ``building.levels``.
 
     Returns
     -------
     motion : pedpy.TrajectoryData
         ``id`` is the person's row, ``frame`` counts recorded frames, ``x`` and ``y`` are in plan [m]. Only people on
-        the level are in it: whoever leaves the level and comes back has a gap in the frames.
+        the level are in it; a person who leaves the level and returns has a gap in the frames.
     area : pedpy.WalkableArea
         The plan of the level.
 
     Raises
     ------
     ResultError
-        PedPy is not installed, there is no such level, nobody was ever on it, or fewer than two frames were recorded.
+        PedPy is not installed, the level does not exist, nobody was ever on it, or fewer than two frames were recorded.
     """
     try:
         import pandas as pd

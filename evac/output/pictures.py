@@ -19,7 +19,7 @@ from evac.output.results import Results
 #: Times [s] and the number of people out at each.
 Curve = tuple[FloatArray, NDArray[np.int64]]
 
-#: Up to so many groups get a line of their own.
+#: Maximum number of groups that are drawn as separate lines.
 MOST_GROUPS = 12
 
 #: Width and height of a picture [inches].
@@ -38,7 +38,7 @@ def draw_egress(results: Results, path: Path) -> None:
 
 
 def egress_figure(results: Results) -> Figure:
-    """Return the egress curve of everybody, and of each group of several where there are not too many."""
+    """Return the egress curve of all people, and of each group if there are several, but not too many."""
     note = f"{results.evacuated} of {results.number_of_people} out"
     if results.last_out is not None:
         which = "the last one" if results.evacuated == results.number_of_people else "the last of these"
@@ -57,17 +57,19 @@ def curves_figure(
     groups: Mapping[str, Curve],
     sizes: Mapping[str, int],
 ) -> Figure:
-    """Return egress curves: of everybody, and of each group of several where there are not too many.
+    """Return a figure of egress curves: of all people, and of each group if there are several, but not too many.
+
+    Groups of one person have no curve, which the legend says.
 
     Parameters
     ----------
     title : str
     people : int
-        Number of people, in or out.
+        Number of all people.
     end : float [s]
-        Where the curves end.
+        End of the time axis.
     everybody : tuple of (m + 1,) [s], (m + 1,)
-        Times and people out at each, from zero on.
+        Times, and number of people out at each, from zero on.
     groups : mapping of str to such tuples
     sizes : mapping of str to int
         Number of people of each group.
@@ -81,8 +83,11 @@ def curves_figure(
     axes.step([*time, end], [*number, number[-1]], where="post", linewidth=2.2, color=TEXT, label="everybody")
     axes.set_xlim(0.0, max(end, 1e-9))
     if axes.get_legend_handles_labels()[1] != ["everybody"]:
-        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
-        # Of names that are too long for the picture, the end is cut off.
+        single = sum(size == 1 for size in sizes.values())
+        heading = f"without {single} {'group' if single == 1 else 'groups'}\nof one person" if single else None
+        style = {"frameon": False, "fontsize": 8, "title": heading, "title_fontsize": 7, "alignment": "left"}
+        legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), **style)
+        # Names that are too long for the picture are cut at the end.
         figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
     return figure
 
@@ -97,11 +102,11 @@ def new_axes(title: str, people: int) -> tuple[Figure, Axes]:
 
 
 def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure, Axes]:
-    """Return a figure and axes with a title and names of the axes, and room for these: `left` [inches] for numbers."""
+    """Return a figure and axes with a title and axis labels; `left` is the space for numbers [inches]."""
     figure = Figure(figsize=SIZE, dpi=150)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    # Room for the writing, since the layouts of matplotlib take as long as drawing does.
+    # Fixed margins, because the automatic layouts of matplotlib take as long as drawing.
     top = 0.12 + 0.18 * (1 + title.count("\n"))
     figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
     axes.set(xlabel=along, ylabel=up)

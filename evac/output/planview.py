@@ -1,4 +1,4 @@
-"""The building of a trajectory seen from above, storey beside storey."""
+"""The building of a trajectory in plan, with storeys side by side."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class _InPlan:
 
 
 def plan_view(building: Building, size: tuple[int, int], levels: Sequence[str | int] | None, side: float) -> View:
-    """Draw the plans of storeys, or of the levels that are named.
+    """Draw the plans of all storeys or of given levels.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def plan_view(building: Building, size: tuple[int, int], levels: Sequence[str | 
     size : tuple of int
         Width and height into which the picture is fitted [pixels].
     levels : sequence of str or int, optional
-        By default all, storey by storey.
+        By default all, grouped by storey.
     side : float
-        Room at the right for a legend [inches], of pictures 10 inches wide.
+        Width of the space at the right for a legend [inches], for a picture 10 inches wide.
     """
     plans = draw_plans(building, "", levels, side=side, has_scale_bar=False)
     inches = plans.figure.get_size_inches()
     dpi = min(size[0] / inches[0], size[1] / inches[1])
-    # Films of some kinds need even numbers of pixels.
+    # Some film formats require even numbers of pixels.
     plans.figure.set_size_inches(2 * np.floor(0.5 * dpi * inches) / dpi)
     plans.figure.set_dpi(dpi)
     canvas = plans.figure.canvas

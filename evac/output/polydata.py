@@ -1,7 +1,7 @@
-"""VTK XML files of points and cells (``.vtp``), written from arrays: loading VTK takes longer than writing them all.
+"""VTK XML files of points and cells (``.vtp``), written without VTK, whose import takes longer than writing them.
 
 The format is that of https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html, with the arrays as raw
-bytes behind the XML.
+bytes after the XML.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,20 +17,20 @@ _NO_CELLS = np.zeros((0, 1), dtype=np.int64)
 
 @dataclass(frozen=True)
 class PolyData:
-    """Points, the cells on them, and what is known of both.
+    """Points, cells and their data arrays.
 
     Attributes
     ----------
     points : (n, 3) float64
-        Float32 would be too coarse far from the origin [m].
+        Coordinates [m]; float32 would be too coarse far from the origin.
     vertices, lines, polygons : (c, corners) int
         Rows of `points`; cells are numbered in this order.
     point_arrays, cell_arrays : mapping of str to (n,) or (n, components) array
-        By name, of int32 or float32.
+        Arrays of int32 or float32, by name.
     texts : mapping of str to sequence of str
-        Of the whole file, by name.
+        String arrays of the whole file, by name.
     shown : str
-        Name of the point array that is shown first, empty for none.
+        Name of the point array that viewers show by default, empty for none.
     """
 
     points: NDArray[np.float64]
@@ -77,7 +77,7 @@ _"""
 
 
 class _Raw:
-    """The bytes behind the XML, each block behind its length; returns the elements that refer to them."""
+    """The bytes after the XML, each block preceded by its length; methods return the XML elements for them."""
 
     def __init__(self) -> None:
         self.blocks: list[bytes] = []
@@ -91,7 +91,7 @@ class _Raw:
         return f'<DataArray type="{kind}" Name="{name}"{components} {place}/>\n'
 
     def text(self, name: str, words: Sequence[str]) -> str:
-        """Add an array of words."""
+        """Add an array of strings."""
         place = self._add(b"".join(word.encode() + b"\0" for word in words))
         return f'<Array type="String" Name="{name}" NumberOfTuples="{len(words)}" {place}/>\n'
 

@@ -1,4 +1,4 @@
-"""Recorders: what is kept while a run goes on. The base class of recorder plugins."""
+"""Base class of recorder plugins, which record data during a run."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 class Recorder(Configurable, ABC):
-    """Looks at the simulation at start, at every output time, and at the end; changes nothing.
+    """Reads the simulation at the start, at every output time and at the end, without changing it.
 
-    The simulation calls `record` every ``output.every`` seconds, at time zero first.
-    ``simulation.folder`` is the result folder, or None for a run that writes nothing.
+    The simulation calls `record` every ``output.every`` seconds, beginning at time zero. ``simulation.folder`` is the
+    result folder, or None for a run that writes no files.
     """
 
     def start(self, simulation: "Simulation") -> None:
@@ -26,58 +26,58 @@ class Recorder(Configurable, ABC):
         Parameters
         ----------
         simulation : Simulation
-            Ready to run; to be looked at only.
+            A simulation that is ready to run; must not be modified.
         """
 
     @abstractmethod
     def record(self, simulation: "Simulation") -> None:
-        """Take what is wanted at ``simulation.time`` [s].
+        """Record the state at ``simulation.time`` [s].
 
         Parameters
         ----------
         simulation : Simulation
-            Its ``population.crowd`` has the arrays of everybody, and ``displacement_velocity`` how fast they move;
-            copy what is kept, for they go on changing.
+            ``population.crowd`` contains the arrays of all people, ``displacement_velocity`` their velocities. The
+            arrays change during the run: copy those that are kept.
         """
 
     def finish(self, simulation: "Simulation", results: "Results | None") -> None:
-        """Close what `start` opened.
+        """Finish recording: write the remaining data and close files.
 
         Parameters
         ----------
         simulation : Simulation
         results : Results or None
-            None where the run ended in an error.
+            None if the run ended with an error.
         """
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return arrays of what it keeps between two calls of `record`, for checkpoints.
+        """Return the data kept between two calls of `record` as arrays, for checkpoints.
 
-        A recorder that keeps nothing but its parameters needs no method of its own. One that does, and has none, is
-        refused by name where a checkpoint is asked for.
+        A recorder without attributes other than its parameters need not override this method. Other recorders must,
+        or checkpoints raise an error.
 
         Returns
         -------
         dict of str to array
-            Of booleans, integers or floats, by names of its own; they are copied.
+            Arrays of booleans, integers or floats, by any names; they are copied.
         """
         return {}
 
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned; called in place of `start` in a run that is resumed.
+        """Restore what `state` returned; called instead of `start` in a run that is resumed.
 
         Parameters
         ----------
         simulation : Simulation
-            At the time of the checkpoint; its folder is the one the recorder has written to.
+            The simulation at the time of the checkpoint; its folder contains the files of the recorder.
         state : mapping of str to array
         """
 
     def files(self) -> Mapping[str, int]:
-        """Return the files that it appends to, and how many bytes of each it has handed to the system.
+        """Return the files that the recorder appends to, and the number of bytes written to each.
 
-        A run that is resumed cuts them to these lengths before `restore` is called, and a run that ends looks whether
-        they are there.
+        When a run is resumed, they are truncated to these lengths before `restore` is called. When a run ends, it
+        checks that they exist.
 
         Returns
         -------

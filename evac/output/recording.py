@@ -1,4 +1,4 @@
-"""The recorders of a run: started, called and finished together; and what each needs to go on from a checkpoint."""
+"""The recorders of a run: starting, calling and finishing them, and their state for checkpoints."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 
 
 class Recording:
-    """Calls the recorders of a run, and names the one that fails.
+    """Calls the recorders of a run; errors name the recorder.
 
     Parameters
     ----------
     recorders : sequence of Recorder
     folder : Path or None
-        Where they write.
+        Folder to which they write.
 
     Attributes
     ----------
     is_started : bool
-        Whether they have recorded the start.
+        Whether they have recorded the initial state.
     """
 
     def __init__(self, recorders: Sequence[Recorder], folder: Path | None) -> None:
         self.recorders = list(recorders)
         self.is_started = False
         self._folder = folder
-        self._made: set[str] = set()  # files that have appeared while plugins started or finished
+        self._made: set[str] = set()  # files created while plugins started or finished
 
     def start(self, simulation: "Simulation") -> None:
-        """Start the recorders, and record the time at which the simulation is."""
+        """Start the recorders, and record the current state."""
         self.is_started = True
         with self._noting_files():
             for recorder in self.recorders:
@@ -51,7 +51,7 @@ class Recording:
         self.record(simulation)
 
     def record(self, simulation: "Simulation") -> None:
-        """Let every recorder look, after a look whether what they have written is there."""
+        """Check that the files exist, then call every recorder."""
         self.check_files()
         for recorder in self.recorders:
             with plugin_code(f"t = {simulation.time:.3f} s: recorder {recorder.name!r}"):
@@ -64,7 +64,7 @@ class Recording:
         results: "Results | None",
         error: BaseException | None,
     ) -> None:
-        """Let every recorder and plugin finish; then raise what failed first, unless the run has failed already."""
+        """Call every recorder and plugin to finish; then raise the first error, unless the run has failed already."""
         calls: list[tuple[str, Callable[[], Any]]] = []
         if self.is_started and error is None:
             calls.append(("recorders", self.check_files))
@@ -86,7 +86,7 @@ class Recording:
             error.add_note(f"then: {one}")
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of what the recorders keep, by ``NAME.key``."""
+        """Return copies of the recorders' states, by ``NAME.key``."""
         state: dict[str, NDArray[Any]] = {}
         for recorder in self.recorders:
             with plugin_code(f"recorder {recorder.name!r}: state"):
@@ -102,15 +102,15 @@ class Recording:
         return files
 
     def plugin_files(self) -> list[str]:
-        """Return the files of plugins: those that recorders name, and those that appeared as they started or finished.
+        """Return the files of plugins: those named by recorders, and those created when plugins started or finished.
 
-        Files that evac writes itself are not among them.
+        Files that evac writes itself are not included.
         """
         return sorted(name for name in {*self._made, *self.files()} if not is_written(name))
 
     @contextmanager
     def _noting_files(self) -> Iterator[None]:
-        """Note which files of plugins appear."""
+        """Record which files are created within the context."""
         before = self._files_there()
         try:
             yield
@@ -121,7 +121,7 @@ class Recording:
         return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()
 
     def sync(self) -> dict[str, int]:
-        """As `files`, once what they say is on the disk."""
+        """Flush the files to disk and return them as `files` does."""
         files = self.files()
         if self._folder is not None:
             for name in files:
@@ -130,12 +130,12 @@ class Recording:
         return files
 
     def check_files(self) -> None:
-        """See that the files of the recorders are as long as these say.
+        """Check that the files of the recorders have the recorded lengths.
 
         Raises
         ------
         ResultError
-            One is missing or shorter, as where somebody has removed or cut it during the run.
+            A file is missing or shorter, for example because it was removed or truncated during the run.
         """
         if self._folder is not None:
             check_lengths(self._folder, self.files())
@@ -147,19 +147,19 @@ class Recording:
         files: Mapping[str, int],
         plugin_files: Iterable[str] = (),
     ) -> None:
-        """Cut the files to the lengths that they had, and let the recorders go on from there.
+        """Truncate the files to their lengths at the checkpoint, and restore the recorders.
 
         Parameters
         ----------
         simulation : Simulation
-            Restored.
+            A restored simulation.
         state, files, plugin_files
-            As the methods of these names returned them.
+            Results of the methods with these names.
 
         Raises
         ------
         ResultError
-            A file is missing or shorter than it was.
+            A file is missing or shorter than at the checkpoint.
         """
         if self._folder is not None:
             check_lengths(self._folder, files)
@@ -176,7 +176,7 @@ class Recording:
 
 
 def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:
-    """Yield what each plugin's evac_metrics returns; one that fails does not take the results with it."""
+    """Yield the result of each plugin's evac_metrics; for a plugin that fails, the error instead."""
     for plugin, call in registry.calls("evac_metrics", results=results):
         try:
             with plugin_code(f"{plugin}: evac_metrics"):
@@ -186,23 +186,23 @@ def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any
 
 
 def check_lengths(folder: Path, files: Mapping[str, int]) -> None:
-    """Refuse a folder in which a file is missing or shorter than it should be.
+    """Check that files exist in a folder and have at least certain lengths [bytes].
 
     Raises
     ------
     ResultError
-        Naming the file.
+        A file is missing or shorter; names it.
     """
     for name, length in files.items():
         try:
             found = (folder / name).stat().st_size
         except OSError:
             raise ResultError(
-                f"{folder / name}: the file has been removed during the run; run the case again, and leave the folder "
-                "alone until it has ended"
+                f"{folder / name}: the file was removed during the run; run the case again, and do not change the "
+                "folder until it has ended"
             ) from None
         if found < length:
             raise ResultError(
-                f"{folder / name}: {length} bytes were written, and {found} are there; something has cut the file: run "
-                "the case again, and leave the folder alone until it has ended"
+                f"{folder / name}: the file was truncated during the run: {length} bytes were written, {found} are "
+                "left; run the case again, and do not change the folder until it has ended"
             )

@@ -23,12 +23,12 @@ from evac.output.writing import Pen
 PICTURES = (".png", ".jpg", ".jpeg")
 FILMS = (".gif", ".mp4")
 
-#: How a building can be looked at.
+#: Views of a building.
 VIEWS = ("3d", "plan")
 
 
 class Renderer:
-    """Draws frames of a trajectory: the building once, and people into it as often as they are asked for.
+    """Draws frames of a trajectory: the building once, and the people for each frame.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ class Renderer:
     size : tuple of int
         Width and height [pixels]; plans keep the building's proportions and may fill less.
     view : str
-        ``"3d"``, or ``"plan"``: straight from above, storey beside storey.
+        ``"3d"``, or ``"plan"``: straight from above, with storeys side by side.
     camera : Camera, optional
-        Of the view in three dimensions.
+        Camera of the view in three dimensions.
     levels : sequence of str or int, optional
-        Draw these levels only, and the people on them.
+        Draw only these levels and the people on them.
     colour_by : str
         ``"group"``, ``"speed"``, ``"density"``, ``"contact_force"`` or ``"waiting"``: see
         `evac.output.colouring.colouring`.
@@ -48,7 +48,7 @@ class Renderer:
     Raises
     ------
     ResultError
-        The trajectory has no frame, there is no such level, view or colouring, or a size is not positive.
+        The trajectory has no frame; a level, the view or the colouring does not exist; or the size is too small.
 
     Examples
     --------
@@ -67,9 +67,9 @@ class Renderer:
         if not len(trajectory):
             raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
         if view not in VIEWS:
-            raise ResultError(f"there is no view {view!r}; use {' or '.join(VIEWS)}")
+            raise ResultError(f"unknown view {view!r}; use {' or '.join(VIEWS)}")
         if min(size) < 64:
-            raise ResultError(f"a picture of {size[0]} x {size[1]} pixels is too small; make it 64 or more each way")
+            raise ResultError(f"size: {size[0]} x {size[1]} pixels is too small; use at least 64 x 64")
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by)
         self._view = self._look(size, view, camera or Camera(), levels)
@@ -105,7 +105,7 @@ class Renderer:
         return view_of(building, size, camera, chosen, has_legend)
 
     def _drawn_names(self) -> Image.Image:
-        """Return what stands before people, on nothing: the names of floors and exits, and outlines of exits."""
+        """Return a transparent image of everything in front of people: names of floors and exits, outlines of exits."""
         picture = Image.new("RGBA", self._view.image.shape[1::-1], (255, 255, 255, 0))
         pen = Pen(picture)
         for colour, corners in self._view.outlines:
@@ -115,7 +115,7 @@ class Renderer:
         return picture
 
     def _with_writing(self) -> NDArray[np.uint8]:
-        """Return the building with all words that stay: title, legend, scales."""
+        """Return the building with all constant text: title, legend, scales."""
         picture = Image.fromarray(self._view.image)
         pen = Pen(picture)
         pen.title(str(self.trajectory.header.get("title", "")))
@@ -134,22 +134,20 @@ def render_picture(renderer: Renderer, path: Path, time: float | None = None) ->
     Raises
     ------
     ResultError
-        There is no frame at that time, the file's ending is unknown, or it cannot be written.
+        There is no frame at that time, the file's ending is unknown, or the file cannot be written.
     """
     trajectory = renderer.trajectory
     _check_ending(path, PICTURES)
     first, last = float(trajectory.time[0]), float(trajectory.time[-1])
     if time is not None and not first <= time <= last:
-        raise ResultError(
-            f"{trajectory.path}: no picture of t = {time:g} s; it was recorded from {first:g} to {last:g} s"
-        )
+        raise ResultError(f"{trajectory.path}: t = {time:g} s is not in the recorded time from {first:g} to {last:g} s")
     image = renderer.image(trajectory.nearest(0.5 * last if time is None else time))
     with writing("the picture", path):
         Image.fromarray(image).save(path)
 
 
 def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
-    """Draw the whole run to an animated GIF, or to an MP4 film where imageio-ffmpeg is installed.
+    """Draw the whole run to an animated GIF, or to an MP4 film if imageio-ffmpeg is installed.
 
     Parameters
     ----------
@@ -163,14 +161,14 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     Raises
     ------
     ResultError
-        `fps` or `speed` is not positive, the file's ending is unknown, an MP4 film is asked for without
-        imageio-ffmpeg, or the file cannot be written.
+        `fps` or `speed` is not positive, the file's ending is unknown, imageio-ffmpeg is missing for an MP4 film, or
+        the file cannot be written.
     """
     _check_ending(path, FILMS)
     if not (0.0 < fps < math.inf and 0.0 < speed < math.inf):
         raise ResultError(f"fps and speed of a film must be greater than 0, got {fps} and {speed}")
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or ask for a .gif")
+        raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
     trajectory = renderer.trajectory
     count = 1 + math.ceil(float(trajectory.time[-1]) * fps / speed)
     images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
@@ -185,13 +183,13 @@ def _check_ending(path: Path, endings: tuple[str, ...]) -> None:
 
 
 def _write_gif(path: Path, images: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    """Write with one palette for all pictures, that of the first, so that nothing flickers."""
+    """Write a GIF with the palette of the first picture for all pictures, to avoid flickering."""
     from scipy.spatial import cKDTree
 
     first = next(images)
     palette = Image.fromarray(first).quantize(255, Image.Quantize.MAXCOVERAGE, 2, dither=Image.Dither.NONE)
     table = np.array(palette.getpalette()).reshape(-1, 3)
-    # The nearest colour of the palette for each colour of five bits a channel: searched once, not in every picture.
+    # Table of the nearest colour of the palette for each colour with five bits per channel, computed only once.
     middle = np.arange(32) * 8 + 4
     colours = np.stack(np.meshgrid(middle, middle, middle, indexing="ij"), axis=-1).reshape(-1, 3)
     nearest = cKDTree(table).query(colours)[1].astype(np.uint8)

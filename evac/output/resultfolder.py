@@ -1,12 +1,12 @@
-"""Result folders: written beside their place under a lock, and put there as a whole once everything is written.
+"""Result folders: written under another name with a lock, and renamed when everything is written.
 
-Of a folder ``RESULT`` there are, beside it,
+For a folder ``RESULT`` there may be, in the same parent folder,
 
-- ``RESULT.running``: what a run writes, from its first step on;
+- ``RESULT.running``: the files of a run that has not ended;
 - ``RESULT.lock``: locked while a run or another command writes, see `FileLock`;
-- ``RESULT.replaced``: for a moment, the earlier result while it gives way.
+- ``RESULT.replaced``: for a short time, the earlier result while it is being replaced.
 
-What a killed process has left is put right by the next one that takes the folder.
+The next process that opens the folder cleans up after a killed one.
 """
 
 import json
@@ -34,12 +34,15 @@ from evac.output.files import (
 from evac.output.layout import is_trajectory
 from evac.output.lock import FileLock
 
-#: What is appended to the name of a file of others that stands where a run has written one.
+#: Name of the file of a case in its folder.
+CASE_NAME = "case.toml"
+
+#: Suffix added to the name of a file by other programs if a run has written a file with the same name.
 EARLIER = ".earlier"
 
 
 class ResultFolder:
-    """The one owner of a result folder; a context manager that holds its lock.
+    """A result folder that is being written; a context manager that holds its lock.
 
     Parameters
     ----------
@@ -49,27 +52,27 @@ class ResultFolder:
     Attributes
     ----------
     path : Path
-        As it was given.
+        The given path.
     running : Path
-        Where a run writes.
+        Folder to which a run writes.
 
     Raises
     ------
     ResultError
-        On entering: another process writes there; it is somebody else's folder, or cannot be replaced.
+        On entering: another process writes there, or the folder is not a result folder or cannot be replaced.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._place = self.path.resolve()  # of a link: what it leads to is replaced, not the link
+        self._place = self.path.resolve()  # the target of a link is replaced, not the link
         self.running = running_beside(self.path)
         self._replaced = self._place.with_name(f"{self._place.name}.replaced")
         self._made: os.stat_result | None = None
-        self._handle = -1  # on the folder, so that another one cannot get its number
+        self._handle = -1  # open descriptor of the folder, so that its inode number is not reused
         self._lock = FileLock(
             self._place.with_name(f"{self._place.name}.lock"),
             f"{self.path}: is being written",
-            "wait for its end, or choose another folder (--out)",
+            "wait until it has ended, or choose another folder (--out)",
         )
 
     def __enter__(self) -> Self:
@@ -79,7 +82,7 @@ class ResultFolder:
             self.repair()
             check_folder(self.path)
             if self.running.exists() and not self.running.is_dir():
-                raise ResultError(f"{self.running}: not a folder, and results are written there; move it away")
+                raise ResultError(f"{self.running}: not a folder, but results are written there; move it away")
         except BaseException:
             self._lock.release()
             raise
@@ -95,16 +98,16 @@ class ResultFolder:
 
     @property
     def is_left_over(self) -> bool:
-        """Whether a run that was killed, or has failed beside an earlier result, has left its folder."""
+        """Whether a killed run, or one that failed while an earlier result existed, has left its folder."""
         return self.running.exists()
 
     def start(self) -> None:
-        """Make ``RESULT.running``; what an earlier run has left in it goes.
+        """Create ``RESULT.running``; files left in it by an earlier run are removed.
 
         Raises
         ------
         ResultError
-            It cannot be made or written.
+            It cannot be created or written.
         """
         with writing("the results", self.running):
             self.running.mkdir(parents=True, exist_ok=True)
@@ -112,14 +115,14 @@ class ResultFolder:
             self._hold()
 
     def reopen(self, source: Path, keep: Iterable[str]) -> None:
-        """Take the folder of a run that is to go on, and make it ``RESULT.running``.
+        """Rename the folder of a run that is resumed to ``RESULT.running``.
 
         Parameters
         ----------
         source : Path
             ``RESULT.running``, or ``RESULT`` after a stop.
         keep : iterable of str
-            Names of the files to go on with; what else evac has written there goes.
+            Names of the files that are kept; other files written by evac are removed.
 
         Raises
         ------
@@ -128,7 +131,7 @@ class ResultFolder:
         """
         with writing("the results", self.running):
             if not self.running.exists() or not self.running.samefile(source):
-                if self.running.exists():  # of another run, which cannot go on
+                if self.running.exists():  # of another run, which cannot be resumed
                     remove_written(self.running)
                     carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
@@ -136,7 +139,7 @@ class ResultFolder:
             self._hold()
 
     def check(self) -> None:
-        """See that ``RESULT.running`` is still the folder that this run has made.
+        """Check that ``RESULT.running`` is still the folder created by this run.
 
         Raises
         ------
@@ -149,12 +152,12 @@ class ResultFolder:
             is_there = False
         if not is_there:
             raise ResultError(
-                f"{self.running}: the folder has been removed during the run, with all that was written; run the case "
-                "again, and leave the folder alone until it has ended"
+                f"{self.running}: the folder was removed during the run, with all its files; run the case again, and "
+                "do not change the folder until it has ended"
             )
 
     def publish(self) -> Path:
-        """Put ``RESULT.running`` in the place of ``RESULT``, with files there that evac has not written.
+        """Replace ``RESULT`` by ``RESULT.running``, keeping files in ``RESULT`` that evac has not written.
 
         Returns
         -------
@@ -164,11 +167,11 @@ class ResultFolder:
         Raises
         ------
         ResultError
-            The folder has been removed, or cannot be renamed; then the earlier result is still there.
+            The folder was removed or cannot be renamed; the earlier result is then kept.
         """
         self.check()
         with writing("the results", self.path):
-            for path in sorted(self.running.iterdir()):  # the frames of an animation can be made again
+            for path in sorted(self.running.iterdir()):  # not the frames of an animation, which can be written again
                 if path.is_file():
                     sync_file(path)
             sync_folder(self.running)
@@ -178,17 +181,17 @@ class ResultFolder:
         return self.path
 
     def publish_if_new(self) -> Path:
-        """Put what a run has left that did not come to its end in the place of ``RESULT``, unless a result is there.
+        """Publish the files of an unfinished run as ``RESULT``, unless there is an earlier result.
 
         Returns
         -------
         Path
-            Where it is: ``RESULT``, or ``RESULT.running`` beside an earlier result.
+            ``RESULT``, or ``RESULT.running`` if there is an earlier result.
         """
         return self.running if _is_result(self.path) else self.publish()
 
     def discard(self, plugin_files: Iterable[str] = ()) -> None:
-        """Remove what evac and plugins have written to ``RESULT.running``, and the folder where it is empty then."""
+        """Remove the files of evac and plugins in ``RESULT.running``, and the folder if it is then empty."""
         with writing("the results", self.running):
             if self.running.exists():
                 for name in plugin_files:
@@ -197,7 +200,7 @@ class ResultFolder:
                 _remove_if_empty(self.running)
 
     def repair(self) -> None:
-        """Finish a replacement that a killed process has begun."""
+        """Finish a replacement begun by a killed process."""
         if self._replaced.exists():
             with writing("the results", self.path):
                 if not self._place.exists() and not self.running.exists():
@@ -206,13 +209,13 @@ class ResultFolder:
                     self._finish_replacement()
 
     def _hold(self) -> None:
-        """Note which folder this run has made."""
+        """Record the identity of the folder created by this run."""
         self._made = self.running.stat()
-        if os.name != "nt":  # where folders cannot be opened, and numbers are not given again
+        if os.name != "nt":  # Windows cannot open folders, and does not reuse their numbers
             self._handle = os.open(self.running, os.O_RDONLY)
 
     def _finish_replacement(self) -> None:
-        """Rename the new result to its place; carry over files of others, and remove the earlier result."""
+        """Rename the new result, move other files of the earlier result to it, and remove the earlier result."""
         if not self._place.exists():
             os.rename(self.running, self._place)
             sync_folder(self._place.parent)
@@ -221,12 +224,12 @@ class ResultFolder:
             carry_over(self._replaced, self._place)
 
     def _check_place(self) -> None:
-        """Refuse places that cannot be replaced by renaming."""
+        """Raise an error for folders that cannot be replaced by renaming."""
         if os.path.ismount(self._place):
-            raise ResultError(f"{self.path}: is where a file system begins; name a folder in it (--out)")
+            raise ResultError(f"{self.path}: is the root of a file system; choose a folder in it (--out)")
         if self._place == Path.cwd() or self._place in Path.cwd().parents:
             raise ResultError(
-                f"{self.path}: is the current folder or holds it, and results replace their folder; name a folder in "
+                f"{self.path}: is or contains the current folder, but results replace their folder; choose a folder in "
                 "it (--out)"
             )
 
@@ -237,23 +240,43 @@ def running_beside(path: str | Path) -> Path:
     if place.is_symlink() or not place.name or place.name == "..":
         place = place.resolve()
     if not place.name:
-        raise ResultError(f"{path}: is where a file system begins; name a folder in it")
+        raise ResultError(f"{path}: is the root of a file system; choose a folder in it")
     return place.with_name(f"{place.name}.running")
 
 
 def find_result(path: Path) -> Path:
-    """Return the folder or file to read: `path`, or where nothing is there, the folder of the run that writes it."""
+    """Return the folder or file to read: `path`, or if it does not exist, the folder of the run that is writing it."""
     running = running_beside(path)
     return running if not path.exists() and running.is_dir() else path
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that holds files and is no result folder of evac.
+def check_result(path: Path) -> None:
+    """Check that a path to read results from exists and is not that of a case.
 
     Raises
     ------
     ResultError
-        Naming the folder and how to go on.
+        It does not exist, or is a case; the message names the result folder of the case if it exists.
+    """
+    is_case = path.suffix == ".toml" if path.is_file() else (path / CASE_NAME).is_file() and not _is_result(path)
+    if path.exists() and not is_case:
+        return
+    stem = path.parent.resolve().name if path.name == CASE_NAME else path.resolve().name.removesuffix(".toml")
+    results = [place for place in (path.with_name(f"{stem}-result"), Path(f"{stem}-result")) if place.is_dir()]
+    what = " is a case, not a result" if is_case else ": no such file or folder"
+    hint = f"did you mean {results[0]}?" if results else "give the result folder of a run"
+    if is_case and not results:
+        hint = f"run it first: evac run {path}"
+    raise ResultError(f"{path}{what}; {hint}")
+
+
+def check_folder(folder: Path) -> None:
+    """Check that a folder is missing, empty or a result folder of evac.
+
+    Raises
+    ------
+    ResultError
+        It contains other files, or is not a folder.
     """
     if not folder.exists():
         return
@@ -261,13 +284,13 @@ def check_folder(folder: Path) -> None:
         raise ResultError(f"{folder}: not a folder; choose another one for the results (--out)")
     if not _is_result(folder) and any(folder.iterdir()):
         raise ResultError(
-            f"{folder}: holds files and is no result folder of evac (neither its {SUMMARY_NAME} nor its "
-            f"{TRAJECTORY_NAME} is there); choose a new or empty folder for the results (--out)"
+            f"{folder}: contains files, but is not a result folder of evac (neither {SUMMARY_NAME} nor "
+            f"{TRAJECTORY_NAME} exists); choose a new or empty folder for the results (--out)"
         )
 
 
 def files_of_others(folder: Path) -> set[str]:
-    """Return the files in a folder that are none of those that evac writes itself, relative to it."""
+    """Return the files in a folder that evac does not write itself, relative to it."""
     written = set(_written(folder))
     others = (path for path in folder.rglob("*") if path not in written and not _is_folder(path))
     return {path.relative_to(folder).as_posix() for path in others}
@@ -281,13 +304,13 @@ def is_written(name: str) -> bool:
 
 
 def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
-    """Remove what a run has written to a folder: files of evac, and those of plugins that its summary lists.
+    """Remove the files of a run from a folder: those of evac, and those of plugins listed in its summary.
 
     Parameters
     ----------
     folder : Path
     keep : iterable of str
-        Names of files that stay, relative to the folder.
+        Names of files that are kept, relative to the folder.
     """
     kept = {folder / name for name in keep}
     listed = _summary(folder).get(PLUGIN_FILES)
@@ -303,7 +326,7 @@ def remove_written(folder: Path, keep: Iterable[str] = ()) -> None:
 
 
 def carry_over(source: Path, target: Path) -> None:
-    """Move all that is in a folder to another one, and remove it; where a name is taken, `EARLIER` is added."""
+    """Move all files of a folder to another one, adding `EARLIER` to names that exist, and remove the folder."""
     for path in sorted(source.iterdir()):
         new = target / path.name
         if _is_folder(path) and _is_folder(new):
@@ -325,17 +348,17 @@ def _is_folder(path: Path) -> bool:
 
 
 def _remove_if_empty(folder: Path) -> None:
-    with suppress(OSError):  # it holds files of others, or is not there
+    with suppress(OSError):  # it contains other files, or does not exist
         folder.rmdir()
 
 
 def is_within(name: Any) -> bool:
-    """Return whether a name that a file lists leads to a place within the folder of that file."""
+    """Return whether a relative path from a file stays within its folder."""
     return isinstance(name, str) and bool(name) and not Path(name).is_absolute() and ".." not in Path(name).parts
 
 
 def _is_result(folder: Path) -> bool:
-    """Say whether a folder holds a trajectory, a checkpoint or a summary that evac has written."""
+    """Return whether a folder contains a trajectory, a checkpoint or a summary written by evac."""
     if (folder / CHECKPOINT_NAME).is_file() or is_trajectory(folder / TRAJECTORY_NAME):
         return True
     versions = _summary(folder).get("versions")
@@ -343,7 +366,7 @@ def _is_result(folder: Path) -> bool:
 
 
 def _summary(folder: Path) -> dict[str, Any]:
-    """Return the summary of a result folder, empty where there is none."""
+    """Return the summary of a result folder, empty if there is none."""
     try:
         summary = json.loads((folder / SUMMARY_NAME).read_text(encoding="utf-8"))
     except (OSError, ValueError):

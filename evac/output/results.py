@@ -1,4 +1,4 @@
-"""Results of a run: the egress curve, a row per person, a summary, and the folder they are written to."""
+"""Results of a run: the egress curve, a row per person, a summary, and their files."""
 
 import csv
 import importlib.metadata
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from evac.scenario.case import Case
 
 
-#: Packages whose version can change a number of the results.
+#: Packages whose version can affect results.
 NUMERICAL_PACKAGES = ("evac", "numpy", "scipy", "numba", "shapely", "scikit-fmm")
 
 EGRESS_COLUMNS = ("time", "number_out")
@@ -58,25 +58,25 @@ PEOPLE_COLUMNS = (
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Return the versions of Python and of the packages that can change a number of the results."""
+    """Return the versions of Python and of the packages that can affect results."""
     found = {package: importlib.metadata.version(package) for package in NUMERICAL_PACKAGES}
     return MappingProxyType({"python": platform.python_version(), **found})
 
 
 @dataclass(frozen=True)
 class Results:
-    """Everything a run leaves behind.
+    """The results of a run.
 
     Attributes
     ----------
     case : Case
     building : Building
     crowd : Crowd
-        The arrays of everybody at the end.
+        Arrays of all people at the end.
     groups : sequence of Group
-        Each with ``name`` and ``rows``.
+        Groups with ``name`` and ``rows``.
     routes : sequence of Route
-        What ``crowd.route`` indexes.
+        Routes to which ``crowd.route`` refers.
     start_position : (n, 2) float64 [m]
     start_level : (n,) int32
     crossings : tuple of (m,) int32, (m,) int32, (m,) float64 [s]
@@ -87,29 +87,29 @@ class Results:
     time : float
         Simulated time [s].
     steps : int
-        Steps of the clock.
+        Number of steps.
     seed : int
     stuck : sequence of int
-        People inside when the run ended who had made no progress for 10 s, or for ``no_progress`` where that is less.
+        People inside at the end who had made no progress for 10 s, or for ``no_progress`` if that is less.
     warnings : sequence of str
-        What `Simulation.warnings` tells of building and people.
+        Warnings on building and people, from `Simulation.warnings`.
     report : mapping
-        Numbers of the contact model, by the names that docs/results.md lists.
+        Report of the contact model, with the keys described in docs/results.md.
     chatter, crushing : Finding or None
-        What was noticed of people during the run, see `evac.output.watch.Watch`.
+        Findings during the run, see `evac.output.watch.Watch`.
     phases : mapping of str to float
         Wall time of each phase [s].
     plan : sequence of (part, in or out, why)
     plugins : sequence of str
-        Name and version of each plugin with a part in the run.
+        Name and version of each plugin used in the run.
     metrics : mapping
-        What the ``evac_metrics`` hooks return, by plugin.
+        Results of the ``evac_metrics`` hooks, by plugin.
     folder : Path or None
         Result folder of the run.
     plugin_files : sequence of str
-        Files that plugins have written to it.
+        Files that plugins have written to the result folder.
     resumed : sequence of mapping
-        From which checkpoints the run has gone on, in order.
+        Checkpoints from which the run was resumed, in order.
     """
 
     case: "Case"
@@ -143,13 +143,13 @@ class Results:
         return f"<Results of {self.case.title or self.case.source.name!r}: {self.ended}, {out}{last}>"
 
     def _repr_html_(self) -> str:
-        """Return tables, the egress curve and the replay, as notebooks show them."""
+        """Return tables, the egress curve and the replay as HTML for notebooks."""
         from evac.output.notebook import results_html
 
         return results_html(self)
 
     def plot(self) -> "Figure":
-        """Return the egress curve of everybody and of each group as a figure of matplotlib."""
+        """Return the egress curve of all people and of each group as a figure of matplotlib."""
         from evac.output.pictures import egress_figure
 
         return egress_figure(self)
@@ -161,7 +161,7 @@ class Results:
 
     @cached_property
     def people(self) -> "DataFrame":
-        """One row per person, with the columns of people.csv (docs/results.md); missing where somebody is not out."""
+        """One row per person, with the columns of people.csv (docs/results.md); exit data are missing if not out."""
         from pandas import DataFrame
 
         columns = dict(zip(PEOPLE_COLUMNS, self._people_columns(), strict=True))
@@ -174,17 +174,22 @@ class Results:
 
     @property
     def last_out(self) -> float | None:
-        """Time at which the last person of those who are out left [s]; None if nobody did."""
+        """Time at which the last of the people who are out left [s]; None if nobody left."""
         return float(np.nanmax(self.crowd.exit_time)) if self.evacuated else None
 
     @property
     def left_by_other_exits(self) -> IntArray:
-        """Rows of the people who left by another exit than their route leads to, pushed across its line for example."""
+        """Rows of the people who left by an exit that does not belong to their route, for example when pushed."""
         exits = [exit_.name for exit_ in self.building.exits]
         leads_to = np.array([[route.leads_to(name) for name in exits] for route in self.routes])
         out = np.flatnonzero(self.crowd.exit_used >= 0)
         others: IntArray = out[~leads_to[self.crowd.route[out], self.crowd.exit_used[out]]].astype(np.int32)
         return others
+
+    @property
+    def not_started(self) -> int:
+        """Number of people inside at the end whose response time was not over."""
+        return int(((self.crowd.level >= 0) & (self.crowd.start_time > self.time)).sum())
 
     @property
     def exit_status(self) -> int:
@@ -193,7 +198,7 @@ class Results:
 
     @property
     def quality_warnings(self) -> tuple[str, ...]:
-        """What the numbers of the run say against it, a line each."""
+        """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
         levels = [level.name for level in self.building.levels]
         keeps_distance = self.case.behaviours.get("headway", False) is not False
         lines = [*contact_warnings(self.report)]
@@ -205,16 +210,16 @@ class Results:
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:
-        """How each exit was used, by name: see `evac.output.flows.exit_table`."""
+        """The use of each exit, by name: see `evac.output.flows.exit_table`."""
         return exit_table(self.building, self.crowd.exit_used, self.crowd.exit_time)
 
     @cached_property
     def moves(self) -> Moves:
-        """Every change of level, in order of time."""
+        """All changes of level, in order of time."""
         return moves_of(self.building, self.start_level, self.crossings, self.crowd.exit_time)
 
     def egress(self, rows: IntArray | None = None) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Return the egress curve, of everybody or of the people `rows`.
+        """Return the egress curve of all people, or of the people with indices `rows`.
 
         Returns
         -------
@@ -251,7 +256,7 @@ class Results:
         ]
 
     def group_names(self) -> list[str]:
-        """Return the name of each person's group, empty for people of none."""
+        """Return the name of each person's group, empty for people without group."""
         names = [""] * self.number_of_people
         for group in self.groups:
             for row in group.rows.tolist():
@@ -259,7 +264,7 @@ class Results:
         return names
 
     def summary(self) -> dict[str, Any]:
-        """Return what ``summary.json`` holds: plain numbers, words, lists and tables."""
+        """Return the content of ``summary.json``: plain numbers, strings, lists and dictionaries."""
         summary = {
             "title": self.case.title,
             "people": self.number_of_people,
@@ -268,11 +273,16 @@ class Results:
             "ended": self.ended,
             "exit_status": self.exit_status,
             "stuck": self._stuck_places(),
+            "not_started": self.not_started,
             "warnings": self.warnings,
             "quality_warnings": self.quality_warnings,
             "simulated_time": self.time,
             "steps": self.steps,
             "exits": self.exits,
+            "doors": [
+                {"name": door.name, "level": self.building.levels[door.level].name, "width": door.width}
+                for door in self.building.doors
+            ],
             "left_by_other_exits": len(self.left_by_other_exits),
             "levels": {name: asdict(use) for name, use in level_table(self.building, self.moves).items()},
             "stairs": {name: asdict(use) for name, use in stair_table(self.building, self.moves).items()},
@@ -290,7 +300,7 @@ class Results:
         return {key: plain(value) for key, value in summary.items()}
 
     def write(self, folder: Path) -> None:
-        """Write summary.json, egress.csv and people.csv to `folder`, which is made if it is not there.
+        """Write summary.json, egress.csv and people.csv to `folder`, which is created if missing.
 
         Raises
         ------
@@ -341,7 +351,7 @@ class Results:
 
 
 def plain(value: Any) -> Any:
-    """Return `value` as JSON knows it: numpy's as numbers and lists, NaN and infinity as None, the rest as text."""
+    """Convert a value for JSON: arrays and scalars of numpy to plain data, NaN and infinity to None, others to text."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -356,7 +366,7 @@ def plain(value: Any) -> Any:
 
 
 def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table with a head."""
+    """Write a CSV file with a header."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)

@@ -18,10 +18,10 @@ from evac.output.pawns import PERSON_HEIGHT
 from evac.output.view import Label, View
 from evac.output.vtk_export import segments_in_space
 
-FURNITURE = 4.0  # greatest area of tables and the like [m2]
-WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough to look over
-FLOOR_OPACITY = 0.8  # where storeys are above one another
-MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # of the picture, for the writing
+FURNITURE = 4.0  # greatest area of holes drawn as furniture [m2]
+WALL_HEIGHT, EXIT_HEIGHT = 0.45, 0.9  # [m], low enough not to hide people
+FLOOR_OPACITY = 0.8  # of floors with storeys below
+MARGIN = {"left": 0.08, "right": 0.03, "top": 0.12, "bottom": 0.08}  # for text, as shares of the picture
 LEGEND_WIDTH = 0.16
 
 
@@ -41,9 +41,9 @@ def view_of(
         Width and height of the picture [pixels].
     camera : Camera
     levels : sequence of Level
-        Those that are drawn.
+        Levels that are drawn.
     has_legend : bool
-        Leave room for a legend.
+        Whether to leave space for a legend.
     """
     scene = _Scene(building, size, camera, levels, has_legend)
     try:
@@ -55,7 +55,7 @@ def view_of(
 
 @dataclass(frozen=True)
 class _InSpace:
-    """The projection of a parallel look from any side, see `evac.output.view.Projection`."""
+    """Parallel projection in any direction, see `evac.output.view.Projection`."""
 
     shown: IntArray
     axes: FloatArray
@@ -65,7 +65,7 @@ class _InSpace:
     corner: FloatArray  # of the picture, right and up [m]
 
     def place(self, points: FloatArray) -> FloatArray:
-        """Return points of the building as points of the scene: near the origin, storeys pulled apart."""
+        """Convert points of the building to the scene: shifted to the origin, with stretched heights."""
         return np.asarray((points - self.zero) * [1.0, 1.0, self.stretch])
 
     def __call__(self, level: IntArray, points: FloatArray) -> FloatArray:
@@ -77,7 +77,7 @@ class _InSpace:
 
 
 class _Scene:
-    """A window off screen with the building in it."""
+    """An off-screen VTK window with the building."""
 
     def __init__(
         self, building: Building, size: tuple[int, int], camera: Camera, levels: Sequence[Level], has_legend: bool
@@ -85,7 +85,7 @@ class _Scene:
         self.building, self.size, self.levels = building, size, levels
         self.rows = np.array([level.index for level in levels], np.int32)
         corners = building.vertices[np.unique(np.concatenate([level.triangles.ravel() for level in levels]))]
-        # Far from the origin the floats of a graphics card are too coarse.
+        # Single precision on graphics cards is too coarse far from the origin.
         zero = np.append(np.round(corners[:, :2].mean(axis=0)), corners[:, 2].min())
         aimed = aim(building, levels, camera)
         right_side = MARGIN["right"] + LEGEND_WIDTH if has_legend else MARGIN["left"]
@@ -115,7 +115,7 @@ class _Scene:
             self._aim()
 
     def view(self) -> View:
-        """Draw the building, and the same without smooth edges for what is in front of what."""
+        """Draw the building, and again without anti-aliasing for the depth of each pixel."""
         building, plotter = self.building, self.plotter
         plotter.enable_anti_aliasing("ssaa")
         plotter.show(auto_close=False)
@@ -141,11 +141,11 @@ class _Scene:
         )
 
     def close(self) -> None:
-        """Free the window."""
+        """Release the window."""
         self.plotter.close()
 
     def _aim(self) -> None:
-        """Look along the axes of the projection, at its scale."""
+        """Set the camera to the axes and scale of the projection."""
         width, height = self.size
         right, up, toward = self.project.axes
         middle = self.project.corner + np.array([0.5 * width, -0.5 * height]) / self.project.scale
@@ -164,7 +164,7 @@ class _Scene:
             triangles = [level.triangles for level in self.levels if level.kind == kind]
             if triangles:
                 surface = pyvista.PolyData.from_regular_faces(corners, np.concatenate(triangles))
-                # Stairs and what stands on lower storeys are seen through the floors above them.
+                # Stairs and lower storeys are visible through the floors above them.
                 opacity = FLOOR_OPACITY if kind == "floor" and self._is_stacked else 1.0
                 self.plotter.add_mesh(surface, color=colour, lighting=False, opacity=opacity, render=False)
         here = np.isin(building.wall_level, self.rows)
@@ -190,7 +190,7 @@ class _Scene:
         self._add_ribbon(self.project.place(ends).reshape(-1, 2, 3), EXIT_HEIGHT, colour, colour)
 
     def _add_tops(self) -> None:
-        """Close the holes of flat levels that are as small as furniture at the height of the walls around them."""
+        """Add tops to holes of flat levels that are small enough for furniture, at the height of walls."""
         triangles = []
         for level in self.levels:
             if level.slope > 0.0:
@@ -220,7 +220,7 @@ class _Scene:
         self.plotter.add_mesh(edges, color=edge_colour, line_width=self.size[0] / 800, lighting=False, render=False)
 
     def _strips(self, exit_: Exit) -> Iterator[FloatArray]:
-        """Return the corners (4, 3) in the picture of the strip on each segment of an exit."""
+        """Yield the corners (4, 3) in the picture of the strip on each segment of an exit."""
         level = np.full(len(exit_.segments), exit_.level)
         for ends in segments_in_space(self.building, exit_.segments, level):
             ground = self.project(level[:1].repeat(2), ends)
@@ -228,7 +228,7 @@ class _Scene:
             yield np.concatenate([ground, ground[::-1] - np.array([0.0, up, 0.0])])
 
     def _floor_labels(self) -> Iterator[Label]:
-        """Return the name of every floor, left of its leftmost corner."""
+        """Yield the name of every floor, left of its leftmost corner."""
         for level in self.levels:
             if level.kind == "floor" or len(self.levels) == 1:
                 rows = np.unique(level.triangles)
@@ -237,7 +237,7 @@ class _Scene:
                 yield Label(level.name, place, "rm", palette.TEXT)
 
     def _exit_label(self, exit_: Exit) -> Label:
-        """Return the name of an exit, beyond the middle of its line."""
+        """Return the name of an exit, outside the middle of its line."""
         x1, y1, x2, y2 = exit_.segments[len(exit_.segments) // 2].tolist()
         middle = np.array([[0.5 * (x1 + x2), 0.5 * (y1 + y2)]])
         outward = np.array([[y2 - y1, x1 - x2]]) / np.hypot(x2 - x1, y2 - y1)
@@ -246,7 +246,7 @@ class _Scene:
         here, beyond = (self.project(level, np.column_stack([p, z]))[0, :2] for p in (middle, middle + 0.1 * outward))
         way = (beyond - here) / max(float(np.linalg.norm(beyond - here)), 1e-9)
         place = here + 0.022 * self.size[1] * way
-        if way[1] < 0.0:  # above the strip, which stands up
+        if way[1] < 0.0:  # above the upright strip
             place[1] -= self.project.scale * EXIT_HEIGHT * self.project.axes[1, 2]
         anchor = ("l" if way[0] > 0.7 else "r" if way[0] < -0.7 else "m") + ("a" if way[1] > 0 else "d")
         name = exit_.name if self.building.is_open(exit_) else f"{exit_.name} (closed)"
@@ -255,7 +255,7 @@ class _Scene:
 
 @contextmanager
 def quiet_vtk() -> Iterator[None]:
-    """Keep VTK from writing to stderr that there is no display: it then draws without one."""
+    """Suppress VTK's message on stderr about a missing display, which it does not need."""
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
     try:

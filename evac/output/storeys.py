@@ -1,4 +1,4 @@
-"""Levels and storeys by name: what pictures, maps and exports of single levels ask for."""
+"""Selection of levels by name, and grouping of levels into storeys, for pictures, maps and exports."""
 
 from evac.building.model import Building, Level
 from evac.errors import ResultError
@@ -6,12 +6,12 @@ from evac.parameters import did_you_mean
 
 
 def level_of(building: Building, level: str | int) -> Level:
-    """Return a level by its name or its row.
+    """Return a level by its name or index.
 
     Raises
     ------
     ResultError
-        There is no such level; the message names the closest one.
+        The level does not exist; names the closest one.
     """
     if isinstance(level, int):
         if not 0 <= level < len(building.levels):
@@ -24,10 +24,10 @@ def level_of(building: Building, level: str | int) -> Level:
 
 
 def storeys(building: Building) -> list[tuple[str, list[Level]]]:
-    """Return the levels in storeys, from the bottom to the top: each has a name and the levels that a plan shows.
+    """Return the storeys from the bottom to the top, each with a name and its levels.
 
-    A storey holds the floors of one height, and the flights and landings between it and the storey above: they do not
-    cover one another in plan. Flights and landings below the lowest floor belong to the lowest storey.
+    A storey consists of the floors of one height, and the flights and landings between it and the storey above, which
+    do not overlap in plan. Flights and landings below the lowest floor belong to the lowest storey.
     """
     floors = [level for level in building.levels if level.kind == "floor"] or list(building.levels)
     heights = sorted({round(level.z_min, 2) for level in floors})

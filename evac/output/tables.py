@@ -27,7 +27,7 @@ MOTION_COLUMNS = {
 
 
 def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
-    """Return everybody's motion, a row for each person who is inside at each recorded time.
+    """Return the motion of all people: a row for each person inside at each recorded time.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def motion_table(trajectory: Trajectory) -> Mapping[str, NDArray[Any]]:
     -------
     mapping of str to (r,) array
         The columns `MOTION_COLUMNS`, sorted by time and then by person. Group and level are names; the group of
-        people of none is empty. See `evac.output.trajectory.Frame` for the others.
+        people without group is empty. See `evac.output.trajectory.Frame` for the others.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The trajectory file: a JSON header, then append-only frames. Byte by byte in docs/trajectory.md."""
+"""Reading of trajectory files: a JSON header and frames. The format is specified in docs/trajectory.md."""
 
 import mmap
 import os
@@ -30,27 +30,27 @@ if TYPE_CHECKING:
 
     from evac.output.maps import LevelMaps
 
-#: Positions farther than this outside the rectangle around the building are taken for damage [m].
+#: Positions farther than this outside the bounding rectangle of the building are treated as damage [m].
 FAR_OUTSIDE = 1000.0
 
 
 class Frame(TypedDict):
-    """Everybody who is inside at one time; c rows.
+    """The c people who are inside at one time.
 
     Attributes
     ----------
     time : float [s]
     person : (c,) int32
-        Row of the per-person arrays.
+        Index of the person.
     level : (c,) int32
-        Row of ``Building.levels``.
+        Index in ``Building.levels``.
     position : (c, 2) float64 [m]
-        In plan.
+        Position in plan.
     z : (c,) float64 [m]
     velocity : (c, 3) float64 [m/s]
-        Displacement over the last tick, in space; its vertical part is that of the slope.
+        Displacement in the last tick over its length, in space; the vertical component follows from the slope.
     speed : (c,) float64 [m/s]
-        Length of the velocity, so along the slope on stairs.
+        Magnitude of the velocity, on stairs along the slope.
     contact_force : (c,) float64 [N]
         Sum of the contact forces.
     crowd_pressure : (c,) float64 [N/m]
@@ -70,26 +70,26 @@ class Frame(TypedDict):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A trajectory file as it was read.
+    """The content of a trajectory file.
 
     Attributes
     ----------
     path : Path
-        The records are views of this file.
+        The file, of which the records are views.
     header : dict
-        As written, see docs/trajectory.md.
+        Header of the file, see docs/trajectory.md.
     building : Building
     group : (n,) int32
-        Row of ``groups`` of each person, -1 for none.
+        Index in ``groups`` of each person, -1 for none.
     groups : tuple of str
     radius : (n,) float64 [m]
     time : (f,) float64 [s]
     records : tuple of (c, 7) float32
         The records of each frame, columns `FIELDS`.
     end : int
-        Byte at which the last whole frame ends.
+        Byte at which the last complete frame ends.
     dropped_bytes : int
-        Length of what is behind it and was left out; 0 where the file ends as it should.
+        Number of bytes after it, which are ignored; 0 for a complete file.
     """
 
     path: Path
@@ -122,31 +122,31 @@ class Trajectory:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What was left out at the end of the file, a line each; none where the file ends as it should."""
+        """Warnings on data that were ignored at the end of the file; empty for a complete file."""
         if not self.dropped_bytes:
             return ()
         return (
-            f"{self.path}: {self.dropped_bytes} bytes behind the last whole frame, at byte {self.end}, are left out; "
-            "the run was killed, or is still going on",
+            f"{self.path}: {self.dropped_bytes} bytes after the last complete frame, from byte {self.end} on, are "
+            "ignored; the run was killed or has not ended",
         )
 
     @property
     def number_of_people(self) -> int:
-        """Number of people at the start, inside or not."""
+        """Number of all people."""
         return len(self.radius)
 
     @cached_property
     def origin(self) -> FloatArray:
-        """Plan point that the recorded positions count from, (2,) [m]."""
+        """Origin of the recorded positions in plan, (2,) [m]."""
         return np.array(self.header["origin"], np.float64)
 
     @cached_property
     def _climb(self) -> FloatArray:
-        """Rise per metre of plan, (levels, 2): velocity . climb is the vertical velocity."""
+        """Gradient of the height of each level in plan, (levels, 2): velocity . climb is the vertical velocity."""
         return np.array([np.tan(level.slope) * level.uphill for level in self.building.levels]).reshape(-1, 2)
 
     def __getitem__(self, k: int) -> Frame:
-        """Return the people inside at the recorded time `k`; negative counts from the end."""
+        """Return the people inside in frame `k`; negative indices count from the end."""
         from evac.building.elevation import elevation
 
         records = self.records[k].astype(np.float64)
@@ -175,7 +175,7 @@ class Trajectory:
         return level_maps(self, levels, **options)
 
     def to_pedpy(self, level: str | int) -> "tuple[TrajectoryData, WalkableArea]":
-        """Return the motion on a level and its floor as PedPy takes them: see `evac.output.pedpy_data.to_pedpy`."""
+        """Return the motion on a level and its walkable area for PedPy: see `evac.output.pedpy_data.to_pedpy`."""
         from evac.output.pedpy_data import to_pedpy
 
         return to_pedpy(self, level)
@@ -231,15 +231,15 @@ class Trajectory:
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
-    """Read a trajectory file, or that of a result folder; a frame that a killed run has not completed is left out.
+    """Read a trajectory file, or that of a result folder; an incomplete last frame of a killed run is ignored.
 
-    The file is mapped into memory: everything is checked once, and records are read from the file again when they are
-    used. So it must not be cut while the trajectory is in use; it may grow, and it may be removed.
+    The file is mapped into memory: everything is checked once, and records are read from the file when they are used.
+    The file must not be truncated while the trajectory is in use; it may grow or be removed.
 
     Raises
     ------
     ResultError
-        The file is not there, is no trajectory of this format, or is damaged before its last frame.
+        The file does not exist, is not a trajectory of a known format, or is damaged before its last frame.
     """
     path = Path(path)
     return read_up_to(path / TRAJECTORY_NAME if path.is_dir() else path)
@@ -269,13 +269,18 @@ def _mapped(path: Path, length: int | None) -> memoryview:
     """Return the bytes of a file, mapped into memory; all of them, or the first `length`."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise ResultError(f"{path}: not a file; name a {TRAJECTORY_NAME} or the folder that holds one")
+            raise ResultError(f"{path}: not a file; give a {TRAJECTORY_NAME} or the folder that contains one")
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             if length is not None and length > size:
                 raise damaged(path, f"the file has {size} bytes, {length} are needed")
             whole = size if length is None else length
-            # Nothing can be mapped of an empty file.
+            # An empty file cannot be mapped.
             return memoryview(mmap.mmap(file.fileno(), whole, access=mmap.ACCESS_READ) if whole else b"")
+    except FileNotFoundError as error:
+        raise ResultError(
+            f"{path}: no such file; check the path, or run the case with output.trajectory = true"
+        ) from error
     except (OSError, ValueError) as error:
-        raise ResultError(f"{path}: cannot read the trajectory: {error}; check the path") from error
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot read the trajectory: {why}; check the path") from error

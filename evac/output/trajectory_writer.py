@@ -1,4 +1,4 @@
-"""Writes the trajectory file of a run, frame by frame. Byte by byte in docs/trajectory.md."""
+"""Writing of trajectory files, frame by frame. The format is specified in docs/trajectory.md."""
 
 import zlib
 from collections.abc import Mapping
@@ -16,26 +16,26 @@ from evac.physics.state import Crowd
 
 
 class TrajectoryWriter:
-    """Writes a header at once and then one frame after the other, each handed to the system before returning.
+    """Writes the header and then one frame after the other, each without buffering.
 
     Parameters
     ----------
     path : Path
-        Replaced if it is there; its folder is made if it is not.
+        File, which is replaced if it exists; its folder is created if missing.
     header : mapping
         JSON data: ``title``, ``building`` (`evac.output.header.building_to_json`), ``groups`` (list of names),
-        ``group`` (list: row of ``groups`` per person, -1 for none), ``radius`` (list [m]) and what else is
-        worth keeping. Format, fields and origin are added.
+        ``group`` (list: index in ``groups`` per person, -1 for none), ``radius`` (list [m]) and any other keys.
+        Format, fields and origin are added.
     origin : (2,) float64 [m]
-        Plan point that the recorded positions count from, so that float32 is fine enough anywhere on Earth.
+        Origin of the recorded positions in plan, so that float32 is precise enough for all coordinate systems.
 
     Attributes
     ----------
     path : Path
     length : int
-        Bytes written: where the last whole frame ends, or the header where there is none. `reopen` goes on from there.
+        Number of bytes written: the end of the last frame, or of the header if there is none. See `reopen`.
     frames : int
-        Number of frames up to there.
+        Number of frames written.
 
     Raises
     ------
@@ -54,13 +54,13 @@ class TrajectoryWriter:
 
     @classmethod
     def reopen(cls, path: Path, length: int | None = None) -> Self:
-        """Return a writer that appends to a file, of which everything that stays is read and checked first.
+        """Return a writer that appends to a file, after reading and checking the part that is kept.
 
         Parameters
         ----------
         path : Path
         length : int, optional
-            `length` of the writer whose work goes on; the file is cut there. By default all of the file stays.
+            `length` of the earlier writer, to which the file is truncated. By default the whole file is kept.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class TrajectoryWriter:
             raise ResultError(f"{path}: trajectory format 1 can be read, not continued; run the case again")
         writer = cls.__new__(cls)
         writer._set_up(path, before.origin, before.number_of_people, before.end, len(before))
-        del before  # some systems cut no file that is mapped
+        del before  # some systems cannot truncate a mapped file
         with writing("the trajectory", path):
             writer._file = path.open("r+b", buffering=0)
             writer._file.truncate(writer.length)
@@ -89,7 +89,7 @@ class TrajectoryWriter:
         self._records = np.frombuffer(self._buffer, "<f4", offset=FRAME_HEAD_BYTES).reshape(people, len(FIELDS))
 
     def append(self, time: float, crowd: Crowd, velocity: FloatArray) -> None:
-        """Write one frame: everybody who is inside at `time`.
+        """Write one frame with all people who are inside at `time`.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class TrajectoryWriter:
         """
         rows = np.flatnonzero(crowd.level >= 0)
         records = self._records[: rows.size]
-        with np.errstate(over="ignore"):  # told below
+        with np.errstate(over="ignore"):  # reported below
             records[:, 0] = rows
             records[:, 1] = crowd.level[rows]
             records[:, 2:4] = crowd.position[rows] - self._origin
@@ -128,7 +128,7 @@ class TrajectoryWriter:
         self.frames += 1
 
     def _write(self, data: memoryview) -> None:
-        """Hand bytes to the system, all of them; it may take them piece by piece."""
+        """Write all bytes, in several calls if the system writes only a part."""
         written = 0
         while written < len(data):
             written += self._file.write(data[written:])

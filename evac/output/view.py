@@ -1,4 +1,4 @@
-"""A view of a building: its picture without people, and where in it everything stands."""
+"""A view of a building: its picture without people, and the projection to it."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,18 +10,18 @@ from evac.arrays import FloatArray, IntArray
 
 
 class Projection(Protocol):
-    """Maps points of the building to places in a picture."""
+    """Maps points of the building to a picture."""
 
     def __call__(self, level: IntArray, points: FloatArray) -> FloatArray:
         """Return column, row and nearness (p, 3) of points (p, 3) [m] on levels (p,) [pixels].
 
-        A point is nearer to the eye the greater its third number [pixels]. NaN for points on levels not shown.
+        The third number increases towards the camera [pixels]. NaN for points on levels that are not shown.
         """
 
 
 @dataclass(frozen=True)
 class Label:
-    """Words at a place in a picture.
+    """A text in a picture.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Label:
     place : (2,) float64
         Column and row [pixels].
     anchor : str
-        Which part of the words is at the place, as Pillow names it: ``"rm"`` is right and middle.
+        Part of the text that is at the place, by the names of Pillow: ``"rm"`` is right and middle.
     colour : str
     """
 
@@ -41,25 +41,26 @@ class Label:
 
 @dataclass(frozen=True)
 class View:
-    """What `render_picture` and `render_film` draw people on.
+    """A picture of a building into which people are drawn.
 
     Attributes
     ----------
     image : (h, w, 3) uint8
         The building.
     nearness : (h, w) float64 or None
-        Of what is seen in each pixel, as in `project`: what is behind it is hidden. None where nothing is.
+        Nearness, as in `project`, of the visible surface in each pixel, which hides people behind it; None if people
+        are never hidden.
     project : Projection
     scale : float
         Pixels per metre, across the picture.
     elevation : float
-        Angle of the look with the horizontal [rad]; pi / 2 looks straight down.
+        Angle of the view above the horizontal [rad]; pi / 2 is straight down.
     labels : tuple of Label
         Names of floors and exits.
     outlines : tuple of (colour, (p, 2) float64)
         Closed lines drawn over people: exits.
     side : tuple of int
-        Left, top, right and bottom of the room for a legend [pixels].
+        Left, top, right and bottom of the space for a legend [pixels].
     """
 
     image: NDArray[np.uint8]

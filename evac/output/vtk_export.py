@@ -1,4 +1,4 @@
-"""VTK animation of a trajectory: a .vtp file for each frame, the building in named blocks, a .pvd that lists them."""
+"""VTK animation of a trajectory: a .vtp file for each frame, the building in named blocks, a .pvd file for both."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,8 +32,8 @@ KINDS = ("floor", "flight", "landing", "wall", "exit", "closed exit", "portal", 
 def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     """Write ``animation.pvd``, ``building.vtm`` with ``building/``, and ``frames/frame_00000.vtp``, ... to `folder`.
 
-    Each frame holds one point per person inside, at true height, with the point arrays person, group
-    (row of the field array ``group_names``, -1 for none), level (row of ``level_names``), speed and velocity
+    Each frame has one point per person inside, at the height of the floor, with the point arrays person, group
+    (index in the field array ``group_names``, -1 for none), level (index in ``level_names``), speed and velocity
     [m/s] (along the slope on stairs), contact_force [N], crowd_pressure [N/m] and radius [m]. In the .pvd, people
     are part 0 and the building part 1 of every time [s]. The building is a tree of blocks, see `building_blocks`.
 
@@ -63,7 +63,7 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
-    """Return the people of one frame as points with arrays; heights are true."""
+    """Return the people of one frame as points with data arrays."""
     person = frame["person"]
     return PolyData(
         points=np.column_stack([frame["position"], frame["z"]]),
@@ -84,10 +84,10 @@ def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
 
 
 def building_blocks(building: Building) -> Iterator[tuple[str, str, PolyData]]:
-    """Return the parts of a building: block, name and cells of each.
+    """Yield the parts of a building: block, name and cells of each.
 
     The blocks are ``levels`` (triangles), ``walls`` (lines, by level), ``exits``, ``portals`` and ``areas``. Every
-    part has the cell arrays ``level`` (row of the field array ``level_names``) and ``kind`` (row of ``kind_names``).
+    part has the cell arrays ``level`` (index in the field array ``level_names``) and ``kind`` (in ``kind_names``).
     """
     for level in building.levels:
         yield "levels", level.name, _part(building, level.kind, level.index, building.vertices, level.triangles)
@@ -118,7 +118,7 @@ def _line_part(building: Building, kind: str, level: int, segments: NDArray[np.f
 def _part(
     building: Building, kind: str, level: int, points: NDArray[np.float64], cells: NDArray[np.integer]
 ) -> PolyData:
-    """Return cells of one kind on one level, without the points that none of them uses."""
+    """Return cells of one kind on one level, without unused points."""
     used, corners = np.unique(cells, return_inverse=True)
     corners = corners.reshape(cells.shape)
     count = len(cells)
@@ -134,7 +134,7 @@ def _part(
 
 
 def _write_building(building: Building, folder: Path) -> None:
-    """Write the blocks of a building, each part to a file of its own, and the file that lists them."""
+    """Write each part of a building to its own file, and the file that lists them in blocks."""
     parts = list(building_blocks(building))
     (folder / BUILDING_FOLDER).mkdir(exist_ok=True)
     files = [f"{BUILDING_FOLDER}/{stem}.vtp" for stem in file_stems(f"{block} {name}" for block, name, _ in parts)]

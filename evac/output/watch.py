@@ -1,4 +1,4 @@
-"""What is watched while a run goes on: velocities that nobody moves with, and contact forces that nobody survives."""
+"""Checks during a run: velocities that do not match displacements, and lethal contact forces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,43 +10,44 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray
 from evac.physics.state import Crowd
 
-#: Speeds of each person are averaged over so much time [s].
+#: Time over which the speeds of each person are averaged [s].
 SPAN = 2.0
 
-#: Contact forces, which vary from step to step, over so much [s]. They are known at the recorded times only, and their
-#: mean is over at least so many of these.
+#: Time over which contact forces, which vary from step to step, are averaged [s]. They are sampled at the recorded
+#: times, and the mean is over at least this number of samples.
 FORCE_SPAN = 5.0
 FEWEST_FRAMES = 10
 
-#: Velocities of the contact model are noticed where their size is more than so many times the speed of the
+#: Contacts chatter if the magnitude of the contact model's velocity is more than this factor times the speed of the
 #: displacement, and exceeds it by more than this [m/s].
 CHATTER_RATIO = 2.0
 CHATTER_EXCESS = 0.2
 
-#: People are known to have been crushed at such forces: per person [N], and per metre of a body's width [N/m].
+#: Forces in fatal accidents: per person [N], and per metre of a body's width [N/m].
 CRUSHING_FORCE = 6000.0
 CRUSHING_LOAD = 4500.0
 
 
 @dataclass(frozen=True)
 class Finding:
-    """People of whom the same was noticed, each counted once, and where and when it was greatest.
+    """People for whom a quantity exceeded its limit, with the time and place of its greatest value.
 
     Attributes
     ----------
     people : int
+        Number of different people.
     since, until : float
-        From the start of the first span of time to the end of the last in which it was noticed [s].
+        Start of the first and end of the last averaging interval in which the limit was exceeded [s].
     begin, end : float
-        The span of time in which it was greatest [s].
+        The averaging interval with the greatest value [s].
     person : int
-        Of whom it was greatest.
+        The person with the greatest value.
     level : int
     x, y : float
-        Where that person was at `end` [m].
+        Position of that person at `end` [m].
     values : tuple of float
-        Means over that span: of chatter the size of the contact model's velocity and of the displacement [m/s], of
-        crushing the contact force through the body [N] and that per metre of its width [N/m].
+        Means over that interval. For chatter: magnitudes of the contact model's velocity and of the displacement
+        velocity [m/s]; for crushing: contact force through the body [N], and per metre of its width [N/m].
     """
 
     people: int
@@ -62,18 +63,18 @@ class Finding:
 
 
 class Watch:
-    """Averages speeds and contact forces of each person, and notes what a reader of the results should know.
+    """Averages speeds and contact forces of each person over intervals, and records values above the limits.
 
-    The force through a body is half the sum of its contact forces, since whoever is pressed from one side is held from
-    the other; its width is its diameter. People who leave within a span of time are left out of that span.
+    The force through a body is half the sum of its contact forces, since a person who is pressed from one side is
+    supported from the other; its width is its diameter. People who leave within an interval are excluded from it.
 
     Parameters
     ----------
     radius : (n,) [m]
     tick : float
-        Time between two looks at velocities [s].
+        Time between two samples of velocities [s].
     every : float
-        Time between two looks at contact forces [s].
+        Time between two samples of contact forces [s].
     """
 
     def __init__(self, radius: FloatArray, tick: float, every: float) -> None:
@@ -84,14 +85,14 @@ class Watch:
         self._crushing = _Notes(len(radius))
 
     def look_at_velocities(self, time: float, crowd: Crowd, displacement_velocity: FloatArray) -> None:
-        """Take in the velocities at the end of a tick.
+        """Add the velocities at the end of a tick.
 
         Parameters
         ----------
         time : float [s]
         crowd : Crowd
         displacement_velocity : (n, 2)
-            Displacement over the tick, over its length [m/s].
+            Displacement in the tick divided by its length [m/s].
         """
         velocity, displacement = np.hypot(*crowd.velocity.T), np.hypot(*displacement_velocity.T)
         if self._speeds.add(time, crowd.level >= 0, velocity, displacement):
@@ -101,28 +102,28 @@ class Watch:
             self._chatter.note(noticed, excess, (velocity, displacement), begin, time, crowd)
 
     def look_at_forces(self, time: float, crowd: Crowd) -> None:
-        """Take in the contact forces at a recorded time [s]."""
+        """Add the contact forces at a recorded time [s]."""
         if self._forces.add(time, crowd.level >= 0, 0.5 * crowd.contact_force, 0.5 * crowd.contact_force / self._width):
             begin, inside, (force, load) = self._forces.take()
             noticed = inside & ((force > CRUSHING_FORCE) | (load > CRUSHING_LOAD))
             self._crushing.note(noticed, load, (force, load), begin, time, crowd)
 
     def chatter(self) -> Finding | None:
-        """Return who moved much more slowly than the contact model's velocities say, if anybody did."""
+        """Return people who moved much more slowly than with the contact model's velocities, or None."""
         return self._chatter.finding()
 
     def crushing(self) -> Finding | None:
-        """Return who was pressed with forces that nobody survives, if anybody was."""
+        """Return people with lethal contact forces, or None."""
         return self._crushing.finding()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all that the findings depend on."""
+        """Return copies of all arrays on which the findings depend."""
         return {
             f"{name}.{key}": array.copy() for name, part in self._parts().items() for key, array in vars(part).items()
         }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned."""
+        """Restore the arrays that `state` returned."""
         for name, part in self._parts().items():
             for key, array in vars(part).items():
                 array[...] = state[f"{name}.{key}"]
@@ -137,16 +138,16 @@ class Watch:
 
 
 class _Means:
-    """Means of two quantities of each person over spans of `length` looks; its attributes are arrays."""
+    """Means of two quantities of each person over intervals of `length` samples; its attributes are arrays."""
 
     def __init__(self, people: int, length: int) -> None:
         self.sums = np.zeros((2, people))
-        self.inside = np.ones(people, np.uint8)  # 1: at every look of the span so far
-        self.looks = np.array([0, length])  # made in this span, and in a whole one
-        self.times = np.zeros(2)  # of the last look of the span before and of this one [s]
+        self.inside = np.ones(people, np.uint8)  # 1: at every sample of the interval so far
+        self.looks = np.array([0, length])  # number of samples in this interval so far, and in a complete one
+        self.times = np.zeros(2)  # last sample of the previous interval and of this one [s]
 
     def add(self, time: float, inside: NDArray[np.bool_], first: FloatArray, second: FloatArray) -> bool:
-        """Take in one look; return whether the span is complete."""
+        """Add one sample; return whether the interval is complete."""
         self.sums[0] += first
         self.sums[1] += second
         self.inside[:] &= inside
@@ -155,7 +156,7 @@ class _Means:
         return bool(self.looks[0] == self.looks[1])
 
     def take(self) -> tuple[float, NDArray[np.bool_], FloatArray]:
-        """Return when the complete span began [s], who was inside all along, and the means (2, n); start the next."""
+        """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
         begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
         self.sums[:] = 0.0
         self.inside[:] = 1
@@ -165,7 +166,7 @@ class _Means:
 
 
 class _Notes:
-    """What was noticed, span by span; its attributes are arrays."""
+    """Accumulated findings of all intervals; its attributes are arrays."""
 
     def __init__(self, people: int) -> None:
         self.concerned = np.zeros(people, np.uint8)
@@ -183,7 +184,7 @@ class _Notes:
         end: float,
         crowd: Crowd,
     ) -> None:
-        """Add who was `noticed` in the span from `begin` to `end` [s], and keep the greatest `measure`."""
+        """Add the people `noticed` in the interval from `begin` to `end` [s], and keep the greatest `measure`."""
         if not noticed.any():
             return
         if not self.concerned.any():
@@ -197,7 +198,7 @@ class _Notes:
             self.values[:] = begin, end, *crowd.position[p], means[0][p], means[1][p]
 
     def finding(self) -> Finding | None:
-        """Return what was noticed, None where nothing was."""
+        """Return the finding, or None if there is none."""
         people = int(self.concerned.sum())
         if not people:
             return None

@@ -1,4 +1,4 @@
-"""Words, legends, scales of colours and bars of length in pictures, drawn with Pillow."""
+"""Text, legends, colour bars and scale bars in pictures, drawn with Pillow."""
 
 import math
 from collections.abc import Sequence
@@ -18,27 +18,27 @@ WHITE = (255, 255, 255)
 
 @cache
 def font(size: int, is_bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return matplotlib's own font, which has the letters of most languages."""
+    """Return the font shipped with matplotlib, which covers most languages."""
     name = "DejaVuSans-Bold.ttf" if is_bold else "DejaVuSans.ttf"
     return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", name)), size)
 
 
 class Pen:
-    """Writes into a picture; lengths are in pixels, sizes of letters follow the picture's height.
+    """Draws text and scales into a picture; lengths are in pixels, font sizes scale with the picture.
 
     Parameters
     ----------
     image : Image
-        Changed in place.
+        Modified in place.
     """
 
     def __init__(self, image: Image.Image) -> None:
         self.draw = ImageDraw.Draw(image)
         self.width, self.height = image.size
-        self.unit = max(8, round(min(image.width / 1.33, image.height) / 52))  # height of letters
+        self.unit = max(8, round(min(image.width / 1.33, image.height) / 52))  # font size
 
     def title(self, words: str) -> None:
-        """Write the title, smaller or cut off where it is long."""
+        """Write the title, in a smaller font or shortened if it is long."""
         size = round(1.25 * self.unit)
         while size > 0.85 * self.unit and font(size, True).getlength(words) > 0.96 * self.width:
             size -= 1
@@ -51,7 +51,7 @@ class Pen:
         self.draw.text((self.unit, 2.7 * self.unit), words, palette.TEXT, font(round(1.05 * self.unit)))
 
     def label(self, words: str, place: FloatArray, anchor: str, colour: str) -> None:
-        """Write words with a white rim, so that they can be read on anything, and within the picture."""
+        """Write a text within the picture, with a white outline so that it is legible on any background."""
         letters = font(round(0.95 * self.unit), True)
         x1, y1, x2, y2 = self.draw.textbbox(tuple(place), words, letters, anchor)
         x = place[0] + max(4 - x1, 0) - max(x2 - self.width + 4, 0)
@@ -65,7 +65,7 @@ class Pen:
         self.draw.line([*points, points[0]], colour, max(2, self.unit // 6), "curve")
 
     def legend(self, side: tuple[int, int, int, int], names: Sequence[str], colours: Sequence[str]) -> None:
-        """Write names in dark letters beside dots of their colours."""
+        """Draw a legend of names beside coloured dots."""
         left, top, right, bottom = side
         line = min(1.7 * self.unit, (bottom - top) / max(len(names), 1))
         letters = font(max(7, round(min(0.95 * self.unit, 0.8 * line))))
@@ -80,7 +80,7 @@ class Pen:
             self.draw.text((left + 3 * dot, y), shown, palette.TEXT, letters, "lm")
 
     def colour_bar(self, side: tuple[int, int, int, int], colours: NDArray[np.uint8], top: float, label: str) -> None:
-        """Draw a scale of colours (n, 3) from 0 to `top`."""
+        """Draw a colour bar of colours (n, 3) from 0 to `top`."""
         left, upper, _, lower = side
         tall = min(lower - upper, 20 * self.unit)
         high = (upper + lower + tall) // 2 - tall
@@ -97,7 +97,7 @@ class Pen:
             self.draw.text((left, high - (0.8 + 1.3 * k) * self.unit), line, palette.TEXT, letters, "ls")
 
     def scale_bar(self, scale: float) -> None:
-        """Draw a bar of a round length at `scale` pixels per metre."""
+        """Draw a scale bar of a round length at `scale` pixels per metre."""
         length = round_length(9.0 * self.unit / scale)
         x, y, up = 1.2 * self.unit, self.height - 1.3 * self.unit, 0.3 * self.unit
         end = x + length * scale

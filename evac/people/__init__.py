@@ -1,1 +1,1 @@
-"""People: named distributions, placement, and the arrays of everybody."""
+"""People: distributions of their properties, placement, and the population."""

@@ -1,4 +1,4 @@
-"""Named distributions of what people differ in, and the generators that draw from them."""
+"""Named probability distributions of properties of people, and their random number generators."""
 
 import hashlib
 import math
@@ -15,7 +15,7 @@ from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
-#: Numbers that each distribution takes, by name; see `Distribution`.
+#: Names of the parameters of each distribution; see `Distribution`.
 KINDS = {
     "constant": ("value",),
     "uniform": ("low", "high"),
@@ -26,23 +26,26 @@ KINDS = {
     "list": ("values",),
 }
 
-#: Least probability that may lie between the bounds of a truncated distribution.
+#: Keys of the other form of ``lognormal``: mean and standard deviation of the value itself, not of its logarithm.
+LOGNORMAL_TABLE = ("mean", "deviation")
+
+#: Minimum probability between the bounds of a truncated distribution.
 LEAST_SHARE = 1e-6
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution as case.toml names it, truncated to [minimum, maximum].
+    """A probability distribution as given in case.toml, truncated to [minimum, maximum].
 
     Parameters
     ----------
     kind : str
         ``constant`` (value), ``uniform`` (low, high), ``normal`` (mean, standard deviation), ``lognormal``
-        (mu and sigma of the logarithm), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
-        (values, taken in order; there must be one for each person, and for a group's quantities no more).
+        (mu and sigma of the logarithm of the value), ``weibull`` (shape, scale), ``gamma`` (shape, scale) or ``list``
+        (values taken in order, one for each person; quantities of a group need exactly one for each).
     numbers : tuple of float
     minimum, maximum : float
-        What lies outside is drawn again.
+        Bounds of the truncated distribution.
     """
 
     kind: str
@@ -53,13 +56,13 @@ class Distribution:
     def draw(self, generator: np.random.Generator, n: int) -> FloatArray:
         """Return `n` values, (n,) float64.
 
-        A truncated distribution is drawn by inversion, which has the same law as drawing again what
-        lies outside, and takes one random number a person whatever the bounds.
+        A truncated distribution is sampled by inversion, which is equivalent to rejection sampling but needs exactly
+        one random number per person, whatever the bounds.
 
         Raises
         ------
         ScenarioError
-            A list holds fewer than `n` values.
+            A list has fewer than `n` values.
         """
         if self.kind == "list":
             if len(self.numbers) < n:
@@ -72,14 +75,14 @@ class Distribution:
         return np.asarray(self._law().quantile(shares), dtype=np.float64).clip(*self.support())
 
     def mean(self) -> float:
-        """Return the mean, of the truncated distribution where it is truncated."""
+        """Return the mean, taking truncation into account."""
         if self.kind in ("constant", "list"):
             return math.fsum(self.numbers) / len(self.numbers)
         low, high = self._shares()
         return self._law().partial_mean(*self.support()) / (high - low)
 
     def support(self) -> tuple[float, float]:
-        """Return the least and the greatest value it can take."""
+        """Return the smallest and the largest possible value."""
         low, high = -math.inf, math.inf
         if self.kind in ("constant", "uniform", "list"):
             low, high = min(self.numbers), max(self.numbers)
@@ -93,7 +96,7 @@ class Distribution:
         return low > 0 or (low == 0 and high > 0 and self.kind in ("lognormal", "weibull", "gamma"))
 
     def to_value(self) -> float | dict[str, Any]:
-        """Return it as case.toml writes it."""
+        """Return the distribution as written in case.toml."""
         if self.kind == "constant" and math.isinf(self.minimum) and math.isinf(self.maximum):
             return self.numbers[0]
         value: dict[str, Any] = {self.kind: self.numbers[0] if self.kind == "constant" else list(self.numbers)}
@@ -107,7 +110,7 @@ class Distribution:
         return _LAWS[self.kind](*self.numbers)
 
     def _shares(self) -> tuple[float, float]:
-        """Return the probabilities of lying below the support's two ends."""
+        """Return the cumulative probabilities at both ends of the support."""
         low, high = self.support()
         law = self._law()
         return law.share(low), law.share(high)
@@ -115,7 +118,7 @@ class Distribution:
 
 @dataclass(frozen=True)
 class _Law:
-    """Of one distribution: P(X <= x), its inverse, and the integral of x over its density from a to b."""
+    """Cumulative distribution P(X <= x), its inverse, and the integral of x times the density from a to b."""
 
     share: Callable[[float], float]
     quantile: Callable[[FloatArray], FloatArray]
@@ -207,23 +210,23 @@ def parse(
     above: float | None = None,
     maximum: float | None = None,
 ) -> Distribution:
-    """Read a distribution as case.toml writes it.
+    """Parse a distribution as written in case.toml.
 
     Parameters
     ----------
     value : number or mapping
-        A number, or a table with exactly one of the names in `KINDS`, and ``minimum``, ``maximum`` if wanted.
+        A number, or a table with exactly one of the names in `KINDS` and optionally ``minimum`` and ``maximum``.
     key : str
-        Dotted key, for the message.
+        Dotted key, for messages.
     minimum, above : float
-        Closed or open lower bound that every value drawn must respect.
+        Closed or open lower bound that every possible value must satisfy.
     maximum : float
-        Upper bound that every value must respect, and of a distribution without an upper end its mean.
+        Upper bound that every possible value must satisfy, or the mean if the distribution is unbounded above.
 
     Raises
     ------
     ScenarioError
-        It is no distribution, is empty, holds a number that is not finite, or reaches below the bound.
+        The value is not a distribution, is empty, contains a number that is not finite, or violates a bound.
     """
     try:
         return distribution_from(value, minimum=minimum, above=above, maximum=maximum)
@@ -234,7 +237,7 @@ def parse(
 def distribution_from(
     value: object, *, minimum: float | None = None, above: float | None = None, maximum: float | None = None
 ) -> Distribution:
-    """Read a distribution as `parse` does, raising ValueError with what is wrong and no key."""
+    """Parse a distribution like `parse`, but raise ValueError without a key in the message."""
     found = _read(value)
     _check_bound(found, minimum, above)
     if maximum is not None:
@@ -243,13 +246,13 @@ def distribution_from(
 
 
 def generator_for(seed: int, *names: str) -> np.random.Generator:
-    """Return the generator of (seed, names): the same on every machine, independent of all others."""
+    """Return the generator of (seed, names), which is identical on every machine and independent of all others."""
     digest = hashlib.blake2b("\0".join(names).encode(), digest_size=16).digest()
     return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(digest, "little")]))
 
 
 def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
-    """Return the state of a generator made by `generator_for` as numbers."""
+    """Return the state of a generator made by `generator_for` as an array."""
     state: Any = generator.bit_generator.state
     words = []
     for value in (state["state"]["state"], state["state"]["inc"]):
@@ -258,7 +261,7 @@ def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
 
 
 def restore_generator(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
-    """Put a generator into the state that `generator_state` returned."""
+    """Restore a state that `generator_state` returned."""
     numbers = [int(word) for word in words]
     generator.bit_generator.state = {
         "bit_generator": "PCG64",
@@ -299,19 +302,34 @@ def _numbers(kind: str, given: object) -> tuple[float, ...]:
     names = KINDS[kind]
     if kind == "constant":
         return (_number(kind, given),)
+    if kind == "lognormal" and isinstance(given, dict):
+        return _lognormal_of(given)
     if not isinstance(given, (list, tuple)):
         raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {reprlib.repr(given)}")
     if kind == "list":
         if not given:
-            raise ValueError("list must hold at least one value")
+            raise ValueError("list must have at least one value")
         return tuple(_number(f"value {index} of list", item) for index, item in enumerate(given))
     if len(given) != len(names):
         raise ValueError(f"{kind} = [{', '.join(names)}] expected, got {len(given)} numbers")
     return tuple(_number(f"{name} of {kind}", item) for name, item in zip(names, given, strict=True))
 
 
+def _lognormal_of(given: dict[str, object]) -> tuple[float, float]:
+    """Return mu and sigma of a lognormal distribution given by its mean and standard deviation."""
+    if set(given) != set(LOGNORMAL_TABLE):
+        raise ValueError(f"lognormal = {{ mean = ..., deviation = ... }} or [mu, sigma] expected, got {given!r:.100}")
+    mean, deviation = (_number(f"{name} of lognormal", given[name]) for name in LOGNORMAL_TABLE)
+    for name, number in zip(LOGNORMAL_TABLE, (mean, deviation), strict=True):
+        if number <= 0:
+            raise ValueError(f"{name} of lognormal must be greater than 0, got {number:g}")
+    ratio = deviation / mean
+    variance = math.log1p(ratio * ratio)  # of the logarithm
+    return math.log(mean) - 0.5 * variance, math.sqrt(variance)
+
+
 def _check_shape(found: Distribution) -> None:
-    """Refuse numbers that make no distribution, and bounds that leave nothing of it."""
+    """Refuse invalid parameters, and bounds that contain almost no probability."""
     names = KINDS[found.kind]
     positive = {"normal": (1,), "lognormal": (1,), "weibull": (0, 1), "gamma": (0, 1)}.get(found.kind, ())
     for index in positive:
@@ -320,11 +338,11 @@ def _check_shape(found: Distribution) -> None:
     if found.kind == "uniform" and found.numbers[0] >= found.numbers[1]:
         raise ValueError(f"uniform = [low, high] needs low < high, got [{found.numbers[0]:g}, {found.numbers[1]:g}]")
     if found.minimum > found.maximum:
-        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}")
+        raise ValueError(f"minimum {found.minimum:g} is greater than maximum {found.maximum:g}; swap them")
     if found.kind in ("constant", "list"):
         outside = [x for x in found.numbers if not found.minimum <= x <= found.maximum]
         if outside:
-            raise ValueError(f"{outside[0]:g} lies outside [{found.minimum:g}, {found.maximum:g}]; correct it")
+            raise ValueError(f"the value {outside[0]:g} is outside [{found.minimum:g}, {found.maximum:g}]; correct it")
         return
     low, high = found.support()
     try:
@@ -333,10 +351,10 @@ def _check_shape(found: Distribution) -> None:
     except (OverflowError, ZeroDivisionError):
         mean = math.inf
     if not math.isfinite(mean):
-        raise ValueError(f"{found.kind} = {list(found.numbers)} has no mean that can be computed; correct its numbers")
+        raise ValueError(f"the mean of {found.kind} = {list(found.numbers)} cannot be computed; correct the numbers")
     if is_empty:
         raise ValueError(
-            f"hardly anything of {found.kind} lies in [{found.minimum:g}, {found.maximum:g}]; widen the bounds"
+            f"the probability of {found.kind} in [{found.minimum:g}, {found.maximum:g}] is almost 0; widen the bounds"
         )
 
 
@@ -349,7 +367,7 @@ def _check_bound(found: Distribution, minimum: float | None, above: float | None
     else:
         return
     if math.isinf(low):
-        raise ValueError(f"must be {bound}, but {found.kind} reaches below; add a minimum")
+        raise ValueError(f"must be {bound}, but {found.kind} has smaller values; add a minimum")
     raise ValueError(f"must be {bound}, got {low:g}")
 
 
@@ -358,4 +376,4 @@ def _check_greatest(found: Distribution, maximum: float) -> None:
     if math.isfinite(high) and high > maximum:
         raise ValueError(f"must be at most {maximum:g}, got {high:g}")
     if found.mean() > maximum:
-        raise ValueError(f"must be at most {maximum:g}, and the mean of {found.kind} is {found.mean():g}")
+        raise ValueError(f"must be at most {maximum:g}, but the mean of {found.kind} is {found.mean():g}")

@@ -1,4 +1,4 @@
-"""What the groups of a case ask of the building: areas, levels and exits, routes and reference speeds."""
+"""Requirements of the groups of a case: areas, levels and exits, routes and reference speeds."""
 
 import math
 from typing import TYPE_CHECKING
@@ -15,36 +15,36 @@ if TYPE_CHECKING:
 
 
 def route_of(people: "GroupSettings") -> Route:
-    """Return the route a group starts with."""
+    """Return the initial route of a group."""
     return Route(people.exits, people.strategy)
 
 
 def routes_of(case: "Case") -> tuple[Route, ...]:
-    """Return the routes of all groups, each once, in the order of the groups."""
+    """Return the distinct routes of all groups, in the order of the groups."""
     return tuple(dict.fromkeys(route_of(people) for people in case.people))
 
 
 def default_clearance(case: "Case") -> float:
-    """Return how far from walls directions lead [m]: by the greatest radius, but no more than twice the mean one."""
+    """Return the default clearance of directions from walls [m]: the largest radius, at most twice the mean radius."""
     greatest = max(people.radius.support()[1] for people in case.people)
     return min(greatest, 2.0 * max(people.radius.mean() for people in case.people))
 
 
 def narrowest_body(case: "Case") -> float:
-    """Return the least diameter that somebody may have [m]."""
+    """Return the smallest possible body diameter [m]."""
     return 2.0 * min(people.radius.support()[0] for people in case.people)
 
 
 def reference_speeds(case: "Case") -> tuple[float, float, float]:
-    """Return the speeds on the flat, up and down stairs that travel times are computed with, over that on the flat.
+    """Return the reference speeds (flat, up, down) for travel times, relative to the speed on the flat.
 
-    Where ``directions.stairs_up`` or ``stairs_down`` is not given, it is the mean of the people's speed there
-    over their mean speed on the flat.
+    By default, ``directions.stairs_up`` and ``stairs_down`` are the ratios of the people's mean speeds on stairs to
+    their mean speed on the flat.
 
     Raises
     ------
     ScenarioError
-        The mean that is needed is zero.
+        A required mean speed is zero.
     """
     flat = math.fsum(people.count * people.speed.mean() for people in case.people)
     factors = []
@@ -54,12 +54,12 @@ def reference_speeds(case: "Case") -> tuple[float, float, float]:
             means = (people.count * _mean_on_stairs(people, quantity) for people in case.people)
             total = math.fsum(means)
             if flat <= 0:
-                factors.append(1.0)  # nobody walks, so any reference serves
+                factors.append(1.0)  # nobody walks, so any value will do
                 continue
             if total <= 0:
                 raise ScenarioError(
-                    f"{case.source}: directions.{key}: nobody walks on stairs ({quantity} is 0 on average), "
-                    f"so there is no mean to take; set directions.{key}"
+                    f"{case.source}: directions.{key}: it has no default because the mean of people's {quantity} is 0; "
+                    f"set directions.{key}"
                 )
             given = total / flat
         factors.append(given)
@@ -72,7 +72,7 @@ def check_people(case: "Case", building: Building) -> None:
     Raises
     ------
     ScenarioError
-        One line for each unknown area, level or exit, with the closest one there is.
+        One line for each unknown area, level or exit, with the most similar existing name.
     """
     areas = [area.name for area in building.areas]
     problems: list[str] = []
@@ -82,7 +82,8 @@ def check_people(case: "Case", building: Building) -> None:
             if people.area in areas:
                 problems.append(f"{key}.area: {areas.count(people.area)} areas are named {people.area!r}; rename them")
             else:
-                problems.append(f"{key}.area: unknown area {people.area!r}; {did_you_mean(people.area, areas)}")
+                hint = did_you_mean(people.area, areas) if areas else "there are no areas: add one to building.areas"
+                problems.append(f"{key}.area: unknown area {people.area!r}; {hint}")
         if people.level is not None and building.level_named(people.level) is None:
             levels = [level.name for level in building.levels]
             problems.append(f"{key}.level: unknown level {people.level!r}; {did_you_mean(people.level, levels)}")
@@ -95,7 +96,7 @@ def check_people(case: "Case", building: Building) -> None:
 
 
 def _mean_on_stairs(people: "GroupSettings", quantity: str) -> float:
-    """Return a group's mean speed on stairs; a factor is independent of the flat speed it multiplies."""
+    """Return the mean speed of a group on stairs; a factor is independent of the flat speed that it multiplies."""
     given, flat = getattr(people, quantity), people.speed.mean()
     mean = given.mean() if isinstance(given, Distribution) else float(given.factor.mean() * flat)
     return min(mean, flat) if people.limit_stair_speeds else mean

@@ -1,4 +1,4 @@
-"""Where people start: discs in a polygon, clear of walls and of each other."""
+"""Start positions: random placement of discs in a polygon without overlaps of walls and other discs."""
 
 import itertools
 import math
@@ -12,30 +12,30 @@ from evac.errors import ScenarioError
 from evac.jit import Bytes, Floats, IntGrid, Ints, Pairs, Quads, Struct, Triples, inner, kernel
 from evac.physics.neighbours import segment_distance
 
-#: Rounds of random candidates, two per person each, before the lattice is tried.
+#: Number of rounds of random candidates, with two per person, before the lattice is tried.
 ROUNDS = 40
 
-#: Candidates of a round: a polygon that covers little of its bounds would need too many.
+#: Maximum number of candidates per round, for polygons that cover little of their bounding box.
 MOST_CANDIDATES = 4_000_000
 
-#: Share of the ground that discs of one size can cover; those of different sizes, as people are, hardly more.
+#: Largest share of the ground that discs of one size can cover; discs of different sizes cover hardly more.
 DENSEST = 0.95
 
-#: Nodes of a lattice over the bounds of a polygon, and cells that discs are sorted into.
+#: Maximum number of lattice nodes over the bounding box of a polygon, and of cells that discs are sorted into.
 MOST_NODES = 10_000_000
 
-#: Room left between a disc and a wall it is put beside, so that rounding cannot make them overlap [m].
+#: Gap between a disc and an adjacent wall, so that rounding errors cannot make them overlap [m].
 MARGIN = 1e-9
 
 
 class _Cells(Struct):
-    """Discs hashed to square cells as wide as the greatest diameter, so that only nine cells are searched."""
+    """Discs in square cells as wide as the largest diameter, so that only nine cells are searched."""
 
     left: float  # corner of the cells [m]
     bottom: float
     size: float  # [m]
-    head: IntGrid  # (nx, ny) last disc of a cell, -1: none
-    following: Ints  # (discs,) the disc before it in its cell
+    head: IntGrid  # (nx, ny) last disc of each cell, -1 for none
+    following: Ints  # (discs,) previous disc in the same cell
     disc: Triples  # (discs, 3) x, y, radius [m]
 
 
@@ -47,23 +47,23 @@ def place(
     generator: np.random.Generator,
     place_name: str,
 ) -> FloatArray:
-    """Return positions of discs in a polygon, at random and without overlap.
+    """Place discs in a polygon at random and without overlaps.
 
-    Random sequential addition, the largest first; where that fills up before all are placed (it cannot
-    cover more than some 54 % of the ground), all stand on a hexagonal lattice, as wide as possible and
-    jittered by what it leaves.
+    Discs are placed by random sequential addition, largest first. If this saturates before all discs are placed
+    (it covers at most about 54 % of the ground), all discs are placed on a hexagonal lattice with the largest
+    possible spacing, with random displacements within the remaining gaps.
 
     Parameters
     ----------
     polygon : shapely polygon or multipolygon
-        Holds all centres.
+        Contains all centres.
     radii : (n,) float64 [m]
     segments : (w, 4) float64 [m]
-        What whole bodies keep clear of.
+        Walls, portals and exits, which discs must not overlap.
     occupied : (m, 3) float64 [m]
-        Centres and radii of people already there.
+        Centres and radii of people placed before.
     place_name : str
-        Names the place in the error.
+        Name of the place in error messages.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def place(
     Raises
     ------
     ScenarioError
-        They do not fit; says how many about would.
+        The discs do not fit; gives the approximate number that would.
     """
     reach = float(radii.max())
     fitting = int(DENSEST * polygon.buffer(reach).area / (np.pi * float(np.square(radii).mean())))
@@ -95,7 +95,7 @@ def place(
 def _too_many(place_name: str, radii: FloatArray, polygon: BaseGeometry, fitting: int) -> ScenarioError:
     return ScenarioError(
         f"{place_name}: {len(radii)} people of radii up to {radii.max():.2f} m do not fit on {polygon.area:.1f} m2, "
-        f"about {fitting} do; lower the number or enlarge the area"
+        f"about {fitting} would fit; reduce the number or enlarge the area"
     )
 
 
@@ -109,7 +109,7 @@ def clearance(positions: FloatArray, segments: FloatArray) -> FloatArray:
 def _at_random(
     polygon: BaseGeometry, radii: FloatArray, segments: FloatArray, occupied: FloatArray, generator: np.random.Generator
 ) -> tuple[FloatArray, int]:
-    """Random sequential addition; return positions and how many were placed."""
+    """Random sequential addition; return positions and the number of placed discs."""
     n = len(radii)
     order = np.argsort(-radii, kind="stable")
     cells = _cells(polygon, radii, occupied, n)
@@ -135,7 +135,7 @@ def _on_lattice(
     occupied: FloatArray,
     generator: np.random.Generator,
 ) -> tuple[FloatArray | None, int]:
-    """Hexagonal lattice; return positions, or None if they do not fit, and how many the closest lattice holds."""
+    """Hexagonal lattice; return positions, or None if they do not fit, and the capacity of the densest lattice."""
     cells = _cells(polygon, np.array([radius]), occupied, 0)
 
     def standing(points: FloatArray) -> FloatArray:
@@ -186,7 +186,7 @@ def _nodes(polygon: BaseGeometry, width: float, turned: bool, first: float, firs
 
 
 def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: int) -> _Cells:
-    """Return cells over a polygon that hold the people already there and have room for `n` more."""
+    """Return cells over a polygon with the people placed before and room for `n` more."""
     size = 2 * max(float(radii.max()), float(occupied[:, 2].max(initial=0.0)))
     left, bottom, right, top = polygon.bounds
     size = max(size, math.sqrt((right - left) * (top - bottom) / MOST_NODES))
@@ -201,7 +201,7 @@ def _cells(polygon: BaseGeometry, radii: FloatArray, occupied: FloatArray, n: in
     )
     cells.disc[: len(occupied)] = occupied
     column = np.floor((occupied[:, :2] - (cells.left, cells.bottom)) / size).astype(np.int64)
-    rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # those beyond the cells are of no interest
+    rows = np.flatnonzero(((column >= 0) & (column < shape)).all(axis=1))  # ignore discs outside the cells
     cell = column[rows, 0] * shape[1] + column[rows, 1]
     order = np.argsort(cell, kind="stable")
     rows, cell = rows[order], cell[order]
@@ -221,7 +221,7 @@ def _touches(segments: FloatArray, box: tuple[float, float, float, float]) -> Bo
 
 
 def _within(discs: FloatArray, left: float, bottom: float, right: float, top: float) -> BoolArray:
-    """Return which discs reach within their greatest radius of a box."""
+    """Return which discs are within the largest radius of a box."""
     reach = 2 * discs[:, 2].max(initial=0.0)
     inside: BoolArray = (
         (discs[:, 0] >= left - reach)
@@ -243,7 +243,7 @@ def _nearest(points: Pairs, segments: Quads, distances: Floats) -> None:
 
 @inner
 def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells) -> bool:
-    """Return whether a disc overlaps no disc entered so far and no segment."""
+    """Return whether a disc overlaps neither a segment nor a disc added so far."""
     ix = math.floor((x - cells.left) / cells.size)
     iy = math.floor((y - cells.bottom) / cells.size)
     for cx in range(max(ix - 1, 0), min(ix + 2, cells.head.shape[0])):
@@ -254,23 +254,26 @@ def _is_clear(x: float, y: float, radius: float, segments: Quads, cells: _Cells)
                 if math.sqrt(square) < radius + cells.disc[other, 2] + MARGIN:
                     return False
                 other = cells.following[other]
-    nearest = math.inf
+    reach = radius + MARGIN
     for w in range(len(segments)):
         x1, y1, x2, y2 = segments[w, 0], segments[w, 1], segments[w, 2], segments[w, 3]
-        nearest = min(nearest, segment_distance(x1, y1, x2, y2, x, y)[0])
-    return nearest >= radius + MARGIN
+        if min(x1, x2) - x >= reach or x - max(x1, x2) >= reach or min(y1, y2) - y >= reach or y - max(y1, y2) >= reach:
+            continue
+        if segment_distance(x1, y1, x2, y2, x, y)[0] < reach:
+            return False
+    return True
 
 
 @kernel
 def _are_clear(points: Pairs, radius: float, segments: Quads, cells: _Cells, fits: Bytes) -> None:
-    """Write for each point whether a disc there is clear."""
+    """Write, for each point, whether a disc there is free of overlaps."""
     for p in range(len(points)):
         fits[p] = 1 if _is_clear(points[p, 0], points[p, 1], radius, segments, cells) else 0
 
 
 @kernel
 def add_discs(points: Pairs, radii: Floats, n_placed: int, n_before: int, segments: Quads, cells: _Cells) -> int:
-    """Offer points in turn to the next disc to be placed; return how many are placed now."""
+    """Try points in turn for the next disc to be placed; return the number of placed discs."""
     for p in range(len(points)):
         if n_placed == len(radii):
             break

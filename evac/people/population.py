@@ -1,4 +1,4 @@
-"""Everybody: the arrays of all people, who belongs to which group, who got out when."""
+"""The population: arrays of all people, their groups, exit times and crossings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from evac.scenario.schema import GroupSettings
 
 
-#: How far outside a level, or into a wall, rounding may put a position that was written down [m].
+#: Tolerance for rounded positions outside a level or inside a wall [m].
 ROUNDING = 1e-6
 
 
-#: Of what is drawn for each person; masses and relaxation times that are less make the models overflow.
+#: Allowed ranges of the drawn quantities; smaller masses and relaxation times make the models overflow.
 BOUNDS = {
     "radius": (LEAST_RADIUS, MOST_RADIUS),
     "mass": (0.001, MOST_MASS),
@@ -43,15 +43,15 @@ BOUNDS = {
 
 @dataclass(frozen=True)
 class Group:
-    """Some people under one name.
+    """A named group of people.
 
     Attributes
     ----------
     name : str
     rows : (k,) int32
-        Their rows in `Crowd`.
+        Rows of its people in `Crowd`.
     settings : mapping
-        What the group sets for behaviours: behaviour name -> keys. In `Population.groups_for` the keys of one.
+        Settings of the group for behaviours, by behaviour name. In `Population.groups_for`, the settings for one.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Group:
 
 
 class Population:
-    """The arrays of everybody, and the log of who crossed what.
+    """All people of a run, and the log of their crossings.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Population:
         Owned by the population; each array has one writer, see docs/architecture.md.
     groups : tuple of Group
     n_portals : int
-        Links from this number on are exits.
+        Number of portals; links from this index on are exits.
     """
 
     def __init__(self, crowd: Crowd, groups: tuple[Group, ...], n_portals: int) -> None:
@@ -79,22 +79,22 @@ class Population:
 
     @property
     def inside(self) -> int:
-        """Number of people who are not out yet."""
+        """Number of people still inside."""
         return int(np.count_nonzero(np.isnan(self.crowd.exit_time)))
 
     @property
     def crossings(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Person (m,) int32, portal (m,) int32 and time (m,) float64 [s] of every portal crossed, in order."""
+        """Persons (m,) int32, portals (m,) int32 and times (m,) float64 [s] of all portal crossings, in order."""
         empty = (np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0))
         rows, links, times = zip(empty, *self._log, strict=True)
         return np.concatenate(rows), np.concatenate(links), np.concatenate(times)
 
     def groups_for(self, behaviour: str) -> tuple[Group, ...]:
-        """Return the groups with the settings of one behaviour only, as its `BehaviourScene` holds them."""
+        """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
     def settle(self, events: Events) -> None:
-        """Record the crossings of a tick: exit times and exits used, and the log of portals.
+        """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
 
         Parameters
         ----------
@@ -110,39 +110,38 @@ class Population:
             self._log.append((row[~is_exit].copy(), link[~is_exit].copy(), time[~is_exit].copy()))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of all arrays, and the log, to go on from here."""
+        """Return copies of all arrays and of the log, for a checkpoint."""
         row, link, time = self.crossings
         log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
         return {name: array.copy() for name, array in self.crowd.values().items()} | log
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned, in the arrays that exist."""
+        """Restore a state returned by `state`, writing into the existing arrays."""
         for name, array in self.crowd.values().items():
             array[...] = state[name]
         self._log = [(state["crossing_row"].copy(), state["crossing_link"].copy(), state["crossing_time"].copy())]
 
 
 def build_population(case: "Case", building: Building, fields: "Fields", seed: int) -> Population:
-    """Draw everybody and put them in their places.
+    """Draw the properties and start positions of all people.
 
-    Each quantity of each group is drawn by a generator of its own, spawned from (seed, group, quantity), so
-    it depends neither on other groups nor on the contact model, the step or what else is drawn. People
-    at given positions stand first; those in areas keep clear of them. Given positions may overlap each
-    other, but no wall.
+    Each quantity of each group has its own random generator, spawned from (seed, group, quantity), so it is
+    independent of other groups and quantities, the contact model and the step. People with given positions are
+    placed first; people in areas do not overlap them. Given positions may overlap each other, but not walls.
 
     Parameters
     ----------
     case : Case
     building : Building
     fields : Fields
-        Holds every route of `evac.people.groups.routes_of`.
+        Must contain every route of `evac.people.groups.routes_of`.
     seed : int
-        ``simulation.population_seed``, where it is given, stands in for it in what people are like.
+        Seed of the properties and positions, unless ``simulation.population_seed`` is given.
 
     Raises
     ------
     ScenarioError
-        An unknown area, level or exit; a position outside its level or in a wall; more people than fit.
+        An area, level or exit is unknown; a position is outside its level or in a wall; more people than fit.
     """
     check_people(case, building)
     counts = [people.count for people in case.people]
@@ -171,13 +170,13 @@ def _route_index(case: "Case", people: "GroupSettings", fields: "Fields") -> int
     route = route_of(people)
     if route not in fields.routes:
         raise ScenarioError(
-            f"{case.source}: people.{people.name}: the fields hold no {route!r}; build them for routes_of(case)"
+            f"{case.source}: people.{people.name}: the fields lack {route!r}; build them for routes_of(case)"
         )
     return fields.routes.index(route)
 
 
 def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int) -> None:
-    """Draw what the people of one group differ in."""
+    """Draw the properties of the people of one group."""
 
     def drawn(quantity: str, distribution: Distribution) -> FloatArray:
         values = distribution.draw(generator_for(seed, "people", people.name, quantity), len(rows))
@@ -185,8 +184,8 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
         for value in (values.min(), values.max()):
             if not least <= value <= greatest:
                 raise ScenarioError(
-                    f"people.{people.name}.{quantity}: {value:.3g} for one person lies outside "
-                    f"[{least:g}, {greatest:g}]; bound the distribution by minimum and maximum"
+                    f"people.{people.name}.{quantity}: the value {value:.3g} of one person is outside "
+                    f"[{least:g}, {greatest:g}]; add minimum and maximum to the distribution"
                 )
         return values
 
@@ -203,7 +202,7 @@ def _draw_quantities(crowd: Crowd, people: "GroupSettings", rows: IntArray, seed
 
 
 def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray) -> None:
-    """Put a group at its positions, or refuse the first one that is not possible."""
+    """Put a group at its given positions; refuse positions in walls."""
     position = np.array(people.positions, dtype=np.float64)
     level = _levels_of(case, building, people, position)
     _put_inside(building, level, position)
@@ -221,12 +220,12 @@ def _take_positions(case: "Case", building: Building, crowd: Crowd, people: "Gro
             raise ScenarioError(
                 f"{case.source}: people.{people.name}.positions.{row}: ({x:g}, {y:g}) on level "
                 f"{building.levels[index].name!r} is {distance[stuck[0]]:.3f} m from a wall, less than the body "
-                f"radius {crowd.radius[rows[row]]:.3f} m; move it, or make the radius smaller"
+                f"radius {crowd.radius[rows[row]]:.3f} m; move it, or reduce the radius"
             )
 
 
 def _put_inside(building: Building, level: IntArray, position: FloatArray) -> None:
-    """Move positions that rounding has put outside of their level inside: from beyond a portal none is ever crossed."""
+    """Move positions that are outside their level by rounding to the inside, so that they can cross its portals."""
     for index in np.unique(level):
         polygon = building.levels[index].polygon
         here = np.flatnonzero(level == index)
@@ -237,7 +236,7 @@ def _put_inside(building: Building, level: IntArray, position: FloatArray) -> No
 
 
 def _levels_of(case: "Case", building: Building, people: "GroupSettings", position: FloatArray) -> IntArray:
-    """Return the level (k,) of each given position; on the common edge of a floor and a flight it is the floor."""
+    """Return the level (k,) of each given position; a floor is preferred at its common edge with a flight."""
     x, y = position.T
     points = shapely.points(x, y)
     named = building.level_named(people.level) if people.level is not None else None
@@ -264,7 +263,7 @@ def _levels_of(case: "Case", building: Building, people: "GroupSettings", positi
 
 
 def _start(building: Building, people: "GroupSettings") -> tuple[Area, str]:
-    """Return the area that a group starts in, which may be a whole level, and its description for a message."""
+    """Return the start area of a group, which may be a whole level, and its description for messages."""
     named = building.level_named(people.level) if people.level is not None else None
     if named is not None:
         return Area(named.name, named.index, named.polygon), f"level {named.name!r}"
@@ -275,7 +274,7 @@ def _start(building: Building, people: "GroupSettings") -> tuple[Area, str]:
 def _take_area(
     case: "Case", building: Building, crowd: Crowd, people: "GroupSettings", rows: IntArray, seed: int
 ) -> None:
-    """Put a group at random places of its area or level, clear of walls, portals, exits and whoever stands there."""
+    """Place a group at random in its area or level, clear of walls, portals, exits and people placed before."""
     area, what = _start(building, people)
     links = [
         *(portal.segments for portal in building.portals_of(area.level)),

@@ -1,14 +1,15 @@
-"""What is unusual about the people of a case: legal, but more often a slip than meant."""
+"""Warnings about unusual properties of people, which are valid but often mistakes."""
 
 from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
+from evac.errors import counted
 from evac.people.population import Group
 from evac.physics.state import Crowd
 
-#: Quantities with their units, and the range in which they are usual for people.
+#: Quantities with their units and usual ranges for people.
 USUAL = (
     ("speed", "m/s", 0.1, 3.0),
     ("radius", "m", 0.1, 0.5),
@@ -16,17 +17,17 @@ USUAL = (
     ("tau", "s", 0.01, 2.0),
 )
 
-#: Overlaps at the start below this are rounding [m].
+#: Initial overlaps below this are taken as rounding errors [m].
 ROUNDING = 1e-6
 
 
 def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
-    """Return a line for each quantity of a group out of its usual range, and one for bodies that start overlapping.
+    """Return a warning for each quantity of a group outside its usual range, and one for initial overlaps.
 
     Parameters
     ----------
     crowd : Crowd
-        As a population is built.
+        The population before its first step.
     groups : sequence of Group
 
     Returns
@@ -45,14 +46,41 @@ def unusual(crowd: Crowd, groups: Sequence[Group]) -> tuple[str, ...]:
     pairs, deepest = overlapping(crowd)
     if pairs:
         notes.append(
-            f"pairs of people who start overlapping: {pairs}, by up to {deepest:.2f} m: they are pushed apart as the "
-            "contact model can, or walk out overlapping"
+            f"{counted(pairs, 'pair')} of people overlap at the start, by up to {deepest:.2f} m: depending on the "
+            "contact model, they are pushed apart or continue to overlap; correct "
+            "people.NAME.positions if this is not intended"
         )
     return tuple(notes)
 
 
+def late_starts(crowd: Crowd, duration: float) -> tuple[str, ...]:
+    """Return a warning if people start to walk only after the end of the run.
+
+    People whose start time is infinite wait for a behaviour that tells them to start, and are not counted.
+
+    Parameters
+    ----------
+    crowd : Crowd
+    duration : float
+        ``simulation.duration`` [s].
+
+    Returns
+    -------
+    tuple of str
+        One line, or none.
+    """
+    late = np.isfinite(crowd.start_time) & (crowd.start_time > duration)
+    if not late.any():
+        return ()
+    return (
+        f"{late.sum()} of {len(late)} people start to walk only after the end of the run: their response times are up "
+        f"to {crowd.start_time[late].max():.3g} s, but simulation.duration is {duration:g} s. Increase the duration, "
+        "or correct the response times; the numbers of lognormal = [mu, sigma] belong to the logarithm of the time",
+    )
+
+
 def overlapping(crowd: Crowd) -> tuple[int, float]:
-    """Return how many pairs of bodies on one level overlap, and the greatest overlap.
+    """Return the number of overlapping pairs of bodies and the largest overlap.
 
     Parameters
     ----------

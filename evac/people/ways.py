@@ -1,4 +1,4 @@
-"""Whether everybody gets out by the directions they will follow: a walk along them, and the connected ground."""
+"""Check that everybody can reach an exit: walks along the directions, and connectivity of the ground."""
 
 import itertools
 import math
@@ -25,44 +25,44 @@ if TYPE_CHECKING:
 
     from evac.people.population import Group
 
-#: Length of a step of a walk, in cells.
+#: Step length of a walk, in cells.
 STEP = 0.5
-#: A walk may be so many times as long as the way, and so many cells longer, before it counts as lost.
+#: A walk fails if it exceeds the length of the way by this factor plus this number of cells.
 LONGEST, EXTRA = 3.0, 200.0
-#: A portal or exit is on a part of a level whose outline runs along it for longer than this [m].
+#: Minimum length that the outline of a part of a level shares with a portal or exit on it [m].
 SHARED = 0.1
 
-# How a walk ends.
+# Outcomes of a walk.
 ARRIVED, LOST = 0, 1
 
 
 def check_ways(
     source: "Path", building: Building, fields: Fields, world: World, crowd: Crowd, groups: "tuple[Group, ...]"
 ) -> None:
-    """Check that everybody reaches an exit, by three answers that must agree.
+    """Check that everybody can reach an exit, by three criteria that must agree.
 
-    The travel time is finite, the ground is connected to an exit of the route, and a point that starts where the person
-    stands, follows the directions and slides along walls arrives at an exit. The last is checked for every route that
-    leads anywhere from there, for behaviours may choose another one, where directions keep clear of walls by a cell:
-    with less they lead along corners, where a point does not pass as a body does.
+    The travel time is finite; the ground is connected to an exit of the route; and a point that starts at the position
+    of the person, follows the directions and slides along walls arrives at an exit. The last criterion is checked for
+    every route that is available there, since behaviours may change the route, and only if the clearance of directions
+    is at least one cell: with less clearance, directions touch corners, which a point does not pass as a body does.
 
     Parameters
     ----------
     source : Path
-        Of the case, for messages.
+        File of the case, for messages.
     building : Building
     fields : Fields
     world : World
-        Of both.
+        World of the building and the fields.
     crowd : Crowd
-        As people start.
+        The people at the start.
     groups : tuple of Group
 
     Raises
     ------
     ScenarioError
-        People cannot reach an exit that they may take, or the answers disagree; names the group, the place, and what
-        to change.
+        People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
+        change.
     """
     time = fields.travel_time_at(crowd.level, crowd.position, crowd.route)
     is_connected = _connected(building, fields, crowd)
@@ -73,10 +73,10 @@ def check_ways(
             raise ScenarioError(_unreachable(source, building, fields, crowd, group, lost, is_connected))
         leaking = rows[~is_connected[rows]]
         if leaking.size:
-            what = f"have a travel time, but no ground leads to {fields.routes[crowd.route[leaking[0]]].destination}"
+            what = f"have a travel time but no ground to {fields.routes[crowd.route[leaking[0]]].destination}"
             raise ScenarioError(
-                f"{_told(source, building, crowd, group, leaking, what)}: the grid joins what a wall divides; choose "
-                "another directions.spacing, and report this case as an error of evac"
+                f"{_affected(source, building, crowd, group, leaking, what)}: the grid passes through a wall; choose "
+                "another directions.spacing, and report this case as a bug of evac"
             )
     for route in range(len(fields.routes)) if fields.clearance >= fields.packed.spacing else ():
         _check_walks(source, building, fields, world, crowd, groups, route)
@@ -91,9 +91,9 @@ def _check_walks(
     groups: "tuple[Group, ...]",
     route: int,
 ) -> None:
-    """Walk along the directions of one route from everybody's start."""
+    """Check one route by walks along its directions from all start positions."""
     people = len(crowd.level)
-    # Reference speeds are at most 1 m/s: nobody has farther to go than the travel time says.
+    # Reference speeds are at most 1 m/s, so the travel time [s] is an upper bound of the path length [m].
     time = fields.travel_time_at(crowd.level, crowd.position, route)
     most = np.where(np.isfinite(time), LONGEST * np.maximum(time, 0.0) / (STEP * world.fields.spacing) + EXTRA, 0.0)
     nodes = int((world.fields.shape[:, 0].astype(np.int64) * world.fields.shape[:, 1]).sum())
@@ -107,16 +107,16 @@ def _check_walks(
         lost = group.rows[ends[group.rows, 2] >= 0.0]
         if lost.size:
             x, y, level = ends[lost[0]]
-            what = f"do not get out by the directions {fields.routes[route]!s}"
+            what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
             raise ScenarioError(
-                f"{_told(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
-                f"{building.levels[int(level)].name!r}: look for a gap there narrower than two cells of "
-                f"directions.spacing = {world.fields.spacing:g} m, and choose a smaller one"
+                f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
+                f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
+                f"directions.spacing = {world.fields.spacing:g} m, and choose a smaller spacing"
             )
 
 
-def _told(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
-    """Return the beginning of a message: how many people of a group are concerned, by what, and where."""
+def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
+    """Return the beginning of a message: the number of affected people of a group, the problem and the place."""
     x, y = crowd.position[rows[0]]
     return (
         f"{source}: people.{group.name}: {rows.size} of {len(group.rows)} people {what}, "
@@ -133,22 +133,22 @@ def _unreachable(
     rows: IntArray,
     is_connected: NDArray[np.bool_],
 ) -> str:
-    """Describe for a message why people have no travel time to an exit."""
+    """Describe, for a message, why people have no travel time to an exit."""
     exits = " or ".join(fields.routes[crowd.route[rows[0]]].exits) or "any exit"
-    told = _told(source, building, crowd, group, rows, f"cannot reach {exits}")
+    told = _affected(source, building, crowd, group, rows, f"cannot reach {exits}")
     if is_connected[rows[0]]:
         return (
-            f"{told}; the ground leads there, but through a gap that the grid of directions.spacing = "
-            f"{fields.packed.spacing:g} m does not pass: make the spacing smaller, or widen the gap"
+            f"{told}; the ground leads there, but through a gap that the grid with directions.spacing = "
+            f"{fields.packed.spacing:g} m does not resolve: reduce the spacing, or widen the gap"
         )
-    opened = "open one of building.closed" if building.closed else "open a way in the mesh"
-    return f"{told}; put them elsewhere, allow other exits, or {opened}"
+    opened = "remove a name from building.closed" if building.closed else "add a connection to the mesh"
+    return f"{told}; move them, allow other exits, or {opened}"
 
 
 def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.bool_]:
-    """Return whether connected ground leads everybody (n,) to an exit of the route: by polygons, not by grids."""
+    """Return whether each person (n,) is connected to an exit of the route, by polygons instead of grids."""
     parts = [shapely.get_parts(level.polygon.buffer(-0.5 * CLOSED)) for level in building.levels]
-    parts = [own[~shapely.is_empty(own)] for own in parts]  # of a level that is as narrow everywhere nothing is left
+    parts = [own[~shapely.is_empty(own)] for own in parts]  # a level that is too narrow everywhere has no parts
     # Nodes are the parts of all levels, then the exits.
     first = np.cumsum([0, *map(len, parts)])
     exit_node = first[-1] + np.arange(len(building.exits))
@@ -163,25 +163,26 @@ def _connected(building: Building, fields: Fields, crowd: Crowd) -> NDArray[np.b
             pairs += itertools.product(beside, [exit_node[way.index]])
     nodes = int(first[-1]) + len(building.exits)
     component = connected_components(nodes, np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    leads_out = [
-        np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
-        for route in fields.routes
-    ]
+    leads_out = np.array(
+        [
+            np.isin(component, [component[exit_node[way.index]] for way in building.exits if route.leads_to(way.name)])
+            for route in fields.routes
+        ]
+    )
     found = np.zeros(len(crowd.level), dtype=np.bool_)
     for level, own in enumerate(parts):
         here = np.flatnonzero(crowd.level == level)
         if not len(own):
             continue
-        nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
-        found[here] = [
-            leads_out[route][first[level] + k]
-            for k, route in zip(nearest.tolist(), crowd.route[here].tolist(), strict=True)
-        ]
+        nearest = np.zeros(len(here), np.int64)
+        if len(own) > 1:
+            nearest = shapely.STRtree(own).nearest(shapely.points(crowd.position[here]))
+        found[here] = leads_out[crowd.route[here], first[level] + nearest]
     return found
 
 
 def _parts_at(parts: NDArray[Any], segments: FloatArray) -> NDArray[np.int64]:
-    """Return which parts of a level a portal or exit is on."""
+    """Return the parts of a level that a portal or exit is on."""
     line = shapely.buffer(shapely.multilinestrings(segments.reshape(-1, 2, 2)), CLOSED, cap_style="flat")
     shared = shapely.length(shapely.intersection(shapely.boundary(parts), line))
     return np.flatnonzero(shared > SHARED)
@@ -199,7 +200,7 @@ def walk_all(
     trail: Longs,
     ends: Triples,
 ) -> None:
-    """Walk from everybody's place; a walk that comes to a cell from which another one arrived has arrived.
+    """Walk from all positions; a walk that reaches a cell from which another walk arrived ends there.
 
     Parameters
     ----------
@@ -208,15 +209,15 @@ def walk_all(
     level : (n,) int32
     route : int
     most : (n,) int64
-        Steps that each walk may take; 0 leaves it out.
+        Maximum number of steps of each walk; 0 to skip it.
     first : (levels,) int64
         Number of the first cell of each level.
     seen : (cells,) uint8
         Written: 1 in cells from which an exit is reached.
     trail : (steps,) int64
-        Room for the cells of one walk.
+        Scratch for the cells of one walk.
     ends : (n, 3) float64
-        Written: where a walk was lost, x, y [m] and level; level -1 where it arrived.
+        Written: end of each failed walk, x, y [m] and level; the level is -1 if the walk arrived.
     """
     for p in range(position.shape[0]):
         ends[p, 2] = -1.0
@@ -242,7 +243,7 @@ def walk_all(
 
 @inner
 def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple[float, float, int]:
-    """Make one step along the direction, or along the wall that it meets; return place and level, -1 beyond an exit."""
+    """Make one step along the direction, or along a wall in its way; return position and level, -1 beyond an exit."""
     ex, ey = sample_direction(world.fields, ax, ay, level, route)
     length = STEP * world.fields.spacing
     step_x, step_y = length * ex, length * ey
@@ -253,7 +254,7 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
             break
         tx = world.wall[wall, 2] - world.wall[wall, 0]
         ty = world.wall[wall, 3] - world.wall[wall, 1]
-        # A whole step: within a cell of a corner directions may point almost straight at the wall.
+        # A full step: near a corner, directions may point almost straight at the wall.
         across = ex * tx + ey * ty
         along = (1.0 if across > 0.0 else -1.0 if across < 0.0 else 0.0) * length / math.sqrt(tx * tx + ty * ty)
         step_x, step_y = along * tx, along * ty
@@ -278,7 +279,7 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
 
 @inner
 def first_wall(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
-    """Return the first wall of a level that the line from a to b passes through, -1 for none."""
+    """Return the first wall of a level that the line from a to b crosses, -1 for none."""
     found, least = -1, 2.0
     first, last = bucket_at(world, ax, ay)
     for slot in range(first, last):

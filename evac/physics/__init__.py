@@ -1,1 +1,1 @@
-"""Kernels of the step loop, the contact problem and its solvers, base classes of contact models and forces."""
+"""Physics: kernels of the step loop, the contact problem, and base classes of contact models, solvers and forces."""

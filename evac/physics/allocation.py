@@ -1,4 +1,4 @@
-"""WarmStart for the step loop: structs of arrays, made for so many people and contacts."""
+"""Allocation of the structs of arrays of the step loop for given numbers of people and contacts."""
 
 from typing import Any, TypeVar
 
@@ -26,15 +26,15 @@ from evac.physics.state import (
 
 S = TypeVar("S", bound=Struct)
 
-#: How far neighbour lists look beyond what is needed, so that they last several steps [m].
+#: Skin of neighbour lists: additional search distance, so that lists remain valid for several steps [m].
 SKIN = 0.3
 
-#: Walls that may be within one body's reach.
+#: Maximum number of walls within the reach of one body.
 NEAR_WALLS = 60
 
 
 def allocate(struct: type[S], length: int, **given: Any) -> S:
-    """Return a struct of zeros, its arrays of `length` rows where nothing else is given."""
+    """Return a struct of zeros with arrays of `length` rows, except for the attributes in `given`."""
     values: dict[str, Any] = {}
     for name, kind in struct.kinds.items():
         if name in given:
@@ -46,8 +46,8 @@ def allocate(struct: type[S], length: int, **given: Any) -> S:
     return struct(**values)
 
 
-def make_state(world: World, people: int, forces: Forces) -> State:
-    """Return the state of a run of so many people before its first step."""
+def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -> State:
+    """Return the state of a run with a given number of people before its first step."""
     return State(
         world=world,
         bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2)), work=np.zeros(people // CHUNK + 1)),
@@ -58,6 +58,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
         events=allocate(Events, 4 * people + 16),
         clock=allocate(Clock, 0),
         forces=forces,
+        body_forces=body_forces,
         traits=allocate(Traits, 0),
         parts=allocate(Parts, 0, parameters=Struct()),
         team=allocate(Team, 0),
@@ -67,7 +68,7 @@ def make_state(world: World, people: int, forces: Forces) -> State:
 
 
 def make_lists(people: int, pairs: int, walls: int) -> Lists:
-    """Return neighbour lists with room for so many pairs and walls at bodies."""
+    """Return neighbour lists with room for given numbers of pairs and of walls near bodies."""
     return allocate(
         Lists,
         people,
@@ -84,24 +85,24 @@ def make_lists(people: int, pairs: int, walls: int) -> Lists:
 
 
 def make_contacts(capacity: int) -> Contacts:
-    """Return room for so many contacts."""
+    """Return contact arrays for a given number of contacts."""
     return allocate(Contacts, capacity, near=np.zeros((NEAR_WALLS, 6)))
 
 
 def make_warm_start(capacity: int) -> WarmStart:
-    """Return room for the percussions of so many contacts, in two halves."""
+    """Return warm start arrays for the percussions of a given number of contacts, in two halves."""
     return allocate(WarmStart, 2 * capacity, size=capacity)
 
 
 def make_problem(people: int, contacts: int) -> Problem:
-    """Return room for the packed problem of so many people and contacts, each of which may take two rows."""
+    """Return a packed problem for given numbers of people and contacts, with two rows for each contact."""
     bodies = ("free", "velocity", "image_a", "image_b", "image_c", "image_d")
     given: dict[str, Any] = {name: np.zeros((people + 1, 2)) for name in bodies}
     return allocate(Problem, 2 * contacts, inverse_root=np.zeros(people + 1), **given)
 
 
 def make_room_for_contacts(state: State, capacity: int) -> None:
-    """Replace the contacts, the remembered percussions, and the problem where it is solved, by larger ones, empty."""
+    """Replace contacts, warm start and, if it is used, the packed problem by larger, empty ones."""
     half = state.warm_start.half
     state.contacts = make_contacts(capacity)
     state.warm_start = make_warm_start(capacity)
@@ -111,5 +112,5 @@ def make_room_for_contacts(state: State, capacity: int) -> None:
 
 
 def grown(array: np.ndarray) -> np.ndarray:
-    """Return a copy of twice the length."""
+    """Return a copy with twice the length."""
     return np.concatenate([array, np.zeros_like(array)])

@@ -1,4 +1,4 @@
-"""Square cells of the plan: who is near, found by counting."""
+"""Cell lists: people sorted into square cells of the plan by a counting sort."""
 
 from evac.arrays import FloatArray, IntArray
 from evac.jit import inner
@@ -8,10 +8,10 @@ from evac.jit import inner
 def fill_cells(
     n: int, position: FloatArray, level: IntArray, size: float, start: IntArray, cell_of: IntArray, slots: IntArray
 ) -> tuple[int, int]:
-    """Sort the first `n` people with a level into square cells by counting; return the numbers of cells along x and y.
+    """Sort the first `n` people who are on a level into square cells; return the numbers of cells along x and y.
 
-    Cell (column, row) has the number column * ny + row, and its people stand in rising order in `slots`, from `start`
-    of the cell to that of the next one. Cells are made larger than `size` [m] if there is no room for them all.
+    Cell (column, row) has the index column * ny + row. Its people are in `slots`, in ascending order, from `start` of
+    the cell to `start` of the next one. Cells are made larger than `size` [m] if there is no room for all of them.
     """
     big = 1e300
     x_min, y_min, x_max, y_max = big, big, -big, -big
@@ -37,7 +37,7 @@ def fill_cells(
             start[column * ny + row + 1] += 1
     for c in range(nx * ny):
         start[c + 1] += start[c]
-    # Filled from behind, each cell's counter walks down to its start and its people stand in rising order.
+    # Filling backwards, the counter of each cell decreases to its start and people are in ascending order.
     for i in range(n - 1, -1, -1):
         c = cell_of[i]
         if c >= 0:

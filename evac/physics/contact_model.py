@@ -1,4 +1,4 @@
-"""Contact models: the law that a sub-step obeys; the base class of contact plugins."""
+"""Base class of contact models, which set the velocities after a sub-step."""
 
 import math
 from abc import ABC
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 class StepContacts(NamedTuple):
-    """The contacts of one sub-step, as a contact model written in numpy sees them: read-only but for `percussion`.
+    """The contacts of one sub-step for contact models written in NumPy; read-only except for `percussion`.
 
     Attributes
     ----------
     body : (c,) int32
-        The body the normal points to.
+        The body that the normal points to.
     other : (c,) int32
         The body on the other side, -1 for a wall.
     normal : (c, 2)
@@ -34,12 +34,12 @@ class StepContacts(NamedTuple):
     gap : (c,) [m]
         Distance between the surfaces, negative where they overlap.
     velocity : (n, 2) [m/s]
-        Before the step.
+        Velocities before the sub-step.
     free : (n, 2) [m/s]
-        After the step if nobody touched.
+        Free velocities: after the sub-step if there were no contacts.
     mass, radius : (n,) [kg], [m]
     percussion : (c,) [N s]
-        To be filled with the normal percussions, for energy and contact forces.
+        Output: normal percussions, for energy and contact forces.
     """
 
     body: NDArray[np.int32]
@@ -54,16 +54,16 @@ class StepContacts(NamedTuple):
 
 
 class BorderScene(NamedTuple):
-    """What a contact model checks its step against before a run.
+    """Properties of a scene that limit the step of a contact model, checked before a run.
 
     Attributes
     ----------
     step : float [s]
     explicit : bool
-        Whether the drive is explicit Euler.
+        Whether the drive is integrated by explicit Euler.
     radius, mass, tau : (n,) [m], [kg], [s]
     speed : (n,)
-        The greatest that each wants to walk or starts with [m/s].
+        Largest desired or initial speed of each person [m/s].
     """
 
     step: float
@@ -75,13 +75,13 @@ class BorderScene(NamedTuple):
 
 
 def border_scene(crowd: Crowd, step: float, explicit: bool) -> BorderScene:
-    """Return what contact models check a step [s] against, of a crowd as it starts."""
+    """Return the `BorderScene` of a crowd at the start, for a step [s]."""
     speed = np.maximum(crowd.speed.max(axis=1), np.hypot(*crowd.velocity.T))
     return BorderScene(step, explicit, crowd.radius, crowd.mass, crowd.tau, speed)
 
 
 class ContactModel(Configurable, ABC):
-    """A law of contact: name a compiled `law`, or define `step` in numpy.
+    """Base class of contact models. A subclass names a compiled kernel `law`, or defines `step` with NumPy.
 
     Attributes
     ----------
@@ -91,21 +91,21 @@ class ContactModel(Configurable, ABC):
         ``state.bodies.free``, and returns a status of `evac.physics.status`. Its second argument is the struct that
         `own` returns.
     midpoint : bool
-        Whether bodies move by the mean of old and new velocity (as NSM2) or by the new one.
+        Whether bodies move by the mean of the old and new velocity (as in NSM2) or by the new velocity.
     overdamped : bool
-        Whether the free velocity is the desired one, without inertia.
+        Whether the free velocity equals the desired velocity, without inertia.
     reach_share, reach_fastest : float
-        How far beyond touching contacts are looked for: a share of both bodies' free paths in a step, and at least a
-        share of the fastest one's.
+        Search distance for contacts beyond touching: a share of the free paths of both bodies in a step, and at least
+        a share of the free path of the fastest body.
     longest_path : float
-        A step is cut into parts where somebody's free path is longer than so many of the smallest radii.
+        Maximum free path of a body in a sub-step, in units of the smallest radius; longer steps are subdivided.
     remembers : bool
-        Whether the law starts from the percussions of the sub-step before.
+        Whether the law starts from the percussions of the previous sub-step (warm start).
     reports_percussions : bool
-        Whether contact forces are percussions over the length of a step; if not, the law reports them.
+        Whether contact forces are the percussions divided by the length of a step; if not, the law reports them.
     along_the_way : bool
-        Whether bodies, and with them contacts, are in the order of travel time, in which sweeps pass loads on; if not,
-        they are in the order of place, which is quicker in large crowds.
+        Whether bodies, and with them contacts, are sorted by travel time, the order in which sweeps transmit loads; if
+        not, they are sorted by place, which is faster in large crowds.
     """
 
     law: ClassVar[Entry | None] = None
@@ -119,33 +119,33 @@ class ContactModel(Configurable, ABC):
     along_the_way: bool = False
 
     def check_scene(self, scene: BorderScene) -> None:
-        """Refuse a scene that the model cannot step through.
+        """Check that the model is stable for a scene.
 
         Raises
         ------
         ScenarioError
-            Here: explicit driving (eq. 33) at steps of 2 tau or longer, which grows without bound.
+            By default, for explicit driving (eq. 33) with a step of at least 2 tau, which is unstable.
         """
         tau = float(scene.tau.min())
         if scene.explicit and not self.overdamped and scene.step >= 2.0 * tau:
             raise ScenarioError(
-                f"simulation.step: {scene.step} s is too long for simulation.driving = 'explicit' with a least tau of"
-                f" {tau:g} s; it must be below {2.0 * tau:g} s, or use simulation.driving = 'exponential'"
+                f"simulation.step: {scene.step} s is too long for simulation.driving = 'explicit' with a smallest tau"
+                f" of {tau:g} s; it must be below {2.0 * tau:g} s, or use simulation.driving = 'exponential'"
             )
 
     def promised_overlap(self, scene: BorderScene) -> float:
-        """Return the overlap [m] that the model promises not to exceed; a run that does has a quality warning.
+        """Return the largest expected overlap [m]; a run that exceeds it gets a quality warning.
 
-        Here: half the smallest radius, beyond which people pass through one another.
+        By default half the smallest radius, beyond which people pass through each other.
         """
         return 0.5 * float(scene.radius.min())
 
     def parts(self) -> list[tuple[str, bool, str]]:
-        """Return the parts of the model that a scene may not need: name, whether in, why."""
+        """Return the optional parts of the model: name, whether it is included, and the reason."""
         return []
 
     def traits(self, world: World) -> Traits:
-        """Return what the step loop needs to know."""
+        """Return the properties of the model that the step loop uses."""
         return Traits(
             overdamped=int(self.overdamped),
             old_share=0.5 if self.midpoint else 0.0,
@@ -158,19 +158,19 @@ class ContactModel(Configurable, ABC):
         )
 
     def own(self, people: int, world: World) -> Struct:
-        """Return the parameters of the law: here its struct, filled with the model's attributes of the same names.
+        """Return the parameters of the law; by default its struct, filled with the attributes of the same names.
 
-        To be overridden where the struct has scratch arrays for so many people.
+        Override this method if the struct has scratch arrays, whose length depends on the number of people.
 
         Raises
         ------
         PluginError
-            If the model lacks one of these attributes.
+            The model lacks one of these attributes.
         """
         kinds = [kind for _, kind in self.law.signature[0]] if isinstance(self.law, Entry) else []
         struct = kinds[1] if len(kinds) > 1 else None
         if not (isinstance(struct, type) and issubclass(struct, Struct)):
-            return NoParameters()  # a law that takes none is refused where it is loaded
+            return NoParameters()  # a law without a struct is refused when it is loaded
         missing = [name for name in struct.kinds if not hasattr(self, name)]
         if missing:
             raise PluginError(
@@ -180,18 +180,18 @@ class ContactModel(Configurable, ABC):
         return struct(**{name: getattr(self, name) for name in struct.kinds})
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that the model keeps from tick to tick, by names of its own; they are copied.
+        """Return the arrays that the model keeps from tick to tick, by name; they are copied.
 
-        Here none. A model that keeps attributes or arrays of `own` and has no method of its own is refused by name
-        where a checkpoint is asked for; one that writes all of them anew in each sub-step returns an empty dict.
+        By default none. Checkpoints are refused for a model that keeps attributes or arrays of `own` and does not
+        override this method. A model that overwrites all of them in each sub-step returns an empty dict.
         """
         return {}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned; `own` has been called before."""
+        """Restore the arrays that `state` returned; called after `own`."""
 
     def advice(self) -> Mapping[int, str]:
-        """Return what to change in the case where a step ends in a status, for the message."""
+        """Return, for each status of a failed step, what to change in the case; used in error messages."""
         return {}
 
     def step(self, contacts: StepContacts, h: float) -> FloatArray:
@@ -210,12 +210,12 @@ class ContactModel(Configurable, ABC):
         Raises
         ------
         PluginError
-            If the model has neither this nor a law.
+            The model defines neither this method nor a law.
         """
         raise PluginError(f"contact model {self.name!r} has neither a law nor step(contacts, h); define one of them")
 
     def advance(self, engine: "Engine") -> int:
-        """Make the steps of the clock and return a status, OK when all were made."""
+        """Make all steps of the clock; return a status, OK if all were made."""
         state = engine.state
         if self.law is not None:
             return int(driver.advance(state))
@@ -232,7 +232,7 @@ class ContactModel(Configurable, ABC):
         return OK
 
     def _make_step(self, engine: "Engine", parts: int) -> int:
-        """Make one step in parts, calling `step` from Python with the kernels of the step loop around it."""
+        """Make one step in `parts` sub-steps, calling `step` from Python between the kernels of the step loop."""
         for part in range(parts):
             driver.set_clock(engine.state, part, parts)
             status = driver.approach(engine.state)
@@ -267,21 +267,23 @@ class ContactModel(Configurable, ABC):
             )
         if not np.isfinite(found).all():
             row = int(np.argwhere(~np.isfinite(found))[0, 0])
-            raise PluginError(f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}")
+            raise PluginError(
+                f"contact model {self.name!r}: step returned the velocity {found[row]} of body {row}; it must be finite"
+            )
         bodies.solved[:n] = found
 
 
 class NoParameters(Struct):
-    """The parameters of a law that has none."""
+    """Struct for laws without parameters."""
 
 
 class SolvedContactModel(ContactModel):
-    """A contact model that solves a contact problem in every step: NSM1 and NSM2 share these parameters."""
+    """Base class of contact models that solve a contact problem in every sub-step, such as NSM1 and NSM2."""
 
-    solver = Parameter("accelerated_sweeps", "method of the contact problem, a registered solver")
-    velocity_tolerance = Parameter(5e-4, "greatest residual of the contact problem", unit="m/s", above=0.0)
+    solver = Parameter("accelerated_sweeps", "registered solver of the contact problem")
+    velocity_tolerance = Parameter(5e-4, "largest accepted residual of the contact problem", unit="m/s", above=0.0)
     along_the_way = True
-    #: Whether overlaps are separated, on positions, before the law acts.
+    #: Whether overlaps are separated, by moving positions, before the law is called.
     separates: bool = False
 
-    iterations = Parameter(5_000, "iterations after which a solve is counted as unconverged", minimum=1, maximum=10**9)
+    iterations = Parameter(5_000, "iterations after which a solve is stopped as unconverged", minimum=1, maximum=10**9)

@@ -1,7 +1,7 @@
-"""The contacts of a step: gaps and normals of bodies in reach, walls pruned, warm start carried over.
+"""Contact search: gaps and normals of bodies and walls in reach, and warm start percussions.
 
-A disc against a segment; one constraint per segment. A segment is dropped where a nearer one implies
-it, because keeping it throws people sideways at wall joints.
+A wall contact is a disc against a segment, with one constraint per segment. A segment is dropped if a nearer one
+implies its constraint, since keeping it would push people sideways at joints of walls.
 """
 
 import math
@@ -9,6 +9,7 @@ import math
 from evac.jit import inner
 from evac.physics.drive import unit_normal
 from evac.physics.neighbours import segment_distance
+from evac.physics.pieces import TAKE, call_team
 from evac.physics.seams import touches
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
 
@@ -18,9 +19,9 @@ IMPLIED = 1e-9
 
 @inner
 def set_reach(bodies, first, last, h, share):
-    """Set how far beyond touching some bodies look, at least ``bodies.reach_floor``.
+    """Set the search distance of some bodies for contacts, at least ``bodies.reach_floor``.
 
-    `share` of its free path in the step or of its last one, whichever is longer: who is pushed goes on being pushed.
+    It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
     """
     floor = bodies.reach_floor
     for i in range(first, last):
@@ -34,9 +35,9 @@ def set_reach(bodies, first, last, h, share):
 
 @inner
 def _near_walls(state, i):
-    """Collect the walls that act on body i within its reach, nearest first; return their number, -1 if too many.
+    """Collect the walls within the reach of body i, nearest first; return their number, -1 if there are too many.
 
-    Row: distance, nx, ny, wall, px, py with the normal from the wall's nearest point p to the body.
+    Columns are distance, nx, ny, wall, px and py, with the normal from the nearest point p of the wall to the body.
     """
     world, bodies, lists, near = state.world, state.bodies, state.lists, state.contacts.near
     found = 0
@@ -63,7 +64,7 @@ def _near_walls(state, i):
             for k in range(6):
                 near[place, k] = near[place - 1, k]
             place -= 1
-        nx, ny = _wall_normal(world, bodies, i, w, x - px, y - py, distance)
+        nx, ny = wall_normal(world, bodies, i, w, x - px, y - py, distance)
         near[place, 0] = distance
         near[place, 1] = nx
         near[place, 2] = ny
@@ -76,8 +77,8 @@ def _near_walls(state, i):
 
 
 @inner
-def _wall_normal(world, bodies, i, w, dx, dy, distance):
-    """Return the unit vector from the wall to body i; on the wall's line, the side it came from."""
+def wall_normal(world, bodies, i, w, dx, dy, distance):
+    """Return the unit vector from the wall to body i; for a body on the wall, towards the side that it came from."""
     if distance > 0.0:
         return dx / distance, dy / distance
     nx = world.wall[w, 1] - world.wall[w, 3]
@@ -90,7 +91,7 @@ def _wall_normal(world, bodies, i, w, dx, dy, distance):
 
 @inner
 def _is_implied(world, near, k, kept):
-    """Say whether wall k of `near` lies wholly behind the tangent of a nearer kept one."""
+    """Return whether wall k of `near` lies entirely behind the tangent line of a nearer wall that is kept."""
     w = int(near[k, 3])
     for q in range(k):
         if not kept & (1 << q):
@@ -104,7 +105,7 @@ def _is_implied(world, near, k, kept):
 
 @inner
 def _sort_walls_by_key(near, kept, found):
-    """Return the kept wall of `near` that comes first by wall number; the caller clears its bit."""
+    """Return the kept wall of `near` with the smallest wall index; the caller clears its bit."""
     best = -1
     for q in range(found):
         if kept & (1 << q) and (best < 0 or near[q, 3] < near[best, 3]):
@@ -114,9 +115,9 @@ def _sort_walls_by_key(near, kept, found):
 
 @inner
 def find_contacts(state, first, last):
-    """Fill the contacts with every pair and wall of some bodies whose gap is below the reach; return a status.
+    """Find all pairs and walls of some bodies whose gap is below the reach; return a status.
 
-    A pair's reach is the sum of its bodies' reaches. Sorted by body, walls (by number) before bodies.
+    The reach of a pair is the sum of both reaches. Contacts are sorted by body, walls (by index) before bodies.
     """
     world, bodies, lists, contacts = state.world, state.bodies, state.lists, state.contacts
     capacity = contacts.body.shape[0]
@@ -180,7 +181,7 @@ def _pick_near(bodies, lists, found, i):
 
 @inner
 def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
-    """Set contact c, starting from its percussion of the step before; return how far those have been read.
+    """Set contact c and its warm start percussion; return the new read position in the warm start memory.
 
     Contacts and remembered percussions are both sorted by body and key.
     """
@@ -209,7 +210,7 @@ def _append(state, c, memory, i, other, key, nx, ny, gap, omega):
 
 @inner
 def normal_velocity(velocity, contacts, c):
-    """Return the normal velocity of contact c, positive when it opens [m/s]."""
+    """Return the normal velocity of contact c [m/s], positive if the contact opens."""
     i = contacts.body[c]
     j = contacts.other[c]
     nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
@@ -232,6 +233,23 @@ def tangential_velocity(velocity, contacts, c):
 
 
 @inner
+def use_free_velocity(state):
+    """Set the velocities after the sub-step to the free velocities, as without contacts."""
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, TAKE)
+    else:
+        take_velocities(state.bodies, 0, state.bodies.inside)
+
+
+@inner
+def take_velocities(bodies, first, last):
+    """Set the velocities of some bodies after the sub-step to their free velocities."""
+    for i in range(first, last):
+        bodies.solved[i, 0] = bodies.free[i, 0]
+        bodies.solved[i, 1] = bodies.free[i, 1]
+
+
+@inner
 def push(velocity, inverse_mass, contacts, c, percussion):
     """Apply a normal percussion to the bodies of contact c."""
     i = contacts.body[c]
@@ -247,7 +265,7 @@ def push(velocity, inverse_mass, contacts, c, percussion):
 
 @inner
 def keep_percussions(contacts, memory):
-    """Remember the percussions of this sub-step for the next search, in the half that is not the step's start."""
+    """Store the percussions of this sub-step for a warm start, in the half that does not hold the start of the step."""
     memory.half = 1 - memory.half_before
     memory.number = contacts.number
     first = memory.half * memory.size
@@ -259,9 +277,9 @@ def keep_percussions(contacts, memory):
 
 @inner
 def keep_only_meeting(world, bodies, contacts, h, margin):
-    """Drop the contacts that the free velocity does not close to `margin` [m] within the step (NSM2).
+    """Drop the contacts whose gap stays above `margin` [m] within the step at the free velocity (NSM2).
 
-    That is, those with D + h G.V > `margin`; it is 0 in the paper.
+    These are the contacts with D + h G.V > `margin`, which is 0 in the paper.
     """
     used = 0
     for c in range(contacts.number):
@@ -282,7 +300,7 @@ def keep_only_meeting(world, bodies, contacts, h, margin):
 
 @inner
 def report_contact_force(bodies, contacts, weight):
-    """Sum the contact forces, `weight` times the percussions, on each body [N]."""
+    """Sum the contact forces [N] on each body: `weight` [1/s] times the percussions."""
     for i in range(bodies.inside):
         bodies.contact_force[i] = 0.0
     for c in range(contacts.number):

@@ -1,9 +1,9 @@
-"""What drives a pedestrian (eq. 33): desired velocity from the fields, relaxation, forces at a distance."""
+"""Driving of pedestrians (eq. 33): desired velocity from the fields, relaxation, and forces at a distance."""
 
 import math
 
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.sampling import mean_direction, node_at, sample_direction, unit_direction
+from evac.directions.sampling import direction_in_cell, node_at, sample_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
 from evac.physics.seams import touches
 from evac.physics.state import State
@@ -12,7 +12,7 @@ from evac.physics.status import OK
 
 @inner
 def desired_speed(world, bodies, i, ex, ey):
-    """Return the plan speed [m/s] that body i wants: own speed of the slope class, times the slope's cosine."""
+    """Return the desired plan speed of body i [m/s]: its speed for the slope class times the cosine of the slope."""
     level = bodies.level[i]
     climb = ex * world.uphill[level, 0] + ey * world.uphill[level, 1]
     use = FLAT
@@ -25,15 +25,15 @@ def desired_speed(world, bodies, i, ex, ey):
 
 @inner
 def desired_direction(world, people, i):
-    """Return the unit desired direction of person i of a crowd or of bodies, (0, 0) where no way leads out."""
+    """Return the unit desired direction of a person or body i, (0, 0) where the destination cannot be reached."""
     x, y = people.position[i, 0], people.position[i, 1]
     ex, ey = sample_direction(world.fields, x, y, people.level[i], people.route[i])
-    return _turned(people, i, ex, ey)
+    return _with_extra_direction(people, i, ex, ey)
 
 
 @inner
-def _turned(people, i, ex, ey):
-    """Return the unit vector of a direction of person i and the extra one together."""
+def _with_extra_direction(people, i, ex, ey):
+    """Return the unit vector of the sum of a direction and the extra direction of person i."""
     if people.extra_direction[i, 0] != 0.0 or people.extra_direction[i, 1] != 0.0:
         ex += people.extra_direction[i, 0]
         ey += people.extra_direction[i, 1]
@@ -45,10 +45,10 @@ def _turned(people, i, ex, ey):
 
 
 @inner
-def _look_around(fields, bodies, first, last):
-    """Read the directions at the nodes around the bodies that have come to another cell.
+def _read_directions(fields, bodies, first, last):
+    """Read the directions at the nodes around the bodies that have moved to another cell.
 
-    Most are far from the processor. No decision waits for what is read, so that many reads are under way at a time.
+    Most are not in the caches. No branch depends on the values, so that the processor can read many at a time.
     """
     arrived = first
     for i in range(first, last):
@@ -71,9 +71,9 @@ def _look_around(fields, bodies, first, last):
 
 @inner
 def set_desired(world, bodies, first, last):
-    """Set the unit desired direction of bodies from their places, as `desired_direction`, and clear the forces."""
+    """Set the unit desired directions of some bodies from their positions, and set the forces to zero."""
     fields = world.fields
-    _look_around(fields, bodies, first, last)
+    _read_directions(fields, bodies, first, last)
     for i in range(first, last):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
@@ -83,16 +83,15 @@ def set_desired(world, bodies, first, last):
         node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
         ex, ey = 0.0, 0.0
         if node >= 0:
-            ex, ey = mean_direction(bodies.around, 4 * i, 4 * i + 2, fx, fy)
-            ex, ey = unit_direction(fields, level, node, ix, iy, fx, fy, ex, ey)
-        ex, ey = _turned(bodies, i, ex, ey)
+            ex, ey = direction_in_cell(fields, level, node, ix, iy, fx, fy, bodies.around, 4 * i, 4 * i + 2)
+        ex, ey = _with_extra_direction(bodies, i, ex, ey)
         bodies.desired[i, 0] = ex
         bodies.desired[i, 1] = ey
 
 
 @kernel
 def add_forces(state: State) -> int:
-    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return a status, OK."""
+    """Add the forces at a distance of all pairs within the cut-off to ``bodies.push``; return the status OK."""
     bodies, lists, forces = state.bodies, state.lists, state.forces
     for i in range(bodies.inside):
         if bodies.level[i] < 0:
@@ -132,13 +131,13 @@ def add_forces(state: State) -> int:
     return OK
 
 
-#: Call `add_forces` at its address: it is loaded only where there are forces at a distance.
+#: Call `add_forces`, or `add_body_forces`, at its address: each is loaded only where there are such forces.
 call_add_forces = AddressCall([State], (int,))
 
 
 @inner
 def unit_normal(nx, ny, square):
-    """Return the unit vector and the length; coincident centres are parted along x, body i to the right."""
+    """Return the unit vector and the length; for coincident centres (1, 0), so that body i is pushed to the right."""
     distance = math.sqrt(square)
     if distance > 0.0:
         return nx / distance, ny / distance, distance
@@ -147,16 +146,16 @@ def unit_normal(nx, ny, square):
 
 @kernel
 def drive(state: State, first: int, last: int) -> float:
-    """Set ``bodies.free``, the velocity after the sub-step if nobody touched; return the greatest speed.
+    """Set ``bodies.free``, the velocity after the sub-step without contacts; return the largest speed [m/s].
 
-    Explicit Euler of eq. 33 as in the paper, or the exact update of its linear term with the forces
-    held over the step. Before its response time a person wants to stand.
+    Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with
+    constant forces during the step. Before its response time, the desired velocity of a person is zero.
     """
     world, bodies = state.world, state.bodies
     time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
-    if not explicit and bodies.taken_up_in != h:
+    if not explicit and bodies.relaxation_step != h:
         for i in range(first, last):
-            bodies.taken_up[i] = -math.expm1(-h / bodies.tau[i])
+            bodies.relaxation[i] = -math.expm1(-h / bodies.tau[i])
     fastest = 0.0
     for i in range(first, last):
         if bodies.level[i] < 0:
@@ -174,7 +173,7 @@ def drive(state: State, first: int, last: int) -> float:
             share = h / tau
             weight = h * bodies.inverse_mass[i]
         else:
-            share = bodies.taken_up[i]
+            share = bodies.relaxation[i]
             weight = tau * share * bodies.inverse_mass[i]
         fx = ux + share * (vx - ux) + weight * bodies.push[i, 0]
         fy = uy + share * (vy - uy) + weight * bodies.push[i, 1]
@@ -186,7 +185,7 @@ def drive(state: State, first: int, last: int) -> float:
 
 @kernel
 def drive_overdamped(state: State, first: int, last: int) -> float:
-    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the greatest speed."""
+    """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the largest speed [m/s]."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
     for i in range(first, last):
@@ -205,5 +204,5 @@ def drive_overdamped(state: State, first: int, last: int) -> float:
     return math.sqrt(fastest)
 
 
-#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the greatest speed [m/s].
+#: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the largest speed [m/s].
 call_drive = AddressCall([State, int, int], (float,))

@@ -1,13 +1,13 @@
-"""The step loop, one for all contact models: what they differ in is called at the addresses in `State.parts`.
+"""The step loop, which is shared by all contact models; optional parts are called at the addresses in `State.parts`.
 
-    advance                for each step, in parts where it has to be cut
-        open_step          remember what a failed step goes back to
-        approach           lists, desired directions, forces, velocity if nobody touched, contacts in reach
-        (the law)          fills bodies.solved and contacts.percussion, or asks for something first
-        conclude           contact forces, energy, move, cross portals and exits
-        cut                undo the step; how many parts to try next
+    advance                for each step, subdivided into parts if necessary
+        open_step          save the state, to undo the step if it fails
+        approach           neighbour lists, desired directions, forces, free velocities, contact search
+        (the law)          sets bodies.solved and contacts.percussion, or requests another search or a separation
+        conclude           contact forces, energy, motion, crossings of portals and exits
+        cut                undo the step; return the number of parts to try next
 
-Contact models written in numpy make the same calls from Python, see `ContactModel.advance`.
+Contact models written in NumPy make the same calls from Python, see `ContactModel.advance`.
 """
 
 import math
@@ -40,26 +40,26 @@ from evac.physics.status import (
     WALL_CROSSED,
 )
 
-#: A step is cut into at most this many parts before the run is stopped.
+#: Largest number of parts that a step is divided into before the run is stopped.
 GREATEST_PARTS = 256
 
-#: A law that is not done when it has been called so often in a sub-step never is.
+#: Largest number of calls of a law in a sub-step; a law that needs more does not terminate.
 MOST_CALLS = 100
 
-#: Nobody is thrown faster than this but by contacts that create energy: the run is stopped [m/s].
+#: Largest speed [m/s]; only contacts that create energy lead to larger speeds, so the run is stopped.
 FASTEST = 100.0
 
-#: Call a contact law: state, its own parameters, length of the sub-step [s]; a status.
+#: Call a contact law with the state, its own parameters and the length of the sub-step [s]; it returns a status.
 call_law = AddressCall([State, Struct, float], (int,))
 
 
-#: What bodies copy from the crowd at the start of a tick, and what is copied back at its end.
+#: Arrays that are copied from the crowd to the bodies at the start of a tick, and back at its end.
 TAKEN = tuple(name for name in Crowd.kinds if name in Bodies.kinds)
 WRITTEN = ("position", "velocity", "level", "distance", "contact_force")
 
 
 def gather(state: State, crowd: Crowd, inside: int) -> None:
-    """Copy the people in ``bodies.row`` to the bodies, and forget what holds for the tick before."""
+    """Copy the people in ``bodies.row`` to the bodies, and reset the data of the previous tick."""
     bodies = state.bodies
     rows = bodies.row[:inside].astype(np.intp)
     for name in TAKEN:
@@ -68,7 +68,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside
-    bodies.taken_up_in = 0.0
+    bodies.relaxation_step = 0.0
     bodies.node[:inside] = -1
     state.warm_start.number = 0
     state.contacts.separation_failed = 0
@@ -77,7 +77,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
 
 
 def scatter(crowd: Crowd, bodies: Bodies) -> None:
-    """Copy back what the steps wrote."""
+    """Copy the results of the steps back to the crowd."""
     rows = bodies.row[: bodies.inside].astype(np.intp)
     for name in WRITTEN:
         written, found = getattr(crowd, name), getattr(bodies, name)
@@ -88,7 +88,7 @@ def scatter(crowd: Crowd, bodies: Bodies) -> None:
 
 @kernel
 def advance(state: State) -> int:
-    """Make the steps of the clock, cutting those that cannot be made whole; return a status."""
+    """Make all steps of the clock, subdividing steps that fail; return a status."""
     clock = state.clock
     while clock.now < clock.last:
         open_step(state)
@@ -122,7 +122,7 @@ def _make_step(state, parts):
 
 @inner
 def _obey(state):
-    """Call the law, and do what it asks for before it is called again; return a status."""
+    """Call the law until it is done, after the searches and separations that it requests; return a status."""
     parts, clock = state.parts, state.clock
     clock.attempt = 0
     clock.searched = 0
@@ -144,7 +144,7 @@ def _obey(state):
 
 @inner
 def _separate(state):
-    """Separate overlaps, and search for contacts before and after; return a status."""
+    """Separate overlaps, with contact searches before and after; return a status."""
     if state.parts.separation == 0:
         return NEEDS_SEPARATION
     for is_solve in range(2):
@@ -158,7 +158,7 @@ def _separate(state):
 
 @kernel
 def set_clock(state: State, part: int, parts: int) -> None:
-    """Set time and length of a sub-step, and whether it is the last one before contact forces are wanted."""
+    """Set the time and length of a sub-step, and whether contact forces are reported after it."""
     clock = state.clock
     clock.h = clock.step / parts
     clock.time = clock.now * clock.step + part * clock.h
@@ -174,16 +174,22 @@ def approach(state: State) -> int:
     else:
         set_desired(state.world, bodies, 0, bodies.inside)
     if state.parts.forces != 0:
-        status = _renew_lists(state, state.forces.farthest, 0.0)
+        status = _renew_lists(state, state.forces.farthest, 0.0, 0.0)
         if status == OK:
             status = call_add_forces(state.parts.forces, state)
+        if status != OK:
+            return status
+    if state.parts.body_forces != 0:
+        status = _renew_lists(state, 0.0, state.body_forces.farthest, 0.0)
+        if status == OK:
+            status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
     if state.parts.team != 0:
         fastest = call_team(state.parts.team, state, DRIVE)
     else:
         fastest = call_drive(state.parts.drive, state, 0, bodies.inside)
-    bodies.taken_up_in = h
+    bodies.relaxation_step = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
     if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):
@@ -202,8 +208,8 @@ def approach(state: State) -> int:
 
 @inner
 def search(state, pairs, contacts):
-    """Find the contacts within the reaches as they are set, with lists that look as far as needed; return a status."""
-    status = _renew_lists(state, pairs, contacts)
+    """Find the contacts within the current reaches, rebuilding the lists if necessary; return a status."""
+    status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
     if state.parts.team != 0:
@@ -212,18 +218,18 @@ def search(state, pairs, contacts):
 
 
 @inner
-def _renew_lists(state, pairs, contacts):
-    """Build the lists again if they are stale or do not reach as far as needed; return a status.
+def _renew_lists(state, pairs, walls, contacts):
+    """Rebuild the neighbour lists if they are stale or their reach is too short; return a status.
 
-    `pairs` [m] is for forces between bodies, `contacts` [m] for contacts with bodies and walls; the latter follows
-    speeds, so it gets a margin.
+    `pairs` [m] is the reach of forces between bodies, `walls` [m] that of forces that depend on walls, `contacts` [m]
+    that of contacts with bodies and walls. The latter varies with speeds, so a margin is added.
     """
     lists = state.lists
     if lists.pair_reach < max(pairs, contacts):
         lists.pair_reach = max(pairs, 1.25 * contacts)
         lists.stale = 1
-    if lists.wall_reach < contacts:
-        lists.wall_reach = 1.25 * contacts
+    if lists.wall_reach < max(walls, contacts):
+        lists.wall_reach = max(walls, 1.25 * contacts)
         lists.stale = 1
     if lists.stale:
         if state.parts.team != 0:
@@ -238,14 +244,14 @@ def _renew_lists(state, pairs, contacts):
 
 @inner
 def _speed(bodies, i):
-    """Return the speed of body i in the step, before or after the drive, whichever is greater [m/s]."""
+    """Return the larger of the speeds of body i before the step and after the drive [m/s]."""
     free = bodies.free[i, 0] ** 2 + bodies.free[i, 1] ** 2
     return max(free, bodies.velocity[i, 0] ** 2 + bodies.velocity[i, 1] ** 2) ** 0.5
 
 
 @inner
 def _is_too_fast(bodies, h, limit):
-    """Say whether a path in the step is longer than `limit` [m], the fastest body's among them, and note the body."""
+    """Return whether the free path of a body in the step exceeds `limit` [m]; note the body as failed."""
     if h * bodies.fastest <= limit:
         return False
     for i in range(bodies.inside):
@@ -257,9 +263,9 @@ def _is_too_fast(bodies, h, limit):
 
 @inner
 def _tally_contacts(state):
-    """Count the contacts and their overlaps as the sub-step begins; the deepest is placed where the step began.
+    """Count contacts and overlaps at the start of the sub-step, and record the deepest overlap with its place.
 
-    Of two people it is told of the one with the greater row, whatever the order of bodies.
+    Of two people the one with the greater row is recorded, so that the record does not depend on the order of bodies.
     """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     deepest, overlaps, total = 0.0, 0, tally[at.OVERLAP_SUM]
@@ -286,7 +292,7 @@ def _tally_contacts(state):
 
 @kernel
 def conclude(state: State) -> int:
-    """Report contact forces if asked for, sum the work, remember the percussions, move; return a status."""
+    """Report contact forces if requested, sum the work, store percussions for a warm start, move; return a status."""
     bodies, contacts, tally, clock, traits = state.bodies, state.contacts, state.tally, state.clock, state.traits
     if clock.reports and traits.reports_percussions:
         report_contact_force(bodies, contacts, 0.0 if traits.overdamped else 1.0 / clock.h)
@@ -307,7 +313,7 @@ def conclude(state: State) -> int:
 
 @kernel
 def open_step(state: State) -> None:
-    """Remember bodies, sums, events and percussions at the start of a step."""
+    """Save bodies, sums, events and percussions at the start of a step."""
     bodies, memory = state.bodies, state.warm_start
     if state.parts.team != 0:
         call_team(state.parts.team, state, OPEN)
@@ -323,11 +329,11 @@ def open_step(state: State) -> None:
 
 @kernel
 def cut(state: State, status: int, parts: int) -> int:
-    """Go back to the start of the step; return the number of parts to try next, 0 if more do not help.
+    """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
-    Sub-steps start without percussions; only a step that waits for a part to be loaded is made again as it was. Lists
-    that have been built stay, and so does their count; after a move that failed they are stale, since other threads may
-    have moved bodies that one thread had not come to.
+    The sub-steps start without warm start percussions, except if the step is only repeated because a part had to be
+    loaded. Neighbour lists that have been built are kept, and so is their count; after a failed move they are stale,
+    since other threads may have moved bodies that one thread had not reached.
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     state.clock.parts = parts

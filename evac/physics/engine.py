@@ -1,4 +1,4 @@
-"""The engine: owns the state of the step loop and makes one tick of steps."""
+"""The engine, which owns the state of the step loop and makes the steps of a tick."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from evac.errors import PluginError, SimulationError, plugin_code
-from evac.jit import AddressCall, Entry, call_pair_force
+from evac.jit import AddressCall, Entry
 from evac.jit.loading import addresses_of
 from evac.physics import driver, status
 from evac.physics import tallies as at
@@ -21,11 +21,13 @@ from evac.physics.allocation import (
     make_state,
     make_warm_start,
 )
+from evac.physics.body_forces import add_body_forces
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.overlaps import separate
+from evac.physics.pair_contact import PairContact
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
@@ -33,26 +35,26 @@ from evac.physics.state import Crowd, Events, Forces, State, World
 from evac.physics.team import conduct, serve
 from evac.physics.threads import Threads
 
-#: What went wrong in a step, for messages; contact models add what to change.
+#: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
     status.WALL_CROSSED: (
-        "would pass through a wall even with the step cut into {parts} parts: the contact is too soft for the load, or"
-        " the run started with overlaps"
+        "would pass through a wall even if the step is divided into {parts} parts: the contact is too soft for the"
+        " load, or the run started with overlaps"
     ),
     status.TOO_FAST: (
-        "moves too fast for the step even cut into {parts} parts, or faster than {fastest:g} m/s; check speeds, forces,"
-        " masses and overlaps"
+        "moves too fast even if the step is divided into {parts} parts, or faster than {fastest:g} m/s; check speeds,"
+        " forces, masses and overlaps"
     ),
-    status.TOO_STIFF: "has contacts too stiff for the step even cut into {parts} parts",
+    status.TOO_STIFF: "has contacts that are too stiff even if the step is divided into {parts} parts",
     status.NOT_FINITE: (
-        "has a NaN or infinite velocity; use a smaller simulation.step or softer contact parameters, and look at the"
+        "has a NaN or infinite velocity; use a smaller simulation.step or softer contact parameters, and check the"
         " forces and contact models of plugins"
     ),
 }
 
 
 class Engine:
-    """Everything the step loop needs besides the crowd.
+    """The step loop of a run, with its state and compiled kernels.
 
     Parameters
     ----------
@@ -60,15 +62,15 @@ class Engine:
     people : int
         Number of people in the run.
     forces : sequence of Force
-        Those in use.
+        Forces in use.
     full : bool
-        Do even what the scene does not need (``evac run --full``).
+        Whether to include parts that the scene does not need (``evac run --full``).
     levels : sequence of str
-        Names of the levels, for messages; without them messages show level indices.
+        Names of the levels, for messages; otherwise messages show level indices.
     solvers : mapping of str to type
-        The registered solvers, by name, see `Registry.solvers`.
+        Registered solvers by name, see `Registry.solvers`.
     threads : int
-        Threads that share the step loop; their number changes no bit.
+        Threads that share the step loop; their number does not change the results.
 
     Attributes
     ----------
@@ -89,7 +91,9 @@ class Engine:
         self.full = full
         self._forces = list(forces)
         self._solvers = solvers or {}
-        self.state = make_state(world, people, pack_forces(self._forces))
+        self._pair_forces = [force for force in self._forces if force.pair is not None]
+        self._body_forces = [force for force in self._forces if force.body is not None]
+        self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
         self.threads = Threads(self.state, threads) if threads > 1 else None
         self._model: ContactModel | None = None
@@ -102,7 +106,7 @@ class Engine:
         Raises
         ------
         SimulationError
-            If a step cannot be made; names time, person and place.
+            A step failed; names the time, the person and the place.
         """
         self.load(model)
         state, clock = self.state, self.state.clock
@@ -128,14 +132,14 @@ class Engine:
             self.threads.end()
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
-        """Copy the people inside to the bodies, in the order that the model asks for; return how many they are."""
+        """Copy the people inside to the bodies, in the order that the model requires; return their number."""
         rows = rows_by_travel_time(self.state.world, crowd) if model.along_the_way else rows_by_place(crowd)
         self.state.bodies.row[: len(rows)] = rows
         driver.gather(self.state, crowd, len(rows))
         return len(rows)
 
     def load(self, model: ContactModel, progress: Callable[[int, int], None] | None = None) -> None:
-        """Load the kernels that a scene is known to need, compiling those that are not on disk; no step is made."""
+        """Load the kernels that a scene is known to need, compiling those that are not on disk."""
         if self._model is model:
             return
         self._model = None  # until all of it is loaded
@@ -147,9 +151,6 @@ class Engine:
                 AddressCall([State, type(self._own), float], (int,)).check(
                     model.law, f"contact model {model.name!r}: law"
                 )
-        for force in self._forces:
-            with plugin_code(f"force {force.name!r}"):
-                call_pair_force.check(getattr(force, "pair", None), f"force {force.name!r}: pair")
         addresses_of(self.entries(model), progress)
         if isinstance(model, SolvedContactModel):
             state.problem = make_problem(len(state.bodies.row), len(state.contacts.body))
@@ -160,9 +161,13 @@ class Engine:
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.drive = drive_of(model).address
-        parts.forces = add_forces.address if self._forces else 0
-        for k, force in enumerate(self._forces):
+        parts.pair_contact = model.pair.address if isinstance(model, PairContact) else 0
+        parts.forces = add_forces.address if self._pair_forces else 0
+        parts.body_forces = add_body_forces.address if self._body_forces else 0
+        for k, force in enumerate(self._pair_forces):
             state.forces.address[k] = force.pair.address
+        for k, force in enumerate(self._body_forces):
+            state.body_forces.address[k] = force.body.address
         if self.full and isinstance(model, SolvedContactModel):
             self._load_part(model, status.NEEDS_STRONGER_SOLVER)
             if model.separates:
@@ -171,7 +176,7 @@ class Engine:
 
     @property
     def has_seams(self) -> bool:
-        """Whether bodies can touch across portals, or walls stand behind an exit."""
+        """Whether bodies can touch across portals, or there are walls behind an exit."""
         world = self.state.world
         return self.full or len(world.cosine) > 1 or bool(world.backed.any())
 
@@ -181,32 +186,44 @@ class Engine:
         return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full) + shared
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
-        """Return the parts of the step loop that a scene may not need: name, whether in, why."""
+        """Return the optional parts of the step loop: name, whether it is included, and the reason."""
         levels, behind = len(self.state.world.cosine), int(self.state.world.backed.sum())
-        why = f"levels: {levels}; of these with walls right behind an exit: {behind}"
+        why = f"levels: {levels}, of which {behind} have walls right behind an exit"
         found = [("contacts across portals and exits", self.has_seams, why)]
         if isinstance(model, SolvedContactModel):
-            stronger, later = self._solver(model).stronger, "loaded when a solve does not converge"
+            stronger, later = self._solver(model).stronger, "loaded if a solve does not converge"
             found += [
                 (f"solver {model.solver}", True, f"contact.{model.name}.solver"),
-                (f"solver {stronger}, which tries again", self.full, later),
+                (f"solver {stronger}, for solves that fail", self.full, later),
             ]
         if isinstance(model, SolvedContactModel) and model.separates:
-            found.append(("separation of overlaps", self.full, "loaded when overlaps exceed the tolerance"))
+            found.append(("separation of overlaps", self.full, "loaded if overlaps exceed the tolerance"))
+        return found
+
+    def explain_forces(self) -> dict[str, str]:
+        """Return how each force in use acts, by name."""
+        found = {}
+        for k, force in enumerate(self._body_forces):
+            cutoff = self.state.body_forces.cutoff[k]
+            walls = f", depending on walls up to a gap of {cutoff:.2f} m" if cutoff > 0.0 else ""
+            found[force.name] = f"acts on each person{walls}"
+        for k, force in enumerate(self._pair_forces):
+            between = f"acts up to a gap of {self.state.forces.cutoff[k]:.2f} m"
+            found[force.name] = f"{between}; {found[force.name]}" if force.name in found else between
         return found
 
     def _solver(self, model: SolvedContactModel, stronger: bool = False) -> type[Solver]:
         return solver_of(model, self._solvers, stronger)
 
     def _load_part(self, model: SolvedContactModel, needed: int) -> None:
-        """Load what a step has been found to need."""
+        """Load a part that a step turned out to need."""
         if needed == status.NEEDS_STRONGER_SOLVER:
             self.state.parts.stronger = self._solver(model, stronger=True).solve.address
         else:
             self.state.parts.separation = separate.address
 
     def _handle(self, model: ContactModel, found: int, time: float) -> None:
-        """Do what a status asks for, or raise SimulationError."""
+        """Handle a status: load a part, enlarge an array, or raise SimulationError."""
         state, parts = self.state, self.state.parts
         missing = {status.NEEDS_STRONGER_SOLVER: not parts.stronger, status.NEEDS_SEPARATION: not parts.separation}
         if isinstance(model, SolvedContactModel) and missing.get(found):
@@ -218,7 +235,7 @@ class Engine:
             state.lists.wall_item = grown(state.lists.wall_item)
             state.lists.stale = 1
         elif found == status.CONTACTS_FULL:
-            # The memory for warm starts is empty: the step that ran out of room has been undone.
+            # The new warm start is empty; the step that ran out of room has been undone.
             make_room_for_contacts(state, 2 * len(state.contacts.body))
         elif found == status.NEAR_WALLS_FULL:
             raise SimulationError(
@@ -234,16 +251,17 @@ class Engine:
             raise SimulationError(f"t = {time:.3f} s: {self._place()} {failure}{'; ' if advice else ''}{advice}")
         else:
             raise PluginError(
-                f"contact model {model.name!r}: its law returned {found}, which is no status of evac.physics.status, or"
-                " none that ends this law; models that solve contact problems are made of SolvedContactModel"
+                f"contact model {model.name!r}: its law returned {found}, which is not a status of"
+                " evac.physics.status that a law may return; models that solve contact problems must derive from"
+                " SolvedContactModel"
             )
 
     def own_arrays(self) -> list[str]:
-        """Return the names of the arrays in the struct of the contact model that is loaded."""
+        """Return the names of the arrays in the parameter struct of the loaded contact model."""
         return [name for name, value in self._own.values().items() if isinstance(value, np.ndarray)]
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """Return copies of what the next tick depends on beyond the crowd."""
+        """Return copies of the state, besides the crowd, that the next tick depends on."""
         state = self.state
         room = (state.lists.pair_body, state.lists.wall_item, state.contacts.body, state.events.row)
         return {
@@ -253,7 +271,7 @@ class Engine:
         }
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore what `snapshot` returned. A step that ran out of room starts cold, so the room counts too."""
+        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts."""
         pairs, walls, contacts, events = map(int, saved["room"])
         state, n = self.state, len(self.state.bodies.row)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
@@ -265,7 +283,7 @@ class Engine:
         state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
 
     def report(self) -> dict[str, float | int]:
-        """Return what the run has added up so far, by name: counts as int, the other numbers as float."""
+        """Return the tallies of the run by name: counts as int, other sums as float."""
         return {
             name: float(value) if name in at.MEASURES else int(value)
             for name, value in zip(at.NAMES, self.state.tally, strict=True)
@@ -273,7 +291,7 @@ class Engine:
         }
 
     def contact_report(self, model: ContactModel) -> dict[str, Any]:
-        """Return what a contact model has come to, by the names that docs/results.md lists."""
+        """Return the tallies of a contact model, with the names in docs/results.md."""
         report: dict[str, Any] = self.report()
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
@@ -282,14 +300,14 @@ class Engine:
         return report | {"model": model.name, "parameters": model.values()}
 
     def deepest_overlap(self) -> dict[str, Any] | None:
-        """Return time [s], person, level and place x, y [m] of the greatest overlap; None where there was none."""
+        """Return time [s], person, level and position x, y [m] of the largest overlap; None if there was no overlap."""
         if not self.state.tally[at.GREATEST_OVERLAP]:
             return None
         time, person, level, x, y = self.state.tally[at.DEEPEST_TIME :].tolist()
         return {"time": time, "person": int(person), "level": self._level_name(int(level)), "x": x, "y": y}
 
     def _place(self) -> str:
-        """Name the body that the failure is about."""
+        """Describe the body that a failure concerns, with its place."""
         bodies = self.state.bodies
         x, y = bodies.position[bodies.failed]
         level = self._level_name(int(bodies.level[bodies.failed]))
@@ -300,7 +318,7 @@ class Engine:
 
 
 def pack_forces(forces: Sequence[Force]) -> Forces:
-    """Return cut-offs and parameters of pair forces; shorter parameter rows are filled with zeros."""
+    """Pack the cut-offs and parameters of forces; shorter parameter rows are padded with zeros."""
     packed = []
     for force in forces:
         with plugin_code(f"force {force.name!r}"):

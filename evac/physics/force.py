@@ -1,4 +1,4 @@
-"""Forces at a distance between two people: the base class of force plugins."""
+"""Base class of forces other than contact forces: between two people, or on one person."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
@@ -10,23 +10,25 @@ from evac.parameters import Configurable
 
 
 class Force(Configurable, ABC):
-    """A pair force, evaluated in every sub-step for all pairs closer than its cut-off.
+    """Base class of forces between two people, on one person, or both, which are evaluated in every sub-step.
 
-    A subclass names a function compiled with `evac.jit.pair_force` and turns its parameters into
-    the float64 array that the function reads.
+    A subclass names compiled functions, and packs its parameters into the float64 array that they read.
     """
 
-    #: Function compiled by `evac.jit.pair_force`.
-    pair: ClassVar[Any]
+    #: Force between two people closer than the cut-off, a function compiled by `evac.jit.pair_force`.
+    pair: ClassVar[Any] = None
+
+    #: Force on each person, a function compiled by `evac.jit.body_force`.
+    body: ClassVar[Any] = None
 
     def packed(self) -> NDArray[np.float64]:
-        """Return the parameters as the pair function reads them, (p,) float64; by default all declared numbers."""
+        """Return the parameters (p,) float64 that the functions read; by default all declared numbers."""
         return np.array(list(self.values().values()), dtype=np.float64)
 
     @abstractmethod
     def cutoff(self) -> float:
-        """Return the gap [m] beyond which the force is left out."""
+        """Return the gap [m] beyond which people, or walls, have no influence; 0 if the force depends on neither."""
 
     def is_needed(self) -> bool:
-        """Return False if the force is zero everywhere, so that it can be left out."""
+        """Return False if the force is zero everywhere and can be omitted."""
         return True

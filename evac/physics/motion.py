@@ -1,4 +1,4 @@
-"""Moving: new positions, portals and exits crossed, walls never crossed, sums for the report."""
+"""Motion of bodies: new positions, crossings of portals and exits, checks of walls, energy balance."""
 
 import math
 
@@ -6,7 +6,7 @@ from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contacts import normal_velocity, tangential_velocity
 from evac.physics.neighbours import segment_distance
-from evac.physics.pieces import CHUNK, TAKE, call_team
+from evac.physics.pieces import CHUNK
 from evac.physics.seams import crossing, touches
 from evac.physics.sight import passes_through
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
@@ -27,25 +27,8 @@ def remember(bodies, first, last):
 
 
 @inner
-def take_free(state):
-    """Let the free velocity of everybody be the velocity after the sub-step, as it is without contacts."""
-    if state.parts.team != 0:
-        call_team(state.parts.team, state, TAKE)
-    else:
-        take_velocities(state.bodies, 0, state.bodies.inside)
-
-
-@inner
-def take_velocities(bodies, first, last):
-    """Let the free velocities of some bodies be those after the sub-step."""
-    for i in range(first, last):
-        bodies.solved[i, 0] = bodies.free[i, 0]
-        bodies.solved[i, 1] = bodies.free[i, 1]
-
-
-@inner
 def _crosses_wall(state, i, ax, ay, bx, by):
-    """Say whether the path a-b of body i passes through a wall that acts on it."""
+    """Return whether the path a-b of body i passes through a wall that acts on it."""
     world, bodies, lists = state.world, state.bodies, state.lists
     for slot in range(lists.wall_start[i], lists.wall_start[i + 1]):
         w = lists.wall_item[slot]
@@ -62,7 +45,7 @@ def _crosses_wall(state, i, ax, ay, bx, by):
 
 @inner
 def _cross_links(state, i, ax, ay, bx, by, time, h):
-    """Follow body i over the portals and exits on its path a-b; return OK or EVENTS_FULL."""
+    """Move body i through the portals and exits on its path a-b; return OK or EVENTS_FULL."""
     world, bodies, lists, events = state.world, state.bodies, state.lists, state.events
     passed = 0.0
     for _ in range(4):
@@ -97,11 +80,11 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
 
 @inner
 def move(state, first, last, time, h, old_share, is_walk):
-    """Move some bodies, from the first of a chunk on, by h ``bodies.solved``; return a status.
+    """Move some bodies, from the first of a chunk on, by h times the velocity ``bodies.solved``; return a status.
 
-    The share `old_share` is the old velocity's. Of a walk the path up to an exit counts as walked, and the driving work
-    m (V - u).(u + u+)/2 with the free velocity V is added up for each chunk, unless nobody has inertia. Lists become
-    stale where somebody has moved by half their skin.
+    The velocity includes the share `old_share` of the old one. If `is_walk`, the path is added to the distance, up to
+    an exit, and the driving work m (V - u).(u + u+)/2 with the free velocity V is summed for each chunk, unless bodies
+    have no inertia. Lists become stale when a body has moved by half their skin.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
     works = is_walk and not state.traits.overdamped
@@ -129,7 +112,7 @@ def move(state, first, last, time, h, old_share, is_walk):
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
         if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
-            bodies.failed = events.failed = i  # beyond the walls that the lists hold
+            bodies.failed = events.failed = i  # beyond the walls in the lists
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
             bodies.failed = events.failed = i
@@ -156,10 +139,10 @@ def move(state, first, last, time, h, old_share, is_walk):
 
 @inner
 def add_contact_work(bodies, contacts, tally):
-    """Add what contacts took from and gave to the kinetic energy [J] to the tally.
+    """Add the kinetic energy lost and gained in contacts [J] to the tally.
 
-    Per contact it is P (w+ + w-)/2 along the normal and likewise along the tangent; with the driving work of `move` it
-    adds up to the change of kinetic energy to rounding.
+    It is P (w+ + w-)/2 per contact along the normal and likewise along the tangent. With the driving work of `move`,
+    the sum is the change of kinetic energy, up to rounding.
     """
     taken, given = tally[at.CONTACT_DISSIPATION], tally[at.CONTACT_CREATION]
     for c in range(contacts.number):

@@ -1,8 +1,8 @@
-"""Neighbour lists: who and which walls a body can touch until the lists are built again.
+"""Neighbour lists: bodies and walls that a body can touch until the lists are rebuilt.
 
-The lists cover what lies within a reach of a body plus a skin; they are built again when somebody has moved by
-half the skin or has changed level. What a kernel takes from them is decided by the
-distances of the moment, so results do not depend on when they were built.
+The lists contain everything within the reach of a body plus a skin. They are rebuilt when a body has moved by half
+the skin or has changed its level. Kernels select entries by current distances, so results do not depend on when the
+lists were built.
 """
 
 from evac.jit import inner
@@ -12,7 +12,7 @@ from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 
 @inner
 def segment_distance(x1, y1, x2, y2, px, py):
-    """Return the distance of p from a segment, and the nearest point."""
+    """Return the distance of p from a segment [m], and the nearest point."""
     dx = x2 - x1
     dy = y2 - y1
     length2 = dx * dx + dy * dy
@@ -26,7 +26,7 @@ def segment_distance(x1, y1, x2, y2, px, py):
 
 @inner
 def build_lists(world, bodies, lists):
-    """Build both lists for their reaches and skin; return OK, PAIRS_FULL or WALLS_FULL."""
+    """Build the lists of bodies and walls; return OK, PAIRS_FULL or WALLS_FULL."""
     n = bodies.inside
     sort_into_cells(bodies, lists)
     if list_pairs(world, bodies, lists, lists.pair_body, 0, n)[0] < 0:

@@ -1,4 +1,4 @@
-"""Separating overlaps: a solve on positions that leaves velocities untouched."""
+"""Separation of overlaps by a solve on positions, which leaves velocities unchanged."""
 
 import math
 
@@ -9,25 +9,25 @@ from evac.physics.percussions import find_percussions
 from evac.physics.state import State
 from evac.physics.status import NEEDS_STRONGER_SOLVER, OK
 
-#: A law asks for separation where an overlap exceeds this share of its tolerance; a step may add another half of it.
+#: Share of the tolerance above which overlaps are separated; a step may add another half of the tolerance.
 SHARE = 0.4
 
-#: Iterations of a position solve: one that has no solution (a body squeezed between walls) never converges.
+#: Maximum number of iterations of a position solve, which may have no solution (a body squeezed between walls).
 ITERATIONS = 2000
 
-#: Contacts are looked for as far as so many overlaps in a row push somebody, at least, and times the square root of the
-#: number of people, for across a crowd; but no farther than [m].
+#: Search distance for contacts in units of the largest overlap: the minimum, and the factor of the square root of the
+#: number of people, since displacements add up across a crowd; and its upper limit [m].
 CHAIN = 20.0
 ACROSS = 2.0
 LONGEST_CHAIN = 0.1
 
-#: Call `separate` at its address: it is loaded when overlaps have to be separated for the first time.
+#: Call `separate` at its address; it is loaded when overlaps must be separated for the first time.
 call_separate = AddressCall([State, int], (int,))
 
 
 @inner
 def is_to_separate(state, tolerance, iterations):
-    """Say whether overlaps are to be separated before the law acts; note to what tolerance [m], and how long to try."""
+    """Return whether overlaps must be separated before the law acts; note the tolerance [m] and the iteration limit."""
     contacts = state.contacts
     if contacts.separation_failed or state.clock.attempt > 0 or contacts.deepest <= SHARE * tolerance:
         return False
@@ -38,7 +38,7 @@ def is_to_separate(state, tolerance, iterations):
 
 @inner
 def _widen_reach(state):
-    """Let bodies look as far as separating the overlaps may push somebody."""
+    """Extend the reach of bodies to the largest expected displacement by the separation."""
     bodies = state.bodies
     bodies.farthest_reach = 0.0
     deepest = state.contacts.deepest
@@ -50,11 +50,11 @@ def _widen_reach(state):
 
 @kernel
 def separate(state: State, is_solve: int) -> int:
-    """Separate the overlaps in two calls, contacts being searched for after each; return a status.
+    """Separate the overlaps in two calls, each followed by a contact search; return a status.
 
-    The first lets everybody look far enough, the second finds the displacements and moves. They are the least in the
-    mass norm with D + G.d >= 0 for all contacts in reach, the NSM1 problem without time, and are taken only where they
-    at least halve the deepest overlap; a squeezed body stays where it is.
+    The first call extends the reaches, the second finds the displacements and moves. The displacements d are the
+    smallest ones in the mass norm with D + G.d >= 0 for all contacts in reach, which is the NSM1 problem without time.
+    They are applied only if they at least halve the deepest overlap; a squeezed body is not moved.
     """
     bodies, contacts, tally = state.bodies, state.contacts, state.tally
     if is_solve == 0:
@@ -75,17 +75,17 @@ def separate(state: State, is_solve: int) -> int:
     if found <= enough:
         tally[at.POSITION_CORRECTIONS] += 1.0
         return _displace(state)
-    contacts.separation_failed = 1  # not again before the next tick
+    contacts.separation_failed = 1  # no further attempt before the next tick
     tally[at.FAILED_POSITION_CORRECTIONS] += 1.0
     return OK
 
 
 @inner
 def _displace(state):
-    """Move everybody along the displacement in ``bodies.solved``; velocities stay, and no time goes by.
+    """Move all bodies by the displacement in ``bodies.solved``, without changing velocities or time.
 
-    The same share of it for all, so that no overlap is made: as much as keeps everybody within the reach of contacts
-    and within half a radius. What is left is done in the next steps, for it cannot be had by cutting this one.
+    All bodies move by the same share of their displacements, so that no new overlaps arise: the largest share within
+    the reach of contacts and half a radius. The rest is left to later steps, since subdividing this one does not help.
     """
     bodies, events = state.bodies, state.events
     share = 1.0

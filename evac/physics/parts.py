@@ -1,16 +1,18 @@
-"""The parts of the step loop: which kernels a scene is known to need before anything else is known of it."""
+"""Kernels of the step loop that a run is known to need before its first step."""
 
 from collections.abc import Mapping, Sequence
 
 from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, plugin_code
-from evac.jit import Entry
+from evac.jit import Entry, call_body_force, call_pair_contact, call_pair_force
 from evac.parameters import did_you_mean
 from evac.physics import driver
+from evac.physics.body_forces import add_body_forces
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.drive import add_forces, drive, drive_overdamped
 from evac.physics.force import Force
 from evac.physics.overlaps import separate
+from evac.physics.pair_contact import PairContact
 from evac.physics.rows import call_solver
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
@@ -27,6 +29,9 @@ def entries_of_loop(
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:
         found += [driver.advance, model.law]
+    if isinstance(model, PairContact):
+        call_pair_contact.check(model.pair, f"contact model {model.name!r}: pair")
+        found.append(model.pair)
     if isinstance(model, SolvedContactModel):
         found.append(solver_of(model, solvers).solve)
         if full:
@@ -35,29 +40,52 @@ def entries_of_loop(
             found.append(separate)
     if has_seams:
         found.append(reaches)
-    if forces:
-        found += [add_forces, *(force.pair for force in forces)]
+    for force in forces:
+        found += functions_of(force)
+    return list(dict.fromkeys(found))
+
+
+def functions_of(force: Force) -> list[Entry]:
+    """Return the compiled functions of a force and the kernels that call them.
+
+    Raises
+    ------
+    PluginError
+        If it names none, or one of another signature.
+    """
+    found: list[Entry] = []
+    if force.pair is not None:
+        call_pair_force.check(force.pair, f"force {force.name!r}: pair")
+        found += [add_forces, force.pair]
+    if force.body is not None:
+        call_body_force.check(force.body, f"force {force.name!r}: body")
+        found += [add_body_forces, force.body]
+    if not found:
+        raise PluginError(
+            f"force {force.name!r} names no function; give it `pair`, a function marked with evac.jit.pair_force, or"
+            " `body`, one marked with evac.jit.body_force"
+        )
     return found
 
 
 def drive_of(model: ContactModel) -> Entry:
-    """Return the kernel that lets people accelerate as a model asks for."""
+    """Return the drive kernel for a contact model."""
     chosen: Entry = drive_overdamped if model.overdamped else drive
     return chosen
 
 
 def solver_of(model: SolvedContactModel, solvers: Mapping[str, type[Solver]], stronger: bool = False) -> type[Solver]:
-    """Return the solver that a model names, or the one that tries again.
+    """Return the solver of a contact model, or its stronger solver for solves that fail.
 
     Raises
     ------
     PluginError
-        If it is not registered, or has no kernel of the right signature.
+        The solver is not registered, or its kernel has the wrong signature.
     """
     name = model.solver
     for _ in range(1 + stronger):
         if name not in solvers:
-            raise PluginError(f"contact.{model.name}.solver: no solver {name!r}; {did_you_mean(name, list(solvers))}")
+            raise PluginError(f"contact.{model.name}.solver: unknown solver {name!r}; {did_you_mean(name, [*solvers])}")
         found = solvers[name]
         with plugin_code(f"solver {name!r}"):
             call_solver.check(getattr(found, "solve", None), f"solver {name!r}: solve")

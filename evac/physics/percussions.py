@@ -1,4 +1,4 @@
-"""Finding the percussions of a sub-step: contacts packed for a solver, solved, and unpacked.
+"""Percussions of a sub-step: packing of the contact problem, calls of the solver, and unpacking.
 
 Find percussions P >= 0 such that with the velocity v = V + M^-1 sum_c P_c n_c each contact obeys its law
 
@@ -15,7 +15,7 @@ import math
 from evac.jit import inner
 from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, INELASTIC, SPRING, call_solver, renew_velocity
 
-#: Rows that follow one another stand so many rows apart.
+#: Distance in packed rows of consecutive unknowns.
 APART = 8
 
 
@@ -23,19 +23,19 @@ APART = 8
 def find_percussions(state, free, velocity, normal, tangential, tolerance, limit, enough):
     """Solve the contact problem from the percussions in the contacts; return the residual [m/s].
 
-    Where it is more than `enough` [m/s], it is solved again, cold, by a stronger solver; if that is not loaded,
-    ``problem.missing`` is 1.
+    If the residual exceeds `enough` [m/s], the problem is solved again by a stronger solver without warm start; if
+    that solver is not loaded, ``problem.missing`` is set to 1.
 
     Parameters
     ----------
     free, velocity : (n, 2)
-        V, and the velocity found [m/s].
+        Free velocity V, and the resulting velocity [m/s].
     normal, tangential : float
         K_N and K_T [kg]; both are 0 for NSM1.
     tolerance : float
-        Of the residual [m/s].
+        Tolerance of the residual [m/s].
     limit : int
-        Greatest number of iterations.
+        Maximum number of iterations.
     """
     problem, contacts = state.problem, state.contacts
     problem.missing = 0
@@ -46,7 +46,7 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
             velocity[i, 0] = free[i, 0]
             velocity[i, 1] = free[i, 1]
         return 0.0
-    if state.parts.solver == 0:  # and no room for the problem: the model is no SolvedContactModel
+    if state.parts.solver == 0:  # the model is not a SolvedContactModel, so there is no packed problem
         problem.missing = 1
         return math.inf
     compliance = 2.0 / normal if normal > 0.0 else INELASTIC
@@ -66,17 +66,17 @@ def find_percussions(state, free, velocity, normal, tangential, tolerance, limit
 
 @inner
 def solve_once(state, solver, free, velocity, compliance, tangential, tolerance, limit):
-    """Solve once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
+    """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
     problem = state.problem
     pack(state, free, compliance, tangential)
     problem.iterations += call_solver(solver, problem, tolerance, limit)
     if not _unpack(state, velocity, tangential):
-        problem.residual = math.inf  # where numbers are lost, the residual of a row compares as none
+        problem.residual = math.inf  # with NaN values, comparisons of residuals are all false
 
 
 @inner
 def pack(state, free, compliance, tangential):
-    """Fill the rows from the contacts, set velocities to the free ones plus percussions."""
+    """Fill the rows from the contacts, and set velocities to the free ones plus the effect of percussions."""
     problem, contacts, n = state.problem, state.contacts, state.bodies.inside
     for i in range(n):
         problem.inverse_root[i] = math.sqrt(state.bodies.inverse_mass[i])
@@ -110,9 +110,9 @@ def pack(state, free, compliance, tangential):
 
 @inner
 def interleaved(k, rows):
-    """Return the row of the k-th unknown: in each full block those that follow one another stand `APART` apart.
+    """Return the row of the k-th unknown: in each full block, consecutive unknowns are `APART` rows apart.
 
-    Unknowns of a body follow one another; a sweep over them would wait each time for the velocity just written.
+    Unknowns of a body are consecutive; in a sweep over adjacent rows, each would wait for the velocity just written.
     """
     within = k % (APART * APART)
     block = k - within
@@ -144,7 +144,7 @@ def _pack_row(problem, contacts, c, r, nx, ny, bias, before, spring, bound, star
 
 @inner
 def _unpack(state, velocity, tangential):
-    """Copy percussions and velocities back; return whether all velocities are numbers."""
+    """Copy percussions and velocities back; return whether all velocities are finite."""
     problem, contacts = state.problem, state.contacts
     total = 0.0
     used = 0

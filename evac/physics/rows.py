@@ -1,24 +1,24 @@
-"""The contact problem packed for solvers: one row per unknown percussion, with unit diagonal.
+"""The packed contact problem of solvers: one row per unknown percussion, scaled to a unit diagonal.
 
-A normal percussion is one row, a tangential one (where a contact is sticky) another without a lower bound. Walls
-are a last body that is never moved. Solvers work on scaled unknowns
+Each normal percussion is one row; the tangential percussion of a sticky contact is another one without a lower
+bound. Walls are represented by one last body with infinite mass. Solvers work on scaled unknowns
 
     x = sqrt(omega) P  [J^1/2],    U = sqrt(m) v  [J^1/2]
 
-so that a row is a unit vector, A on its body and B on the other one: its velocity w / sqrt(omega) is
-A.U_i + B.U_j, a change of x moves U_i by A and U_j by B, and a body's mass is never looked at. A sweep then costs
-some 3 ns a row; on contacts and bodies it would cost ten times as much (memory and branches).
+so that a row is a unit vector with components A for its body and B for the other one: its velocity w / sqrt(omega)
+is A.U_i + B.U_j, a change dx of x changes U_i by A dx and U_j by B dx, and masses are not needed. A sweep then costs
+about 3 ns per row; working on contacts and bodies directly would cost ten times as much (memory and branches).
 
-Columns of ``Problem.data``: A, B and the bias b over sqrt(omega), all that rigid rows need; of ``Problem.elastic``:
-velocity before the step w- over sqrt(omega), s = omega / (omega + 2/K_N), 0 where the elastic term is absent, and the
-lower bound of x. The local law (docs/physics.md) reads
+The columns of ``Problem.data`` are A, B and the bias b / sqrt(omega), which suffice for rigid rows; those of
+``Problem.elastic`` are the velocity before the step w- / sqrt(omega), s = omega / (omega + 2/K_N), which is 0 without
+the elastic term, and the lower bound of x. The local law (docs/physics.md) is
 
     x = max(bound, x - (w + b), s (x - (w + w-)))
 
-and a tangential row, with bound minus and b plus infinity, takes the last of the three alone.
+and reduces to its last term for tangential rows, whose bound is minus infinity and whose b is plus infinity.
 
-What a sweep waits for is the chain from the velocities that one row leaves to those that the next one at the same
-body leaves. It is kept short: multiplications and additions are fused, and what is computed is the change of x.
+The speed of a sweep is limited by the latency from the velocities that one row writes to those that the next row of
+the same body writes. To keep it short, multiplications and additions are fused, and the change of x is computed.
 """
 
 import math
@@ -29,21 +29,21 @@ from evac.physics.state import Problem
 AX, AY, BX, BY, BIAS = range(5)
 BEFORE, SPRING, BOUND = range(3)
 
-#: Evaluating the residual costs half a sweep. It is likely to be this share of the greatest change in a sweep, later
-#: `CAUTION` of the share seen the last time.
+#: Initial estimate of the residual as a share of the largest change in a sweep, and safety factor of later estimates,
+#: which use the share at the last evaluation. Evaluating the residual costs half a sweep.
 LIKELY, CAUTION = 0.5, 0.8
 
-#: In place of 2/K_N where K_N = 0: no third term in the local form.
+#: Value used instead of 2/K_N for K_N = 0, where the local form has no third term.
 INELASTIC = -1.0
 
-#: Call a solver: the problem, the residual wanted [m/s], the most iterations; it returns those made.
+#: Call a solver with the problem, the tolerance of the residual [m/s] and the maximum number of iterations.
 call_solver = AddressCall([Problem, float, int], (int,))
 
 
 @inner
 def push_row(velocity, i, j, data, r, change):
     """Apply a change of x along row r."""
-    # All loads before the first store, so that the compiler may keep what `row_velocity` has loaded.
+    # All loads precede the first store, so that the compiler can reuse the values loaded by `row_velocity`.
     ux, uy, vx, vy = velocity[i, 0], velocity[i, 1], velocity[j, 0], velocity[j, 1]
     velocity[i, 0] = fused(data[r, AX], change, ux)
     velocity[i, 1] = fused(data[r, AY], change, uy)
@@ -53,17 +53,17 @@ def push_row(velocity, i, j, data, r, change):
 
 @inner
 def row_velocity(velocity, i, j, data, r, start):
-    """Return `start` plus the scaled velocity along row r, positive when it opens."""
+    """Return `start` plus the scaled velocity along row r, positive if the contact opens."""
     own = fused(data[r, AX], velocity[i, 0], data[r, AY] * velocity[i, 1])
     return own + fused(data[r, BX], velocity[j, 0], fused(data[r, BY], velocity[j, 1], start))
 
 
 @inner
 def law(rows, r, x, rigid):
-    """Return the change of x after which row r obeys its law, with all others held.
+    """Return the change of x after which row r satisfies its local law, with all other rows fixed.
 
-    `rigid` is that of the rows, read before a loop over them, so that the loop is compiled for either: a sweep over
-    rigid rows, those of NSM1 and of NSM2 with K_N = 0, is a quarter cheaper.
+    `rigid` is ``rows.rigid``, read before a loop over rows so that the compiler specialises the loop: a sweep over
+    rigid rows (NSM1, and NSM2 with K_N = 0) is a quarter cheaper.
     """
     data, i, j = rows.data, rows.body[r], rows.other[r]
     if rigid:
@@ -76,9 +76,9 @@ def law(rows, r, x, rigid):
 
 @inner
 def row_energy(rows, r, x):
-    """Return the energy whose slope along x is minus the velocity that the law asks of row r [J].
+    """Return the energy [J] whose derivative with respect to x is minus the velocity required by the law of row r.
 
-    The slope is min(b, w- + (1/s - 1) x): that of the elastic term up to where the rigid one takes over.
+    The derivative is min(b, w- + (1/s - 1) x): that of the elastic term up to the transition to the rigid one.
     """
     spring, bias, before = rows.elastic[r, SPRING], rows.data[r, BIAS], rows.elastic[r, BEFORE]
     if spring <= 0.0 or before >= bias:
@@ -92,7 +92,7 @@ def row_energy(rows, r, x):
 
 @inner
 def relax(rows, r, rigid):
-    """Make row r obey its law; return how far it was from that [m/s]."""
+    """Relax row r, so that it satisfies its local law; return its residual before [m/s]."""
     x = rows.percussion[r]
     change = law(rows, r, x, rigid)
     push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
@@ -102,7 +102,7 @@ def relax(rows, r, rigid):
 
 @inner
 def sweep_up(rows):
-    """Relax the rows in their order, away from the exit along the force chains; return the greatest change [m/s]."""
+    """Relax the rows in ascending order, away from the exit along the force chains; return the largest change [m/s]."""
     change = 0.0
     rigid = rows.rigid == 1
     for r in range(rows.size):
@@ -112,7 +112,7 @@ def sweep_up(rows):
 
 @inner
 def sweep_down(rows):
-    """Relax the rows backwards; return the greatest change [m/s]."""
+    """Relax the rows in descending order; return the largest change [m/s]."""
     change = 0.0
     rigid = rows.rigid == 1
     for r in range(rows.size - 1, -1, -1):
@@ -133,9 +133,9 @@ def row_residual(rows):
 
 @inner
 def evaluate(rows, change, likely, tolerance):
-    """Set the residual after a sweep with this greatest change; return its likely share of such a change.
+    """Evaluate the residual after a sweep with the largest change `change`; return its estimated share of the change.
 
-    Where it is not likely to be within the tolerance both stay as they were.
+    If the estimate exceeds the tolerance, the residual is not evaluated and `likely` is returned.
     """
     if likely * change > tolerance:
         return likely
@@ -145,7 +145,7 @@ def evaluate(rows, change, likely, tolerance):
 
 @inner
 def renew_velocity(rows):
-    """Set the velocities to the free ones plus all percussions."""
+    """Recompute the velocities from the free ones and all percussions."""
     for i in range(rows.bodies + 1):
         rows.velocity[i, 0] = rows.free[i, 0]
         rows.velocity[i, 1] = rows.free[i, 1]
@@ -155,7 +155,7 @@ def renew_velocity(rows):
 
 @inner
 def keep(rows):
-    """Keep percussions in `work_a` and velocities in `image_a`."""
+    """Copy percussions to `work_a` and velocities to `image_a`."""
     for r in range(rows.size):
         rows.work_a[r] = rows.percussion[r]
     for i in range(rows.bodies):
@@ -165,6 +165,6 @@ def keep(rows):
 
 @inner
 def momentum_after(momentum):
-    """Return Nesterov's next momentum, and how much of the last step to go on by."""
+    """Return the next momentum parameter of Nesterov's method, and the extrapolation factor of the last step."""
     following = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
     return following, (momentum - 1.0) / following

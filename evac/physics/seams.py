@@ -1,4 +1,4 @@
-"""What reaches across portals: the rule that makes seams invisible and floors above one another apart."""
+"""Visibility across portals: contacts pass through portals, but not between overlapping levels."""
 
 from evac.jit import AddressCall, inner, kernel
 from evac.physics.state import World
@@ -9,16 +9,16 @@ SEAM = 1e-9
 
 @inner
 def side_of(x1, y1, x2, y2, px, py):
-    """Twice the area of (1, 2, p): positive where p is left of the segment, inside the level."""
+    """Return twice the signed area of (1, 2, p) [m2], positive if p is on the left, inside the level."""
     return (x2 - x1) * (py - y1) - (y2 - y1) * (px - x1)
 
 
 @inner
 def crossing(segment, s, ax, ay, bx, by, slack):
-    """Return how far along a-b the inside-left segment `s` is crossed outwards, or -1.
+    """Return the fraction of a-b at which segment `s` is crossed outwards, or -1 if it is not crossed.
 
-    A point on the line counts as inside, so that a crossing there and back is counted once each way;
-    with `slack` > 0 [m] an end on the line counts as crossed.
+    A point on the line counts as inside, so that a crossing forth and back is counted once in each direction.
+    With `slack` > 0 [m], an end on the line counts as crossed.
     """
     x1, y1, x2, y2 = segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3]
     length = ((x2 - x1) ** 2 + (y2 - y1) ** 2) ** 0.5
@@ -38,7 +38,7 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 
 @inner
 def leads_out(world, level, ax, ay, bx, by):
-    """Say whether the straight segment from a to b passes an open exit of a level."""
+    """Return whether the straight segment from a to b passes an open exit of a level."""
     for s in range(world.link_start[level], world.link_start[level + 1]):
         if world.link_to[s] >= 0 or not world.link_open[world.link_id[s]]:
             continue
@@ -49,10 +49,10 @@ def leads_out(world, level, ax, ay, bx, by):
 
 @kernel
 def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: float, by: float) -> bool:
-    """Say whether the straight segment from a, followed through portals, ends on b's level.
+    """Return whether the straight segment from a, continued through portals, ends on the level of b.
 
-    At most two portals are passed: levels are at least a metre deep, and contacts and forces reach no farther. On one
-    level it ends there unless it leads out through an exit, as to a balcony behind a door.
+    At most two portals are followed, since levels are at least 1 m deep and contacts and forces do not reach farther.
+    Points on one level reach each other unless the segment passes an exit, as to a balcony behind a door.
     """
     if level_a == level_b:
         if world.backed[level_a] == 0:
@@ -80,13 +80,13 @@ def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: 
     return False
 
 
-#: Call `reaches` at its address: it is loaded only where there are portals, or walls behind an exit.
+#: Call `reaches` at its address; it is loaded only if there are portals, or walls behind an exit.
 call_reaches = AddressCall([World, int, float, float, int, float, float], (int,))
 
 
 @inner
 def touches(state, level_a, ax, ay, level_b, bx, by):
-    """Say whether bodies at a and b, or a body and the nearest point of a wall, can touch."""
+    """Return whether bodies at a and b, or a body and the nearest point of a wall, can touch."""
     world = state.world
     if level_a == level_b and world.backed[level_a] == 0:
         return True

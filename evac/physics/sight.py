@@ -1,4 +1,4 @@
-"""Walls across a straight line in plan, found through the buckets of the world."""
+"""Walls that cross a straight line in plan, found with the wall buckets of the world."""
 
 from evac.jit import inner
 from evac.physics.seams import side_of
@@ -6,7 +6,7 @@ from evac.physics.seams import side_of
 
 @inner
 def bucket_at(world, x, y):
-    """Return where the walls of the bucket at a place are in the list of all buckets, as first and last + 1."""
+    """Return the range (first, last + 1) in ``world.bucket_wall`` of the walls of the bucket at a position."""
     ny = world.buckets_y
     across, along = (x - world.bucket_x) / world.bucket_size, (y - world.bucket_y) / world.bucket_size
     if not (0.0 <= across < world.buckets_x and 0.0 <= along < ny):
@@ -17,7 +17,7 @@ def bucket_at(world, x, y):
 
 @inner
 def passes_through(wall, w, ax, ay, bx, by):
-    """Say whether the line from a to b passes through row w of walls (w, 4)."""
+    """Return whether the line from a to b crosses row w of walls (w, 4)."""
     x1, y1, x2, y2 = wall[w, 0], wall[w, 1], wall[w, 2], wall[w, 3]
     if side_of(x1, y1, x2, y2, ax, ay) * side_of(x1, y1, x2, y2, bx, by) >= 0.0:
         return False

@@ -1,4 +1,4 @@
-"""Solvers of the contact problem: the base class of solver plugins."""
+"""Base class of solvers of the contact problem."""
 
 from typing import ClassVar
 
@@ -7,19 +7,19 @@ from evac.parameters import Configurable
 
 
 class Solver(Configurable):
-    """A method that finds the percussions of a step.
+    """Base class of solvers, which find the percussions of a sub-step.
 
     A subclass names a kernel ``solve(problem: Problem, tolerance: float, limit: int) -> int``. It starts from the
-    percussions and velocities in the problem, changes both together, sets ``problem.residual`` as
-    `evac.physics.rows.row_residual` returns it, stops where that is at most the tolerance [m/s] or after `limit`
-    iterations, and returns the iterations made.
+    percussions and velocities in the problem, changes both consistently, sets ``problem.residual`` to the value of
+    `evac.physics.rows.row_residual`, stops when the residual is at most `tolerance` [m/s] or after `limit`
+    iterations, and returns the number of iterations.
 
     Attributes
     ----------
     solve : Entry
         The kernel.
     stronger : str
-        Name of the solver that tries again, without percussions to start from, where this one did not converge.
+        Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """
 
     solve: ClassVar[Entry]

@@ -1,4 +1,4 @@
-"""What kernels work on, by owner: every array and number under a name, passed by reference."""
+"""State of the step loop: structs of named arrays and numbers, which kernels take by reference."""
 
 from typing import Annotated, Any
 
@@ -10,7 +10,7 @@ from evac.directions.fields import PackedFields
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.layout import Array
 
-#: Numbers of a row of the contact problem, see `evac.physics.rows`.
+#: Rows of the packed contact problem, see `evac.physics.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
 Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
@@ -18,25 +18,25 @@ NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 
 
 class Crowd(Struct):
-    """Everybody; row p is person p and never moves. docs/architecture.md lists the writer of each array.
+    """The arrays of all people; row p is always person p. docs/architecture.md lists the writer of each array.
 
     Attributes
     ----------
-    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is the contact
-        model's own; how fast people move is `Simulation.displacement_velocity`.
+    position, velocity : (n, 2) [m], [m/s], in plan. Written by the contact model only. The velocity is that of the
+        contact model; the velocity of the actual motion is `Simulation.displacement_velocity`.
     level : (n,) int32, -1 once out. Written by the contact model only.
     radius, mass, tau : (n,) [m], [kg], [s]
     speed : (n, 3) desired speeds on the flat, up and down stairs, along the slope [m/s]
     group : (n,) int32
-    start_time : (n,) time at which a person sets off [s]; written by behaviours
+    start_time : (n,) time at which a person starts to walk [s]; written by behaviours
     route : (n,) int32, row of ``Fields.routes``; written by behaviours
     speed_factor : (n,), set to 1 before each tick's behaviours, which multiply it
     extra_direction : (n, 2), set to 0 before each tick's behaviours, which add to it; the unit
         direction of the field plus this, normalised, is the desired direction
     exit_time : (n,) [s], NaN until out;  exit_used : (n,) int32, -1 until out
-    distance : (n,) walked in plan, up to the exit [m]
-    contact_force : (n,) sum of contact forces [N], in the last step of the tick before where a behaviour in use reads
-        it, else at the last output
+    distance : (n,) path length walked in plan, up to the exit [m]
+    contact_force : (n,) sum of contact forces [N] in the last step of the previous tick if a behaviour reads it,
+        otherwise at the last output
     """
 
     position: Pairs
@@ -57,7 +57,7 @@ class Crowd(Struct):
     contact_force: Floats
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse to replace an array: everybody who was given the crowd would keep the old one.
+        """Refuse to replace an array, since other holders of the crowd would keep the old one.
 
         Raises
         ------
@@ -79,15 +79,15 @@ def make_crowd(
     speed: ArrayLike = 0.0,
     start_time: ArrayLike = 0.0,
 ) -> Crowd:
-    """Return people as a run starts: of the first group, on the first route, and nothing walked.
+    """Return a crowd at the start of a run: all people in the first group, on the first route, with zero distance.
 
     Parameters
     ----------
     position : (n, 2) [m]
-    velocity : (n, 2) or one for everybody [m/s]
-    level : (n,) or one for everybody
-    radius, mass, tau, start_time : (n,) or one for everybody [m], [kg], [s], [s]
-    speed : (n, 3), or (n,) or one for the flat and both ways on stairs [m/s]
+    velocity : (n, 2), or one for all [m/s]
+    level : (n,), or one for all
+    radius, mass, tau, start_time : (n,), or one for all [m], [kg], [s], [s]
+    speed : (n, 3) for flat, up and down, or (n,) or one for all of these [m/s]
     """
     place = np.array(position, dtype=np.float64).reshape(-1, 2)
     n = len(place)
@@ -117,21 +117,21 @@ def make_crowd(
 
 
 def copy_of(crowd: Crowd) -> Crowd:
-    """Return a crowd with arrays of its own."""
+    """Return a deep copy of a crowd."""
     return Crowd(**{name: array.copy() for name, array in crowd.values().items()})
 
 
 class World(Struct):
-    """The scene as kernels read it: walls, links (portals and exits), levels, fields.
+    """The scene for kernels: walls, links (portals and exits), levels, fields.
 
     A link is a portal (0 .. n_portals-1) or an exit (n_portals + exit index). Each portal segment
-    stands here twice, once for each level, oriented with that level's inside on its left.
+    is contained twice, once for each level, oriented with the inside of that level on its left.
     """
 
     wall: Quads  # (w, 4)
     wall_level: Ints  # (w,)
-    wall_open: Bytes  # (w,) 1: not there
-    bucket_wall: Ints  # walls near each bucket of the plan, in rising order
+    wall_open: Bytes  # (w,) 1: absent, as at an open link
+    bucket_wall: Ints  # walls near each bucket of the plan, in ascending order
     bucket_start: Ints  # (buckets + 1,) first of a bucket in bucket_wall
     buckets_x: int  # buckets along x and y
     buckets_y: int
@@ -146,32 +146,32 @@ class World(Struct):
     link_open: Bytes  # (portals + exits,) 0: closed, acts as a wall
     uphill: Pairs  # (levels, 2) unit plan vector, zero on the flat
     cosine: Floats  # (levels,) cosine of the slope
-    backed: Bytes  # (levels,) 1: walls of the level stand right behind one of its exits
+    backed: Bytes  # (levels,) 1: the level has walls right behind one of its exits
     linked: ByteGrid  # (levels, levels) 1: same level or at most two portals apart
-    rounding: float  # what rounding leaves of a length of zero at these coordinates [m]
+    rounding: float  # rounding error of positions at these coordinates [m]
     fields: PackedFields
 
 
 class Bodies(Struct):
     """The people still inside, in the order of `evac.physics.order` at the start of a tick.
 
-    A body keeps its place until the next tick, so sums and sweeps run in an order that depends on the
-    people alone; level -1 marks one that left on the way.
+    A body keeps its row until the next tick, so the order of sums and sweeps depends only on the people.
+    The level is -1 for bodies that have left during the tick.
     """
 
     inside: int  # number of bodies
-    failed: int  # the body that the last failure is about
+    failed: int  # body that the last failure concerns
     smallest: float  # smallest radius [m]
-    fastest: float  # greatest speed in the sub-step if nobody touched [m/s]
-    reach_floor: float  # least reach [m]
-    farthest_reach: float  # greatest reach, where a law asks for another search [m]
-    outrun: int  # 1: somebody moves farther than contacts have been looked for
+    fastest: float  # largest free speed in the sub-step [m/s]
+    reach_floor: float  # smallest reach [m]
+    farthest_reach: float  # largest reach, if a law requests another search [m]
+    outrun: int  # 1: a body moves farther than the contact search reached
     row: Ints  # row in Crowd
     position: Pairs
     velocity: Pairs
-    free: Pairs  # velocity after the step if nobody touched
+    free: Pairs  # velocity after the step without contacts
     solved: Pairs  # velocity after the step
-    spare: Pairs  # scratch of position corrections and force reports
+    spare: Pairs  # scratch for position corrections and force reports
     push: Pairs  # forces at a distance [N]
     desired: Pairs  # unit desired direction
     node: Longs  # lower node of the cell that `around` holds, -1: none
@@ -193,17 +193,17 @@ class Bodies(Struct):
     old_velocity: Pairs
     old_level: Ints
     old_distance: Floats
-    built_position: Pairs  # where the neighbour lists were built
-    wall_distance: Floats  # of the centre to the nearest acting wall in reach [m]
-    reach: Floats  # how far a contact is looked for beyond the body [m]
-    taken_up: Floats  # share of the gap to the desired velocity that a step takes up, 1 - exp(-h / tau)
-    taken_up_in: float  # the step h that it holds for [s], 0 after sorting
+    built_position: Pairs  # positions at which the neighbour lists were built
+    wall_distance: Floats  # distance of the centre to the nearest closed wall in reach [m]
+    reach: Floats  # search distance for contacts beyond the body [m]
+    relaxation: Floats  # share of the difference to the desired velocity closed in a step, 1 - exp(-h / tau)
+    relaxation_step: float  # step h that `relaxation` was computed for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
     work: Floats  # scratch: driving work of each `pieces.CHUNK` bodies [J]
 
 
 class Lists(Struct):
-    """Neighbour lists: for each body its walls in reach, and the bodies after it in reach, rising."""
+    """Neighbour lists: for each body, the walls in reach and the bodies in reach with a greater index, ascending."""
 
     pair_start: Ints
     pair_body: Ints
@@ -214,26 +214,26 @@ class Lists(Struct):
     cell_of: Ints
     cells_x: int
     cells_y: int
-    stale: int  # 1: to be built again
-    pair_reach: float  # reach beyond touching covered for bodies [m]
-    wall_reach: float  # likewise for walls [m]
-    skin: float  # how much more is listed, so that lists last several steps [m]
+    stale: int  # 1: must be rebuilt
+    pair_reach: float  # reach of the list of bodies, beyond touching [m]
+    wall_reach: float  # reach of the list of walls, beyond touching [m]
+    skin: float  # additional reach, so that lists remain valid for several steps [m]
 
 
 class Problem(Struct):
     """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.rows`.
 
-    A solver changes percussions and velocities together; arrays with ``work`` and ``image`` in their names are at its
-    disposal. A wall is body number `bodies`, which never moves.
+    A solver changes percussions and velocities consistently; arrays with ``work`` and ``image`` in their names are
+    scratch. Walls are represented by body number `bodies`, which has infinite mass.
     """
 
     size: int  # number of rows
     bodies: int
     rigid: int  # 1: every row is rigid and pushes only
-    residual: float  # of the percussions, set by the solver [m/s]
-    iterations: int  # made in a solve, and in a second one
-    retried: int  # 1: a stronger solver tried again
-    missing: int  # 1: it is not loaded
+    residual: float  # residual of the percussions, set by the solver [m/s]
+    iterations: int  # iterations made, including those of a second solve
+    retried: int  # 1: solved again by the stronger solver
+    missing: int  # 1: the stronger solver is needed but not loaded
     body: Indices
     other: Indices
     data: RowData
@@ -268,29 +268,29 @@ class Contacts(Struct):
     normal: Pairs
     gap: Floats
     omega: Floats  # 1/m_i + 1/m_j
-    bias: Floats  # w+ + bias >= 0 is asked for [m/s]
+    bias: Floats  # b in the condition w+ + b >= 0 [m/s]
     velocity_before: Floats  # normal velocity before the step, w-
     slide_before: Floats  # tangential velocity before the step, of sticky contacts [m/s]
     percussion: Floats  # normal percussion P [N s]
     friction: Floats  # tangential percussion [N s]
-    kept_percussion: Floats  # percussions set aside
+    kept_percussion: Floats  # saved percussions
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
     picked: Ints  # scratch: bodies in reach of one
-    near: NearWalls  # scratch of the wall search: distance, normal, wall, nearest point
-    deepest: float  # greatest overlap as the sub-step begins [m]
+    near: NearWalls  # scratch for the wall search: distance, normal, wall, nearest point
+    deepest: float  # largest overlap at the start of the sub-step [m]
     separation_tolerance: float  # overlap that the law allows [m]
     separation_iterations: int
     separation_failed: int  # 1: overlaps could not be separated in this tick
 
 
 class WarmStart(Struct):
-    """Percussions of the last sub-step, to start from, in two halves: that of the step's start stays until its end."""
+    """Percussions of the last sub-step for warm starts, in two halves; one keeps those at the start of the step."""
 
     size: int  # of a half
-    half: int  # the half that the next search starts from
-    number: int  # percussions in it
-    half_before: int  # both at the start of the step
+    half: int  # half that the next search reads
+    number: int  # number of percussions in that half
+    half_before: int  # both values at the start of the step
     number_before: int
     failed_before: int  # `Contacts.separation_failed` at the start of the step
     body: Ints
@@ -311,55 +311,57 @@ class Events(Struct):
 
 
 class Clock(Struct):
-    """Which steps to make, and how."""
+    """The steps to make and their settings."""
 
     now: int  # index of the step
     last: int  # one past the last
-    parts: int  # that the step is begun in: more than one where it waited for something after it had been cut
+    parts: int  # initial number of parts of the step; greater than 1 if a subdivided step had to be repeated
     step: float  # [s]
     time: float  # at the start of the sub-step [s]
     h: float  # length of the sub-step [s]
-    explicit: int  # 1: drive by explicit Euler (the paper's) instead of the exponential update
-    report_force: int  # 1: contact forces are wanted at the last sub-step
-    reports: int  # 1: this is the sub-step
-    full: int  # 1: do even what the scene does not need
-    attempt: int  # how often the law has been called before in this sub-step
-    searched: int  # searches for contacts in this sub-step after the first
+    explicit: int  # 1: drive by explicit Euler, as in the paper, instead of the exponential update
+    report_force: int  # 1: contact forces are requested for the last sub-step
+    reports: int  # 1: this is that sub-step
+    full: int  # 1: include parts that the scene does not need
+    attempt: int  # number of previous calls of the law in this sub-step
+    searched: int  # number of contact searches in this sub-step after the first
 
 
 class Forces(Struct):
-    """Pair forces as kernels call them, one row each."""
+    """Forces between two people or on one person, for kernels, one row each."""
 
     number: int
     address: Longs  # of the machine code
-    cutoff: Floats  # gaps beyond which nobody feels them [m]
+    cutoff: Floats  # gaps beyond which they are neglected [m]
     parameters: FloatGrid
     farthest: float  # greatest cutoff [m]
 
 
 class Traits(Struct):
-    """What a contact model tells the step loop about itself, as `ContactModel.traits` returns it."""
+    """Properties of a contact model that the step loop uses, as returned by `ContactModel.traits`."""
 
-    overdamped: int  # 1: the free velocity is the desired one, without inertia
-    old_share: float  # share of the old velocity in what bodies move by
-    reach_share: float  # contacts are looked for as far as this share of both bodies' free paths,
-    reach_fastest: float  # this share of the fastest one's,
-    reach_floor: float  # and this far [m]
-    longest_path: float  # a sub-step is cut where somebody's free path is longer than so many smallest radii
-    remembers: int  # 1: starts from the percussions of the sub-step before
-    reports_percussions: int  # 1: contact forces are the percussions over the sub-step; 0: the law reports them
+    overdamped: int  # 1: the free velocity equals the desired one, without inertia
+    old_share: float  # share of the old velocity in the velocity of motion
+    reach_share: float  # search distance for contacts: share of the free paths of both bodies,
+    reach_fastest: float  # at least this share of the free path of the fastest body,
+    reach_floor: float  # and at least this distance [m]
+    longest_path: float  # maximum free path in a sub-step, in units of the smallest radius
+    remembers: int  # 1: starts from the percussions of the previous sub-step
+    reports_percussions: int  # 1: contact forces are the percussions divided by h; 0: the law reports them
 
 
 class Parts(Struct):
-    """Addresses of what is compiled and loaded only where a scene needs it; 0 where it is not loaded."""
+    """Addresses of parts that are compiled and loaded only if needed; 0 if a part is not loaded."""
 
     law: int
     parameters: Struct  # of the law
     solver: int
-    stronger: int  # solver that tries again
+    stronger: int  # solver for solves that fail
     separation: int
     drive: int
     forces: int
+    body_forces: int
+    pair_contact: int  # law of one contact
     seams: int
     team: int  # makes a phase of the step on several cores
 
@@ -376,7 +378,7 @@ class Team(Struct):
 
 
 class State(Struct):
-    """Everything that a step of a run reads and writes."""
+    """All data that a step of a run reads and writes."""
 
     world: World
     bodies: Bodies
@@ -386,7 +388,8 @@ class State(Struct):
     problem: Problem
     events: Events
     clock: Clock
-    forces: Forces
+    forces: Forces  # between two people
+    body_forces: Forces  # on one
     traits: Traits
     parts: Parts
     team: Team

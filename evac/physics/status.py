@@ -1,29 +1,29 @@
-"""What a sub-step can end in: done, something to be done first, something to make room for, or a failure."""
+"""Status codes of sub-steps: success, a request, a full array, or a failure."""
 
 OK = 0
 
-#: No room in an array, which the engine makes larger before the step is made again.
+#: An array is full; the engine enlarges it and repeats the step.
 PAIRS_FULL = 1
 WALLS_FULL = 2
 CONTACTS_FULL = 3
 EVENTS_FULL = 5
 
-#: More walls near one body than a search holds.
+#: There are more walls near one body than the wall search can hold.
 NEAR_WALLS_FULL = 4
 
-#: Failures that smaller sub-steps may mend.
+#: Failures that smaller sub-steps may avoid.
 WALL_CROSSED = 6
 TOO_FAST = 8
 TOO_STIFF = 9
 
-#: A failure that they do not.
+#: A failure that smaller sub-steps do not avoid.
 NOT_FINITE = 7
 
-#: A law asks for contacts within the reaches that it has set, or for overlaps to be separated, and to be called again.
+#: A law requests another contact search with new reaches, or a separation of overlaps, and then another call.
 SEARCH_AGAIN = 20
 SEPARATE = 21
 
-#: A part that is not loaded: the engine loads it before the step is made again.
+#: A part is not loaded; the engine loads it and repeats the step.
 FIRST_MISSING_PART = 30
 NEEDS_STRONGER_SOLVER = 30
 NEEDS_SEPARATION = 31

@@ -1,6 +1,6 @@
-"""The tally: what a run adds up, one number for each name.
+"""Names of the tallies: counts, sums and maxima that a run collects.
 
-`State.tally` has the sums, `State.tally_before` what they were at the start of the step, to go back to.
+`State.tally` has the current values, `State.tally_before` those at the start of the step, to undo it.
 """
 
 NAMES = (
@@ -35,7 +35,7 @@ NAMES = (
     "deepest_y",
 )
 
-#: Those that are no counts.
+#: Tallies that are not counts.
 MEASURES = {
     "greatest_overlap",
     "overlap_sum",
@@ -46,10 +46,10 @@ MEASURES = {
     "greatest_speed",
 }
 
-#: Time [s] and place of the greatest overlap: not sums, and reported by `Engine.deepest_overlap`.
+#: Time [s] and place of the largest overlap, reported by `Engine.deepest_overlap`.
 DEEPEST = ("deepest_time", "deepest_person", "deepest_level", "deepest_x", "deepest_y")
 
-#: Where each number stands in a row.
+#: Indices of the tallies.
 (
     STEPS,
     SUB_STEPS,

@@ -8,9 +8,9 @@ has several threads.
 
 from evac.jit import AddressCall, Ints, Struct, acquire, inner, kernel, pause, release
 from evac.physics import pieces
-from evac.physics.contacts import find_contacts, set_reach
+from evac.physics.contacts import find_contacts, set_reach, take_velocities
 from evac.physics.drive import call_drive, set_desired
-from evac.physics.motion import move, remember, take_velocities
+from evac.physics.motion import move, remember
 from evac.physics.neighbours import list_pairs, list_walls, sort_into_cells
 from evac.physics.pieces import piece_of
 from evac.physics.state import State

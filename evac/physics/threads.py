@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import sys
 import threading
 import weakref
 from collections.abc import Generator, Sequence
@@ -128,7 +127,8 @@ class Threads:
 
 def _address_of_rest() -> int:
     """Return the address of the system's function that sleeps, on Windows of one that lets other threads run."""
-    rest = ctypes.windll.kernel32.SwitchToThread if sys.platform == "win32" else ctypes.CDLL(None).usleep
+    windows: Any = getattr(ctypes, "windll", None)
+    rest = windows.kernel32.SwitchToThread if windows else ctypes.CDLL(None).usleep
     return ctypes.cast(rest, ctypes.c_void_p).value or 0
 
 

@@ -1,4 +1,4 @@
-"""The World: building and fields as the kernels read them."""
+"""Packing of a building and its fields to the `World` that kernels read."""
 
 import numpy as np
 import shapely
@@ -8,11 +8,11 @@ from evac.building.model import Building
 from evac.directions.fields import Fields
 from evac.physics.state import World
 
-#: How far around each bucket walls are listed: the farthest that neighbour lists usually look [m].
+#: Distance around each bucket within which walls are listed; the usual maximum reach of neighbour lists [m].
 BUCKET_REACH = 1.0
 BUCKET_SIZE = 0.5
 
-#: Walls that stand behind an exit by no more than this stand beside it [m].
+#: Walls at most this far behind an exit are beside it [m].
 ROUNDING = 1e-6
 
 
@@ -27,11 +27,11 @@ def make_world(building: Building, fields: Fields) -> World:
     Returns
     -------
     World
-        Frozen except for its open flags, which `set_open` writes.
+        Constant except for its open flags, which `set_open` changes.
     """
     count = len(building.levels)
     segment, start, to, link = _links(building)
-    # Every link also stands among the walls, open for as long as the link is: closed doors are walls.
+    # Every link is also a wall, which is absent while the link is open: closed doors are walls.
     link_level = np.repeat(np.arange(count), np.diff(start))
     walls = np.concatenate([building.walls.reshape(-1, 4), segment])
     link_open = np.ones(building.n_links, np.uint8)
@@ -69,7 +69,7 @@ def set_open(world: World, link: int, is_open: bool) -> None:
     Parameters
     ----------
     world : World
-        Its open flags are written.
+        Its open flags are changed.
     link : int
         Index of a portal, or ``Building.link_of`` an exit.
     is_open : bool
@@ -80,7 +80,7 @@ def set_open(world: World, link: int, is_open: bool) -> None:
 
 
 def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray]:
-    """Return segments sorted by level, the first of each level, the level behind and the link."""
+    """Return link segments sorted by level, the first one of each level, and their levels behind and link indices."""
     rows: list[tuple[int, int, int, tuple[float, ...]]] = []
     for portal in building.portals:
         for level in portal.levels:
@@ -101,7 +101,7 @@ def _links(building: Building) -> tuple[FloatArray, IntArray, IntArray, IntArray
 
 
 def _backed(building: Building) -> np.ndarray:
-    """Mark the levels that have walls of their own within `BUCKET_REACH` behind an exit, as a balcony has."""
+    """Mark the levels with walls within `BUCKET_REACH` behind one of their exits, such as those of a balcony."""
     backed = np.zeros(len(building.levels), np.uint8)
     for way in building.exits:
         x1, y1, x2, y2 = way.segments.T
@@ -109,14 +109,14 @@ def _backed(building: Building) -> np.ndarray:
         start, end = way.segments[:, :2], way.segments[:, 2:]
         behind = shapely.polygons(np.stack([start, end, end + out, start + out], axis=1)).tolist()
         own = shapely.linestrings(building.walls[building.wall_level == way.level].reshape(-1, 2, 2))
-        # The posts of the exit stand beside it, not behind.
+        # The posts of an exit are beside it, not behind it.
         if shapely.intersects(shapely.union_all(behind).buffer(-ROUNDING), own).any():
             backed[way.level] = 1
     return backed
 
 
 def _linked(building: Building) -> np.ndarray:
-    """Mark pairs of levels at most two portals apart: only they can touch across seams."""
+    """Mark pairs of levels at most two portals apart; only people on these can touch each other."""
     neighbours = np.eye(len(building.levels), dtype=np.int64)
     for portal in building.portals:
         neighbours[portal.levels, portal.levels[::-1]] = 1
@@ -124,7 +124,7 @@ def _linked(building: Building) -> np.ndarray:
 
 
 def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Sort walls into square buckets of the plan, each listing the walls within BUCKET_REACH of it."""
+    """Sort walls into square buckets of the plan; each lists the walls within `BUCKET_REACH` of it."""
     if not len(walls):
         empty = np.zeros(0, np.int32)
         return empty, np.zeros(2, np.int32), np.ones(2, np.int32), np.array([0.0, 0.0, 1e300, 1e300])

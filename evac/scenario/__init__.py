@@ -1,4 +1,4 @@
-"""Cases: case.toml and overrides, checked once by a schema."""
+"""Cases: case.toml and overrides, validated by a schema."""
 
 from evac.scenario.case import Case as Case
 from evac.scenario.loading import case_from as case_from

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from evac.registry import Registry
     from evac.scenario.problems import Key
 
-#: Stands for the file of a case that was made from a dictionary.
+#: File name used for a case that was made from a dictionary.
 DICTIONARY = "<dictionary>"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a case came from: its file, its content after overrides, plugin files, and what it was checked against."""
+    """The origin of a case: its file, its content after overrides, plugin files, and the registry used to check it."""
 
     source: Path
     table: Mapping[str, Any]
@@ -43,19 +43,21 @@ class Origin:
 
 
 class Case(Section):
-    """A checked case: data alone. Whoever runs it reads the building and makes the plugins, with `evac.assembly`.
+    """A checked case, which is plain data; `evac.assembly` reads its building and creates its plugins.
 
-    Made by `evac.scenario.load_case`; frozen. `change` makes another one.
+    Returned by `evac.scenario.load_case`; frozen. `change` returns a changed copy.
     """
 
     title: str = key("one line that says what the case is", "", "")
-    building: BuildingSettings = key("the building")
+    building: BuildingSettings = key("the building: a table [building] with mesh or plan")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
-    people: tuple[GroupSettings, ...] = key("the groups", "", min_length=1, max_length=MOST_ITEMS)
+    people: tuple[GroupSettings, ...] = key(
+        "the groups: a table [[people]] for each", "", min_length=1, max_length=MOST_ITEMS
+    )
     presets: dict[str, PeopleSettings] = key("presets for groups of people, by name", "", {})
     contact: ContactSettings = key("contact between bodies")
     forces: dict[str, Parameters] = key(
-        "`[forces.NAME]`: parameters of a force between people; present: enabled with them; `false`: disabled",
+        "`[forces.NAME]`: parameters of a force on or between people; present: enabled with them; `false`: disabled",
         "",
         {},
     )
@@ -111,7 +113,7 @@ class Case(Section):
 
     @property
     def table(self) -> Mapping[str, Any]:
-        """The content of its case.toml, with overrides."""
+        """The content of case.toml, with overrides applied."""
         return self._origin.table
 
     @property
@@ -121,27 +123,27 @@ class Case(Section):
 
     @property
     def plugin_files(self) -> tuple[Path, ...]:
-        """The plugin files, resolved: those given beside the case, and those that it names."""
+        """Resolved paths of the plugin files: those given in addition to the case, and those named in it."""
         return (*self.loaded_files, *self.unloaded_files)
 
     @property
     def loaded_files(self) -> tuple[Path, ...]:
-        """The plugin files that have been run and whose names have been checked."""
+        """The plugin files that have been executed."""
         return self._origin.loaded_files
 
     @property
     def unloaded_files(self) -> tuple[Path, ...]:
-        """The plugin files that the case names and that have not been run: loading a case runs nothing."""
+        """The plugin files named in the case that have not been executed; loading a case executes none of them."""
         return self._origin.unloaded_files
 
     @property
     def unchecked(self) -> "tuple[Key, ...]":
-        """Keys of contact models, solvers, forces and the like that only the files not run yet may know."""
+        """Keys that name plugins or parameters which may be provided by plugin files that are not executed yet."""
         return self._origin.unchecked
 
     @property
     def registry(self) -> "Registry":
-        """What the case was checked against."""
+        """The registry with which the case was checked."""
         return self._origin.registry
 
     def change(self, overrides: Mapping[str, Any] | Iterable[str]) -> "Case":
@@ -159,7 +161,7 @@ class Case(Section):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every key with its value, defaults of the plugins in use included that are known, as plain data."""
+        """Return all keys with their values as plain data, including known defaults of the plugins in use."""
         table = self.model_dump(mode="json", exclude_none=True)
         registry, model = self.registry, self.contact.model
         if model in registry.contact_models:
@@ -172,7 +174,7 @@ class Case(Section):
         return table
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel to another process as the file's content, to be checked again against the plugins there."""
+        """Pickle the content of the file; the case is checked again with the plugins of the other process."""
         from evac.scenario.loading import case_from
 
         origin = self._origin
@@ -180,5 +182,5 @@ class Case(Section):
 
 
 def _filled(cls: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a plugin class as given, with the defaults where nothing is."""
+    """Return the parameters of a plugin class: given values, and defaults for the others."""
     return {name: given.get(name, parameter.default) for name, parameter in cls.declared().items()}

@@ -1,20 +1,20 @@
-"""The content of a case.toml as plain data: what is refused before it is looked at key by key."""
+"""The content of a case.toml as plain data, and checks of its size before single keys are checked."""
 
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, quoted_line
 from evac.scenario.problems import Key, Problem
 
-#: Size of a case.toml [bytes]: some 200,000 positions.
+#: Greatest size of a case.toml [bytes]: some 200,000 positions.
 MOST_BYTES = 8_000_000
 
-#: Tables and lists within each other: a case needs seven.
+#: Greatest depth of nested tables and lists: a case needs seven.
 MOST_NESTED = 20
 
-#: Keys of a table, and characters of a key or a word.
+#: Greatest number of keys in a table, and of characters in a key or a string.
 MOST_KEYS = 10_000
 LONGEST_KEY = 200
 LONGEST_WORD = 4_000
@@ -22,7 +22,7 @@ LONGEST_WORD = 4_000
 #: Integers of TOML have 64 bits.
 _LEAST_WHOLE, _GREATEST_WHOLE = -(2**63), 2**63 - 1
 
-#: How files in other encodings than UTF-8 begin; UTF-32 goes before UTF-16, which begins alike.
+#: Byte order marks of encodings other than UTF-8; UTF-32 comes before UTF-16, whose mark is a prefix of it.
 _MARKS = {
     b"\xff\xfe\0\0": "UTF-32",
     b"\0\0\xfe\xff": "UTF-32",
@@ -37,7 +37,7 @@ def read_table(path: Path) -> dict[str, Any]:
     Raises
     ------
     ScenarioError
-        The file cannot be read, is too large, not in UTF-8 or not valid TOML; names the line.
+        The file cannot be read, is too large, or is not valid UTF-8 or TOML; names the line.
     """
     try:
         if path.stat().st_size > MOST_BYTES:
@@ -62,7 +62,7 @@ def read_table(path: Path) -> dict[str, Any]:
     try:
         return parse(text)
     except ValueError as error:
-        raise ScenarioError(f"{path}: not valid TOML: {error}; correct the file there") from error
+        raise ScenarioError(f"{path}: not valid TOML: {error}{quoted_line(text, str(error))}") from error
 
 
 def parse(text: str) -> dict[str, Any]:
@@ -71,22 +71,22 @@ def parse(text: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        With what is wrong, and the line where that is known.
+        The text is not valid TOML; names the fault, and the line if it is known.
     """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
-    except ValueError:  # of Python, which reads no integers of more than some thousand digits
+    except ValueError:  # Python does not convert integers with more than some thousand digits
         raise ValueError("an integer beyond 64 bits") from None
     except RecursionError:
-        raise ValueError(f"tables and lists within each other more than {MOST_NESTED} deep") from None
+        raise ValueError(f"tables and lists nested more than {MOST_NESTED} deep") from None
 
 
 def faults(content: Mapping[str, Any]) -> list[Problem]:
-    """Return what no case can hold: deep nesting, long keys and words, large tables and integers.
+    """Return a problem for deep nesting, long keys and strings, large tables and integers.
 
-    What follows may then descend without a bound, copy and compare. A mapping that contains itself is nested deeply.
+    Later checks may then recurse, copy and compare without bounds. A mapping that contains itself is nested deeply.
     """
     found: dict[str, Problem] = {}
     open_: list[tuple[Key, Any]] = [((), content)]
@@ -101,10 +101,10 @@ def faults(content: Mapping[str, Any]) -> list[Problem]:
                 found["key"] = Problem((*key, _shortened(long)), text)
             other = next((name for name in value if not isinstance(name, str)), None)
             if other is not None:
-                found["name"] = Problem((*key, repr(other)), "a key must be a word")
+                found["name"] = Problem((*key, repr(other)), "a key must be a string")
         if isinstance(value, (Mapping, list, tuple)):
             if len(key) >= MOST_NESTED:
-                text = f"tables and lists within each other more than {MOST_NESTED} deep"
+                text = f"tables and lists nested more than {MOST_NESTED} deep"
                 found["nested"] = Problem(tuple(_shortened(step) for step in key[:3]), text)
             else:
                 items = value.items() if isinstance(value, Mapping) else enumerate(value)
@@ -121,7 +121,7 @@ def faults(content: Mapping[str, Any]) -> list[Problem]:
 
 
 def _may_be_wrong(item: Any) -> bool:
-    """Say whether a value is worth a look: most are floats and truths."""
+    """Return whether a value can be faulty; floats and booleans, the most frequent values, cannot."""
     return not isinstance(item, (float, bool)) and isinstance(item, (str, int, list, tuple, Mapping))
 
 

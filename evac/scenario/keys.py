@@ -1,4 +1,4 @@
-"""What the keys of case.toml are made of: number types, distributions, and how an error finds its key."""
+"""Types of the keys of case.toml: numbers, distributions, tables; and errors that name a key."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -13,19 +13,19 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Switch = Annotated[bool, Field(strict=True)]
 
-#: Of coordinates [m]: farther from the origin a millimetre is lost in rounding.
+#: Greatest absolute coordinate [m]: farther from the origin, rounding errors exceed a millimetre.
 FARTHEST = 1e8
 Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
 Point = tuple[Coordinate, Coordinate]
 
-#: Characters of the name of a group, an exit, an area or an obstacle.
+#: Greatest number of characters in the name of a group, an exit, an area or an obstacle.
 LONGEST_NAME = 200
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A speed on stairs given as a factor of the own flat speed."""
+    """A speed on stairs given as a factor of the person's speed on the flat."""
 
     factor: Distribution
 
@@ -35,7 +35,7 @@ def _stair_speed(value: object) -> Distribution | Factor:
         return value
     if isinstance(value, dict) and "factor" in value:
         if len(value) > 1:
-            raise ValueError("factor stands alone; write { factor = { uniform = [0.4, 0.6] } }")
+            raise ValueError("factor must be the only key; write { factor = { uniform = [0.4, 0.6] } }")
         return Factor(distribution_from(value["factor"], minimum=0.0, maximum=MOST_SPEED))
     return distribution_from(value, minimum=0.0, maximum=MOST_SPEED)
 
@@ -53,7 +53,7 @@ def _table_or_switch(value: object) -> object:
 
 
 def _within(**bounds: float) -> BeforeValidator:
-    """Return what reads a distribution within bounds, see `distribution_from`."""
+    """Return a validator that reads a distribution within bounds, see `distribution_from`."""
     return BeforeValidator(lambda value: distribution_from(value, **bounds))
 
 
@@ -70,12 +70,12 @@ Parameters = Annotated[dict[str, Any] | Literal[False], BeforeValidator(_table_o
 
 
 def key(doc: str, unit: str = "", default: Any = ..., **bounds: Any) -> Any:
-    """Return the field of a key with its meaning and SI unit."""
+    """Return the pydantic field of a key with its meaning, SI unit, default and bounds."""
     return Field(default, description=doc, json_schema_extra={"unit": unit}, **bounds)
 
 
 def wrong(key: str, message: str) -> PydanticCustomError:
-    """Return an error at `key` of the section that is being checked."""
+    """Return an error at `key` of the section being validated."""
     return PydanticCustomError("case", "{text}", {"text": message, "key": key})
 
 
@@ -86,6 +86,6 @@ def is_multiple(value: float, unit: float) -> bool:
 
 
 class Section(BaseModel):
-    """A table of case.toml: frozen, and without keys that mean nothing."""
+    """A table of case.toml: frozen; unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,4 +1,4 @@
-"""From case.toml and overrides to a checked `Case`; every fault is reported at once."""
+"""Load case.toml and overrides as a checked `Case`; all faults are reported together."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -20,8 +20,8 @@ from evac.scenario.trust import named_files
 if TYPE_CHECKING:
     from evac.registry import Registry
 
-#: Problems of a case that are told at once, and characters of one.
-MOST_TOLD, LONGEST_TOLD = 50, 1_000
+#: Greatest number of problems in one error, and of characters of each.
+MOST_SHOWN, LONGEST_SHOWN = 50, 1_000
 
 
 def load_case(
@@ -30,10 +30,10 @@ def load_case(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
 ) -> Case:
-    """Read and check a case; the file is parsed, and nothing that it holds or names is executed.
+    """Read and check a case. The file is parsed as data; no code that it contains or names is executed.
 
-    Plugin files that it names are run when the case is (`evac.scenario.trust.run_plugin_files`); names that only they
-    may know are checked then, and listed in `Case.unchecked` until.
+    Plugin files named in the case are executed when the case is run (`evac.scenario.trust.run_plugin_files`). Names
+    that they may provide are checked then; until then `Case.unchecked` lists them.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ def load_case(
         key ``plan``, may be an `evac.Plan`.
     overrides : mapping, or iterable of str
         Keys to change: ``{"people.class_1.number": 5}`` or ``["people.class_1.number=5"]``. Items of a list
-        go by index or by name.
+        are selected by index or by name.
     plugin_files : iterable of path
-        Plugin files beside those the case names. They are run here.
+        Plugin files in addition to those named in the case. They are executed here.
     registry : Registry
-        What to check against, made here if not given; the case's plugin files are added to it.
+        Registry with which the case is checked; created if not given. Plugin files are added to it.
 
     Raises
     ------
@@ -70,14 +70,14 @@ def load_case(
     path = _found(source, registry)
     if any(path.name.lower().endswith(importer.suffixes) for importer in registry.importers.values()):
         raise ScenarioError(
-            f"{path}: this is a building, not a case; name it in a case.toml as building.mesh, or make a case of it "
+            f"{path}: a building file, not a case; name it in a case.toml as building.mesh, or create a case from it "
             f"with: evac import {source} --out FOLDER"
         )
     return case_from(read_table(path), path, overrides, plugin_files=files, registry=registry)
 
 
 def as_case(case: Case | str | Path | Mapping[str, Any]) -> Case:
-    """Return a case that is one already, or load what names one, as `load_case` does."""
+    """Return `case` if it is a `Case`, else load it with `load_case`."""
     return case if isinstance(case, Case) else load_case(case)
 
 
@@ -90,7 +90,7 @@ def case_from(
 ) -> Case:
     """Check the content of a case.toml; paths in it are relative to the folder of `source`.
 
-    Raises as `load_case` does.
+    Raises the errors of `load_case`.
     """
     if registry is None:
         from evac.registry import Registry
@@ -111,7 +111,7 @@ def case_from(
     try:
         case = Case.model_validate(filled)
     except ValidationError as error:
-        problems += _told_once(problems_of(error), content)
+        problems += _without_repeats(problems_of(error), content)
     of_plugins = _plugin_problems(content, registry)
     said = {problem.key for problem in of_plugins}
     unchecked = tuple(problem.key for problem in of_plugins if unloaded and problem.is_unknown_name)
@@ -125,16 +125,16 @@ def case_from(
 
 
 def _refuse(problems: list[Problem], content: Mapping[str, Any], source: Path, overridden: list[Key]) -> None:
-    """Raise the problems as one error, if there are any."""
+    """Raise one error with all problems, if there are any."""
     if problems:
-        lines = [_line(problem, content, source, overridden) for problem in problems[:MOST_TOLD]]
-        if len(problems) > MOST_TOLD:
-            lines.append(f"{source}: and {len(problems) - MOST_TOLD:,} more")
+        lines = [_line(problem, content, source, overridden) for problem in problems[:MOST_SHOWN]]
+        if len(problems) > MOST_SHOWN:
+            lines.append(f"{source}: and {len(problems) - MOST_SHOWN:,} more")
         raise ScenarioError("\n".join(lines))
 
 
 def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
-    """Write a plan that was given in memory, as the building or as its plan, as the table that a file would hold."""
+    """Replace an `evac.Plan`, given as the building or as its key ``plan``, by the table that a file would contain."""
     building = content.get("building")
     plan = building.get("plan") if isinstance(building, dict) else building
     if plan is None or isinstance(plan, dict | str):
@@ -148,7 +148,7 @@ def _with_plan(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
-    """Return the content with groups that hold what they take from presets, and the presets that are not there."""
+    """Return the content with the keys of presets inserted into the groups, and problems for unknown presets."""
     presets, groups = content.get("presets", {}), content.get("people")
     if not isinstance(presets, dict) or not isinstance(groups, list):
         return content, []
@@ -164,25 +164,25 @@ def _with_presets(content: dict[str, Any]) -> tuple[dict[str, Any], list[Problem
     return {**content, "people": filled}, problems
 
 
-def _told_once(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
-    """Leave out what is wrong with a group because it is wrong with its preset."""
+def _without_repeats(problems: list[Problem], content: dict[str, Any]) -> list[Problem]:
+    """Remove problems of groups that repeat a problem of their preset."""
     of_presets = {problem.key[1:3] for problem in problems if problem.key[0] == "presets"}
 
-    def is_echo(key: Key) -> bool:
+    def is_repeat(key: Key) -> bool:
         if key[0] != "people" or len(key) < 3:
             return False
         group = content["people"][key[1]]
         return key[2] not in group and (group.get("preset"), key[2]) in of_presets
 
-    return [problem for problem in problems if not is_echo(problem.key)]
+    return [problem for problem in problems if not is_repeat(problem.key)]
 
 
 def _found(source: str | Path, registry: "Registry") -> Path:
-    """Return the case.toml that `source` means."""
+    """Return the path of the case.toml that `source` names."""
     path = Path(source)
     if path.is_dir():
         if not (path / "case.toml").is_file():
-            raise ScenarioError(f"{path}: the folder holds no case.toml; name one that does")
+            raise ScenarioError(f"{path}: the folder contains no case.toml; give a folder that does")
         return (path / "case.toml").resolve()
     if path.is_file():
         return path.resolve()
@@ -202,13 +202,18 @@ def _added(files: Iterable[str | Path], registry: "Registry") -> tuple[Path, ...
 
 
 def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Problem]:
-    """Check the tables of plugins against what their classes declare."""
+    """Check the tables of plugins against the parameters that their classes declare."""
     problems: list[Problem] = []
     contact = content.get("contact")
+    if contact is None or (isinstance(contact, dict) and "model" not in contact):
+        key: Key = ("contact",) if contact is None else ("contact", "model")
+        names = ", ".join(sorted(registry.contact_models))
+        how = "add the table [contact] with" if contact is None else "write"
+        problems.append(Problem(key, f'missing; {how} model = "NAME", where NAME is one of {names}'))
     if isinstance(contact, dict):
         model = contact.get("model")
         if isinstance(model, str) and model not in registry.contact_models:
-            hint = did_you_mean(model, list(registry.contact_models))
+            hint = _known_or_plugin(model, registry.contact_models)
             problems.append(Problem(("contact", "model"), f"unknown contact model {model!r}; {hint}", True))
         tables = {name: table for name, table in contact.items() if name != "model"}
         problems += _table_problems(("contact",), tables, registry.contact_models, "contact model", ("model",))
@@ -227,6 +232,13 @@ def _plugin_problems(content: dict[str, Any], registry: "Registry") -> list[Prob
     return problems
 
 
+def _known_or_plugin(name: str, known: Iterable[str]) -> str:
+    """Return a hint for an unknown name that a plugin could provide."""
+    hint = did_you_mean(name, list(known))
+    is_close = hint.endswith("?")
+    return hint if is_close else f"{hint}; or name the file of its plugin with --plugin FILE or [plugins] files"
+
+
 def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]]]:
     """Return the tables of groups and presets, each with its key."""
     groups, presets = content.get("people"), content.get("presets")
@@ -239,7 +251,7 @@ def _tables_of_people(content: dict[str, Any]) -> list[tuple[Key, dict[str, Any]
 
 
 def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Problem]:
-    """Check that the solvers that contact models are to use are registered."""
+    """Check that the solvers named in tables of contact models are registered."""
     from evac.physics.contact_model import SolvedContactModel
 
     problems: list[Problem] = []
@@ -248,7 +260,7 @@ def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Probl
         if cls is not None and issubclass(cls, SolvedContactModel) and isinstance(table, dict):
             solver = table.get("solver")
             if isinstance(solver, str) and solver not in registry.solvers:
-                hint = did_you_mean(solver, list(registry.solvers))
+                hint = _known_or_plugin(solver, registry.solvers)
                 problems.append(Problem(("contact", name, "solver"), f"unknown solver {solver!r}; {hint}", True))
     return problems
 
@@ -256,13 +268,14 @@ def _solver_problems(tables: dict[str, Any], registry: "Registry") -> list[Probl
 def _table_problems(
     key: Key, tables: dict[str, Any], classes: Mapping[str, type[Configurable]], word: str, beside: tuple[str, ...] = ()
 ) -> list[Problem]:
-    """Check tables named by plugins; `beside` are the keys that the section has of its own."""
+    """Check tables named by plugins; `beside` are the other keys of the section."""
     problems: list[Problem] = []
     for name, table in tables.items():
         if name not in classes:
             what = word if isinstance(table, dict) or not beside else "key"
-            text = f"unknown {what}; {did_you_mean(name, [*classes, *beside])}"
-            problems.append(Problem((*key, name), text, is_unknown_name=what == word))
+            names = [*classes, *beside]
+            hint = _known_or_plugin(name, names) if what == word else did_you_mean(name, names)
+            problems.append(Problem((*key, name), f"unknown {what}; {hint}", is_unknown_name=what == word))
         elif isinstance(table, dict):
             declared = classes[name].declared()
             for parameter, value in table.items():
@@ -285,12 +298,12 @@ def _parameter_problems(key: Key, value: Any, cls: type[Configurable], allowed: 
 
 
 def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any], registry: "Registry") -> list[Problem]:
-    """Check what a group sets for behaviours: known, in use or switched off, and with keys they take from groups."""
+    """Check the settings of a group for behaviours: each must be registered and in the case, and accept these keys."""
     problems: list[Problem] = []
     section = content.get("behaviours", {})
     for name, table in settings.items():
         if name not in registry.behaviours:
-            hint = did_you_mean(name, list(registry.behaviours))
+            hint = _known_or_plugin(name, registry.behaviours)
             problems.append(Problem((*key, name), f"unknown behaviour; {hint}", True))
         elif isinstance(section, dict) and name not in section:
             problems.append(Problem((*key, name), f"the behaviour is not in use; add [behaviours.{name}]"))
@@ -302,7 +315,7 @@ def _group_problems(key: Key, settings: dict[str, Any], content: dict[str, Any],
 
 
 def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) -> list[Problem]:
-    """Check what concerns more than one section."""
+    """Check conditions that involve more than one section."""
     problems: list[Problem] = []
     groups = content.get("people")
     names = [group.get("name") for group in groups if isinstance(group, dict)] if isinstance(groups, list) else []
@@ -321,15 +334,15 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
         problems.append(
             Problem(
                 ("output", "every"),
-                f"{every:g} s is no multiple of simulation.tick {tick:g} s; "
-                f"nearest: {below * tick:.6g} or {(below + 1) * tick:.6g}",
+                f"{every:g} s is not a multiple of simulation.tick {tick:g} s; "
+                f"use {below * tick:.6g} or {(below + 1) * tick:.6g}",
             )
         )
     if case is not None and case.simulation.duration > MOST_STATES * case.output.every:
         problems.append(
             Problem(
                 ("output", "every"),
-                f"{case.output.every:g} s makes {case.simulation.duration / case.output.every:.2g} states of a run of "
+                f"{case.output.every:g} s gives {case.simulation.duration / case.output.every:.2g} states in a run of "
                 f"{case.simulation.duration:g} s, more than {MOST_STATES:,}; record less often, or shorten the run",
             )
         )
@@ -337,10 +350,10 @@ def _scene_problems(content: dict[str, Any], case: Case | None, folder: Path) ->
 
 
 def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden: list[Key]) -> str:
-    """Return one line of the error: file, dotted key, what is wrong, and whether an override did it."""
+    """Return one line of the error: file, dotted key, fault, and whether the key was set by an override."""
     by_override = any(all(a == b for a, b in zip(problem.key, key, strict=False)) for key in overridden)
     note = " (set by an override)" if by_override else ""
     text = problem.text
-    if len(text) > LONGEST_TOLD:  # it shows a long value
-        text = f"{text[: LONGEST_TOLD // 2]} ... {text[-LONGEST_TOLD // 2 :]}"
+    if len(text) > LONGEST_SHOWN:  # it contains a long value
+        text = f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 2 :]}"
     return f"{source}: {dotted(problem.key, content)}: {text}{note}"

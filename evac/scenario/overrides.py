@@ -1,4 +1,4 @@
-"""Overrides: single keys of a case changed from outside, as `people.class_1.number=5`."""
+"""Overrides: changes of single keys of a case, such as `people.class_1.number=5`."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -10,10 +10,10 @@ from evac.scenario.problems import Key, Problem, dotted
 
 
 def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str, Any]], list[Problem]]:
-    """Read overrides given as a mapping, or as words ``dotted.key=value``.
+    """Read overrides given as a mapping, or as strings ``dotted.key=value``.
 
-    A value is read as TOML; what is no TOML is taken as a bare word, unless it begins as a quoted
-    text, an array or a table would.
+    A value is read as TOML; if it is not valid TOML, it is taken as a string, unless it begins like a quoted string,
+    an array or a table.
     """
     if isinstance(overrides, Mapping):
         return list(overrides.items()), []
@@ -22,22 +22,23 @@ def parsed(overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[tuple[str
     for text in [overrides] if isinstance(overrides, str) else overrides:
         key, sign, word = (part.strip() for part in text.partition("="))
         if not (key and sign and word):
-            problems.append(Problem((text,), "an override reads dotted.key=value"))
+            problems.append(Problem((text,), "write the override as dotted.key=value"))
             continue
         try:
             pairs.append((key, value_of(word)))
         except ValueError as error:
-            problems.append(Problem((key,), f"{word} is not valid TOML: {error}"))
+            hint = "; text in a list needs quotes, as in '[\"door\"]'" if word[0] == "[" else ""
+            problems.append(Problem((key,), f"{word} is not valid TOML: {error}{hint}"))
     return pairs, problems
 
 
 def value_of(word: str) -> Any:
-    """Return what a word says as TOML, or the word itself.
+    """Return the value of a word read as TOML, or the word itself.
 
     Raises
     ------
     ValueError
-        It begins as a quoted text, an array or a table would, and is none.
+        The word begins like a quoted string, an array or a table, and is not valid TOML.
     """
     try:
         return parse(f"value = {word}")["value"]
@@ -48,7 +49,7 @@ def value_of(word: str) -> Any:
 
 
 def split_values(text: str) -> list[str]:
-    """Return the words between the commas of a text, but for commas within quotes, brackets and braces."""
+    """Split a text at commas, except commas within quotes, brackets and braces."""
     words, depth, quote = [""], 0, ""
     for sign in text:
         if sign == "," and not depth and not quote:
@@ -65,7 +66,7 @@ def split_values(text: str) -> list[str]:
 
 
 def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -> tuple[list[Key], list[Problem]]:
-    """Change `table` in place; return the keys that were set, and what could not be."""
+    """Change `table` in place; return the keys that were set, and the problems."""
     pairs, problems = parsed(overrides)
     keys: list[Key] = []
     for name, value in pairs:
@@ -79,7 +80,7 @@ def apply(table: dict[str, Any], overrides: Mapping[str, Any] | Iterable[str]) -
 
 
 def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
-    """Set one key; tables on the way are made, items of lists must exist."""
+    """Set one key; missing tables are created, items of lists must exist."""
     here: Any = table
     key: Key = ()
     for depth, part in enumerate(parts):
@@ -89,7 +90,7 @@ def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
             index = _index(here, part)
             if index is None:
                 names = [str(item["name"]) for item in here if isinstance(item, dict) and "name" in item]
-                return Problem((*key, part), f"no such item among the {len(here)}; {did_you_mean(part, names)}")
+                return Problem((*key, part), f"no item has this name or number; {did_you_mean(part, names)}")
             step = index
         elif not isinstance(here, dict):
             hint = f"set {dotted(key, table)} as a whole"
@@ -103,7 +104,7 @@ def _set(table: dict[str, Any], parts: list[str], value: Any) -> Key | Problem:
 
 
 def _index(items: list[Any], part: str) -> int | None:
-    """Return the index of an item of a list, given as a number or by its name."""
+    """Return the index of an item of a list, given by number or by name; None if there is none."""
     if part.isdecimal():
         return int(part) if int(part) < len(items) else None
     return next(

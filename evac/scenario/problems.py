@@ -1,4 +1,4 @@
-"""What is wrong with a case, one line each: dotted key, fault, how to fix it."""
+"""Problems of a case, one line each: dotted key, fault, how to fix it."""
 
 import reprlib
 from dataclasses import dataclass
@@ -14,13 +14,16 @@ from evac.scenario.keys import Section
 #: Path to a value of case.toml: names of tables, indexes of lists.
 Key = tuple[str | int, ...]
 
-#: Problems of one case that are worked out.
+#: Greatest number of characters of a value that is repeated as an example.
+LONGEST_EXAMPLE = 80
+
+#: Greatest number of problems that are collected for a case.
 MOST_PROBLEMS = 1_000
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One fault: where, what, and how to fix it; and whether it is only a name that a plugin could know."""
+    """A fault: its key, its description with a fix, and whether it is a name that a plugin could provide."""
 
     key: Key
     text: str
@@ -28,7 +31,7 @@ class Problem:
 
 
 def dotted(key: Key, table: Any) -> str:
-    """Return a key as an override writes it: items of a list by their name where it is unique."""
+    """Return a key in the form of an override; items of a list by name if the name is unique."""
     words: list[str] = []
     here = table
     for step in key:
@@ -47,14 +50,14 @@ def dotted(key: Key, table: Any) -> str:
 
 
 def problems_of(error: ValidationError) -> list[Problem]:
-    """Return what pydantic found as problems in the terms of case.toml."""
+    """Convert the errors of pydantic to problems in the terms of case.toml."""
     found = error.errors(include_url=False, include_context=True)
     parents = {other["loc"][:length] for other in found for length in range(len(other["loc"]))}
-    return [_problem(details) for details in found[:MOST_PROBLEMS] if not _is_echo(details, parents)]
+    return [_problem(details) for details in found[:MOST_PROBLEMS] if not _is_repeat(details, parents)]
 
 
-def _is_echo(details: ErrorDetails, parents: set[Key]) -> bool:
-    """Return whether a list is only called too short because items of it were refused."""
+def _is_repeat(details: ErrorDetails, parents: set[Key]) -> bool:
+    """Return whether a list is reported as too short only because items of it are not valid."""
     return details["type"] == "too_short" and details["loc"] in parents
 
 
@@ -74,8 +77,12 @@ def _problem(details: ErrorDetails) -> Problem:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return Problem(key, f"must be a table, got {got}")
     if kind == "tuple_type":
-        heads = "; write its head in double brackets: [[...]]" if isinstance(details["input"], dict) else ""
-        return Problem(key, f"must be a list, got {got}{heads}")
+        hint = ""
+        if isinstance(details["input"], dict):
+            hint = "; write its header in double brackets: [[...]]"
+        elif isinstance(details["input"], str) and len(details["input"]) <= LONGEST_EXAMPLE:
+            hint = f'; write {key[-1]} = ["{details["input"]}"]'
+        return Problem(key, f"must be a list, got {got}{hint}")
     text = details["msg"].replace("Input should be", "must be").replace(" after validation", "")
     text = text.replace("Tuple should have", "must have").replace("String should have", "must have")
     if kind == "literal_error" and isinstance(details["input"], str):
@@ -85,7 +92,7 @@ def _problem(details: ErrorDetails) -> Problem:
 
 
 def _known_key(key: Key) -> str:
-    """Return a hint for an unknown key: the closest one here, or the section that has it."""
+    """Return a hint for an unknown key: the closest key of the section, or another section with this key."""
     section = section_at(key[:-1])
     known = list(section.model_fields) if section else []
     word = str(key[-1])
@@ -103,7 +110,7 @@ def _meaning(key: Key) -> str:
 
 
 def section_at(key: Key) -> type[Section] | None:
-    """Return the section of the schema that a key leads to."""
+    """Return the section of the schema that contains a key."""
     section: type[Section] | None = Case
     is_name = False  # of a table in a section of named tables, such as presets
     for step in key:
@@ -117,7 +124,7 @@ def section_at(key: Key) -> type[Section] | None:
 
 
 def section_of(annotation: Any) -> type[Section] | None:
-    """Return the section that a field holds, alone or in a list."""
+    """Return the section that is the type of a field or of the items of a list."""
     if isinstance(annotation, type) and issubclass(annotation, Section):
         return annotation
     return next((found for part in get_args(annotation) if (found := section_of(part)) is not None), None)

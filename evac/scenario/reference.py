@@ -11,7 +11,16 @@ from evac.scenario.keys import Factor, Section
 from evac.scenario.problems import section_of
 from evac.scenario.schema import GroupSettings, PeopleSettings
 
-#: Words for the types of single values.
+#: Names of the types of single values.
+#: Meaning of the numbers of a distribution where it is often mistaken.
+NOTES = {
+    "lognormal": (
+        " of the natural logarithm of the value, not of the value itself: the median is exp(mu), and the mean is "
+        "exp(mu + sigma² / 2). Or mean and standard deviation of the value: "
+        "`{ lognormal = { mean = 60.0, deviation = 20.0 } }`"
+    )
+}
+
 WORDS: dict[Any, str] = {
     float: "number",
     int: "whole number",
@@ -28,7 +37,7 @@ def reference() -> str:
 
 
 def _sections(section: type[Section], path: str) -> list[str]:
-    """Return the tables of the sections in a section."""
+    """Return the tables of all sections within a section."""
     parts = []
     for name, field in section.model_fields.items():
         inner, kind = section_of(field.annotation), get_origin(field.annotation)
@@ -60,12 +69,12 @@ def _row(name: str, field: FieldInfo) -> str:
 
 
 def _type(annotation: Any) -> str:
-    """Return a type in the words of a user."""
+    """Return the name of a type for users."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return _type(arguments[0])
     if origin is Literal:
-        return " or ".join(f"`{_toml(word)}`" for word in arguments)
+        return " or ".join(f"`{as_toml(word)}`" for word in arguments)
     if origin in (Union, types.UnionType):
         words = [_type(argument) for argument in arguments if argument is not type(None)]
         return " or ".join(dict.fromkeys(words))
@@ -84,24 +93,24 @@ def _default(field: FieldInfo) -> str:
     value = field.default
     if isinstance(value, Distribution):
         value = value.to_value()
-    return "none" if value is None else f"`{_toml(value)}`"
+    return "none" if value is None else f"`{as_toml(value)}`"
 
 
-def _toml(value: Any) -> str:
-    """Return a plain value as TOML writes it."""
+def as_toml(value: Any) -> str:
+    """Return a plain value in TOML."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
         return f'"{value}"'
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_toml(item) for item in value)}]"
+        return f"[{', '.join(as_toml(item) for item in value)}]"
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
+        return "{ " + ", ".join(f"{key} = {as_toml(item)}" for key, item in value.items()) + " }" if value else "{}"
     return repr(value)
 
 
 def _distributions() -> str:
-    rows = [f"| `{name}` | {', '.join(numbers)} |" for name, numbers in KINDS.items()]
+    rows = [f"| `{name}` | {', '.join(numbers)}{NOTES.get(name, '')} |" for name, numbers in KINDS.items()]
     return (
         "### Distributions\n\nA number, or a table with exactly one of these, as `{ uniform = [0.2, 0.25] }`. "
         "`minimum` and `maximum` may be added: what lies outside is drawn again. The values of `list` are taken "

@@ -26,16 +26,16 @@ from evac.scenario.keys import (
     wrong,
 )
 
-#: Steps to a tick: in between nothing is seen, not even an interrupt.
+#: Greatest number of steps in a tick, during which even an interrupt is not noticed.
 MOST_STEPS = 100_000
 
-#: People in a group, and in a case.
+#: Greatest number of people in a group, and in a case.
 MOST_PEOPLE = 1_000_000
 
-#: Groups, exits, areas and obstacles, of each as many.
+#: Greatest number of groups, of exits, of areas and of obstacles.
 MOST_ITEMS = 10_000
 
-#: Simulated time of a run [s]: four months; and states that it records.
+#: Greatest simulated time of a run [s], four months, and number of states that it records.
 LONGEST_RUN = 1e7
 MOST_STATES = 10_000_000
 
@@ -46,14 +46,13 @@ Velocity = tuple[
 
 
 def _check_level(what: str, level: str | None, z: float | None) -> None:
-    """Refuse a level that is not given in exactly one of the two ways."""
+    """Check that a level is given either by name or by height."""
     if (z is None) == (level is None):
-        both = "and not both" if z is not None else "neither is there"
-        raise wrong("level", f"give {what} by name, or its height z: {both}")
+        raise wrong("level", f"give {what} by name, or its height z{', not both' if z is not None else ''}")
 
 
 class Placed(Section):
-    """Something that stands on one level."""
+    """An item on one level."""
 
     z: Coordinate | None = key("height of the level it is on; this or `level`", "m", None)
     level: str | None = key("name of the level it is on; this or `z`", "", None)
@@ -65,7 +64,7 @@ class Placed(Section):
 
 
 class ExitLine(Placed):
-    """`[[building.exits]]`: an exit drawn as a line, for a mesh that names none or to add one."""
+    """`[[building.exits]]`: an exit given as a line, in addition to those of the file."""
 
     name: Name = key("name of the exit")
     segment: tuple[Point, Point] = key("its two ends [[x1, y1], [x2, y2]]", "m")
@@ -85,26 +84,26 @@ class Outline(Placed):
 
 
 class BuildingSettings(Section):
-    """`[building]`: its file, and what the file does not hold."""
+    """`[building]`: the file of the building, how it is read, and additions to it."""
 
     mesh: str | None = key("file of the building, relative to case.toml; this or `plan`", "", None, min_length=1)
     plan: dict[str, Any] | None = key("the building as a plan, with the keys of a plan file", "", None)
-    weld: Real = key("vertices closer than this become one", "m", WELD, ge=0, le=1)
+    weld: Real = key("vertices closer than this are merged", "m", WELD, ge=0, le=1)
     flat_angle: Real = key("cells less steep than this are floors and landings", "deg", FLAT_ANGLE, gt=0, lt=90)
     walkable_angle: Real = key("cells steeper than this cannot be walked on", "deg", WALKABLE_ANGLE, gt=0, lt=90)
     scale: Real = key("factor that turns the mesh's unit of length into metres", "", SCALE, ge=1e-6, le=1e6)
     up: Literal["z", "y"] = key("axis of the mesh that points upwards", "", UP)
     headroom: Real = key(
-        "ground on solid bodies, and beside flights of treads, with less height above is left out; 0: none",
+        "surfaces on solid bodies, and near flights of treads, with less clear height above them are left out; 0: none",
         "m",
         HEADROOM,
         ge=0,
         le=10,
     )
-    treads: Switch = key("whether stairs drawn as treads become inclined flights", "", True)
-    exits: tuple[ExitLine, ...] = key("exits beside those the mesh names", "", (), max_length=MOST_ITEMS)
-    areas: tuple[Outline, ...] = key("areas people start in beside those the mesh names", "", (), max_length=MOST_ITEMS)
-    obstacles: tuple[Outline, ...] = key("obstacles beside those the mesh names", "", (), max_length=MOST_ITEMS)
+    treads: Switch = key("whether stairs modelled as treads become inclined flights", "", True)
+    exits: tuple[ExitLine, ...] = key("exits in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    areas: tuple[Outline, ...] = key("start areas in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
+    obstacles: tuple[Outline, ...] = key("obstacles in addition to those of the mesh", "", (), max_length=MOST_ITEMS)
     closed: tuple[str, ...] = key("exits, portals and stairs, by name, that are closed during the whole run", "", ())
 
     def options(self) -> dict[str, Any]:
@@ -114,7 +113,7 @@ class BuildingSettings(Section):
     @model_validator(mode="after")
     def _given_one_way(self) -> Self:
         if (self.mesh is None) == (self.plan is None):
-            raise wrong("mesh", "missing; name the file of the building, or give its plan, and not both")
+            raise wrong("mesh", "give either the file of the building (mesh) or its plan (plan)")
         return self
 
     @model_validator(mode="after")
@@ -131,7 +130,7 @@ class DirectionSettings(Section):
 
     spacing: Real = key("distance of the grid's nodes", "m", SPACING, ge=0.001, le=10)
     clearance: Real | None = key(
-        "width kept clear of walls where there is room; if not given, the greatest body radius, at most twice the mean",
+        "distance kept from walls where there is room; if not given, the greatest body radius, at most twice the mean",
         "m",
         None,
         ge=0,
@@ -156,56 +155,54 @@ class DirectionSettings(Section):
 
 
 class PeopleSettings(Section):
-    """`[presets.NAME]`: what people are like; each quantity is a number or a distribution."""
+    """`[presets.NAME]`: properties of people; each quantity is a number or a distribution."""
 
     radius: Radius = key("body radius, at least 0.01 m", "m", Distribution("uniform", (0.2, 0.25)))
     mass: Mass = key("mass", "kg", Distribution("uniform", (60.0, 100.0)))
     tau: Tau = key(
-        "relaxation time: how fast a person takes up the desired velocity",
+        "relaxation time, within which a person approaches the desired velocity",
         "s",
         Distribution("uniform", (0.1, 0.5)),
     )
     speed: Speed = key("desired speed on the flat", "m/s", Distribution("uniform", (1.2, 2.0)))
     speed_up: StairSpeed = key(
-        "desired speed up stairs, along the slope; { factor = ... } multiplies the own flat speed",
+        "desired speed up stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
     speed_down: StairSpeed = key(
-        "desired speed down stairs, along the slope; { factor = ... } multiplies the own flat speed",
+        "desired speed down stairs, along the slope; { factor = ... } multiplies the person's speed on the flat",
         "m/s",
         Distribution("uniform", (0.5, 1.0)),
     )
-    limit_stair_speeds: Switch = key("whether nobody is faster on stairs than the own speed on the flat", "", True)
+    limit_stair_speeds: Switch = key("whether speeds on stairs are limited to the speed on the flat", "", True)
     exits: tuple[str, ...] = key(
-        "names of the exits they head for; empty: any. Somebody pushed out by another exit is out as well",
+        "names of the exits that the group uses; empty: any. People who are pushed out by another exit are out as well",
         "",
         (),
     )
-    strategy: Strategy = key("what they minimise on the way out", "", "fastest")
+    strategy: Strategy = key("quantity that their route to an exit minimises", "", "fastest")
     behaviours: dict[str, dict[str, Any]] = key("settings of this group for behaviours in use, by their name", "", {})
 
 
 class GroupSettings(PeopleSettings):
-    """`[[people]]`: one group: what people are like, how many they are and where they start."""
+    """`[[people]]`: a group: properties, number and start positions of its people."""
 
-    name: Name = key("name of the group; groups are sorted by it, so the order of the tables changes nothing")
-    preset: str | None = key(
-        "name of a preset: where this table lacks one of its keys, the preset's value is taken", "", None
-    )
-    number: Whole | None = key("how many people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
+    name: Name = key("name of the group; groups are sorted by name, so that the order of the tables has no influence")
+    preset: str | None = key("name of a preset, whose values are used for keys that this table does not have", "", None)
+    number: Whole | None = key("number of people; not needed with `positions`", "", None, ge=1, le=MOST_PEOPLE)
     area: str | None = key(
-        "area of the building they start in, at random places; this, `level` or `positions`", "", None
+        "area of the building in which they start at random places; this, `level` or `positions`", "", None
     )
     positions: tuple[Point, ...] | None = key(
-        "where each one starts [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
+        "start position of each person [[x, y], ...]; this, `area` or `level`", "m", None, min_length=1
     )
     velocity: tuple[Velocity, ...] | None = key(
-        "velocity each one starts with, beside `positions`; if not given, zero", "m/s", None
+        "initial velocity of each person, with `positions` only; if not given, zero", "m/s", None
     )
-    z: Coordinate | None = key("height of the level that `positions` are on; this or `level`", "m", None)
+    z: Coordinate | None = key("height of the level of `positions`; this or `level`", "m", None)
     level: str | None = key(
-        "name of the level that `positions` are on; without positions, of the level they start on, at random places",
+        "name of the level of `positions`; without positions, name of the level on which they start at random places",
         "",
         None,
     )
@@ -218,9 +215,9 @@ class GroupSettings(PeopleSettings):
     @model_validator(mode="after")
     def _placed_one_way(self) -> Self:
         if self.area is not None and self.positions is not None:
-            raise wrong("area", "people start in an area or at positions, not both; remove one")
+            raise wrong("area", "give either area or positions, not both; remove one")
         if self.area is None and self.positions is None and self.level is None:
-            raise wrong("area", "missing: say where they start, by an area or a level and a number, or by positions")
+            raise wrong("area", "give the start of the people: area and number, level and number, or positions")
         if self.positions is None:
             self._check_place()
         else:
@@ -229,25 +226,23 @@ class GroupSettings(PeopleSettings):
             given = getattr(self, quantity)
             values = given.factor if isinstance(given, Factor) else given
             if values.kind == "list" and len(values.numbers) != self.count:
-                raise wrong(
-                    quantity, f"a list of {len(values.numbers)} values for {self.count} people; give one for each"
-                )
+                raise wrong(quantity, f"{len(values.numbers)} values for {self.count} people; give one for each person")
         return self
 
     def _check_place(self) -> None:
         place = "area" if self.area is not None else "level"
         if self.number is None:
-            raise wrong("number", f"missing; how many people start in the {place}?")
+            raise wrong("number", f"missing; give the number of people who start in the {place}")
         for other in ("velocity", "z", *(("level",) if place == "area" else ())):
             if getattr(self, other) is not None:
-                raise wrong(other, f"goes with positions, not with {place} and number; remove it")
+                raise wrong(other, f"can be used only with positions, not with {place} and number; remove it")
 
     def _check_positions(self, count: int) -> None:
         if self.number not in (None, count):
-            raise wrong("number", f"{self.number} people at {count} positions; remove number or correct it")
+            raise wrong("number", f"{self.number} people but {count} positions; remove number or correct it")
         _check_level("the level of the positions", self.level, self.z)
         if self.velocity is not None and len(self.velocity) != count:
-            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one for each")
+            raise wrong("velocity", f"{len(self.velocity)} velocities for {count} positions; give one per position")
 
 
 class ContactSettings(Section):
@@ -270,22 +265,22 @@ class SimulationSettings(Section):
     step: Real = key("time step h of the physics", "s", 0.01, ge=1e-9, le=10)
     tick: Real = key("time between two decisions of the behaviours, a multiple of `step`", "s", 0.1, ge=1e-9, le=3600)
     duration: Real = key(
-        "when the run ends, people left or not; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
+        "greatest simulated time, after which the run ends; rounded to whole steps", "s", 300.0, gt=0, le=LONGEST_RUN
     )
-    seed: Whole = key("seed of everything random", "", 1, ge=0, le=2**63 - 1)
+    seed: Whole = key("seed of all random numbers", "", 1, ge=0, le=2**63 - 1)
     population_seed: Whole | None = key(
-        "seed of what people are like (radius, mass, tau, speeds), so that runs with other seeds place the same people "
-        "elsewhere; if not given, `seed`",
+        "seed of the properties of people (radius, mass, tau, speeds): runs with different `seed` then place the same "
+        "people elsewhere; if not given, `seed`",
         "",
         None,
         ge=0,
         le=2**63 - 1,
     )
     driving: Literal["exponential", "explicit"] = key(
-        "update of the drive (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
+        "update of the driving force (eq. 33): exact exponential, or the paper's explicit Euler", "", "exponential"
     )
     no_progress: Annotated[float, Field(strict=True)] = key(
-        "the run ends when nobody got out or nearer to an exit for this long; inf: never", "s", 60.0, gt=0
+        "the run ends when nobody has left or come nearer to an exit for this time; inf: never", "s", 60.0, gt=0
     )
 
     @property
@@ -309,14 +304,14 @@ class SimulationSettings(Section):
             below = max(1, int(self.tick / self.step))
             raise wrong(
                 "tick",
-                f"{self.tick:g} s is no multiple of simulation.step {self.step:g} s; nearest: "
+                f"{self.tick:g} s is not a multiple of simulation.step {self.step:g} s; use "
                 f"tick = {below * self.step:.6g} or {(below + 1) * self.step:.6g}, "
                 f"or step = {self.tick / (below + 1):.6g} or {self.tick / below:.6g}",
             )
         if self.tick > MOST_STEPS * self.step:
             raise wrong(
                 "step",
-                f"{self.step:g} s makes {self.tick / self.step:.3g} steps to a tick of {self.tick:g} s, more than "
+                f"{self.step:g} s gives {self.tick / self.step:.3g} steps in a tick of {self.tick:g} s, more than "
                 f"{MOST_STEPS:,}; use a longer step or a shorter tick",
             )
         if self.last_step < 1:
@@ -329,7 +324,7 @@ class SimulationSettings(Section):
 
 
 class OutputSettings(Section):
-    """`[output]`: what is written to the result folder, beside summary.json."""
+    """`[output]`: files in the result folder in addition to summary.json."""
 
     every: Real = key(
         "time between two recorded states, a multiple of `simulation.tick`", "s", 0.5, gt=0, le=LONGEST_RUN
@@ -338,7 +333,7 @@ class OutputSettings(Section):
     picture: Switch = key("whether the egress curve is drawn to egress.png", "", True)
     replay: Switch = key("whether the run can be played in a browser (replay.html)", "", True)
     trajectory: Switch = key(
-        "whether everybody's way is kept in trajectory.evac, of which other outputs can be made later",
+        "whether everybody's motion is recorded in trajectory.evac, from which other outputs can be made later",
         "",
         True,
     )
@@ -347,11 +342,11 @@ class OutputSettings(Section):
     @model_validator(mode="after")
     def _animation_of_trajectory(self) -> Self:
         if self.animation and not self.trajectory:
-            raise wrong("animation", "is made of the trajectory; set output.trajectory = true, or animation = false")
+            raise wrong("animation", "needs the trajectory; set output.trajectory = true, or animation = false")
         return self
 
 
 class PluginSettings(Section):
-    """`[plugins]`: files to register beside the installed plugins."""
+    """`[plugins]`: plugin files in addition to the installed plugins."""
 
     files: tuple[str, ...] = key("Python files, relative to case.toml", "", ())

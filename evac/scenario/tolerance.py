@@ -1,4 +1,4 @@
-"""From one tolerance [m] to the step and the solver's tolerances: `evac run --tolerance 0.001`."""
+"""Time step and solver tolerances for a given error of positions [m]: `evac run --tolerance 0.001`."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -10,41 +10,41 @@ from evac.scenario.keys import Factor
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-#: Error of positions over v h: the greatest that docs/evidence/accuracy, part b, measures at h <= 0.01 s, rounded up.
+#: Ratio of the error of positions to v h: greatest value for h <= 0.01 s in docs/evidence/accuracy, part b, rounded up.
 ERROR_PER_PATH = 2.5
 
-#: Share of the tolerance that a solver may use up: its gap tolerance, and its velocity tolerance over `RELAXATION`.
+#: Share of the tolerance allowed for the solver: its gap tolerance, and its velocity tolerance times `RELAXATION`.
 SOLVER_SHARE = 0.1
 RELAXATION = 1.0  # s
 
-#: The rule never makes a step longer than this; a tolerance that asks for less than `SHORTEST` is refused [s].
+#: Longest step that the rule chooses; a tolerance that requires a step below `SHORTEST` is an error [s].
 LONGEST = 0.01
 SHORTEST = 1e-6
 
-#: A distribution without greatest speed counts as this many times its mean.
+#: Greatest speed of an unbounded distribution, as a multiple of its mean.
 UNBOUNDED = 3.0
 
 
 def settings_for(case: "Case", tolerance: float) -> dict[str, Any]:
     """Return the overrides of a case that keep the numerical error of positions below a tolerance.
 
-    All models are of first order wherever contacts open and close: in one step a person walks v h, and when in
-    the step a contact falls is not known. So, with v the greatest speed in the case,
+    All models are of first order where contacts open and close: a person walks v h in one step, and the time of a
+    contact within the step is not resolved. So, with v the greatest speed in the case,
 
     - step: ``h = tolerance / (ERROR_PER_PATH v)``, at most `LONGEST`, shortened to a divisor of the tick;
-    - gap tolerance (where the model has one): ``SOLVER_SHARE tolerance``; overlaps, which can add up
-      over steps to some times that, stay below the tolerance;
-    - velocity tolerance (where the model has one): ``SOLVER_SHARE tolerance / RELAXATION``, at most its default: an
-      error of velocity is forgotten within the relaxation time tau, after a displacement of its size times tau.
+    - gap tolerance (if the model has one): ``SOLVER_SHARE tolerance``; overlaps, which can accumulate over steps to
+      a few times that, stay below the tolerance;
+    - velocity tolerance (if the model has one): ``SOLVER_SHARE tolerance / RELAXATION``, at most its default: an
+      error of velocity decays with the relaxation time tau, after a displacement of the error times tau.
 
-    What the rule does not control: the growth of any error by chaos in a jam, where single trajectories are
-    not determined (egress statistics are); DEM's overlap, which is F/k at any step; the grid of directions.
+    The rule does not control the chaotic growth of errors in a jam, where single trajectories are not determined
+    (egress statistics are); DEM's overlap, which is F/k at any step; and errors of the grid of directions.
 
     Parameters
     ----------
     case : Case
     tolerance : float
-        Of positions [m].
+        Allowed error of positions [m].
 
     Returns
     -------
@@ -54,7 +54,7 @@ def settings_for(case: "Case", tolerance: float) -> dict[str, Any]:
     Raises
     ------
     ScenarioError
-        The tolerance is not positive, or needs steps below `SHORTEST`.
+        The tolerance is not positive, or requires steps below `SHORTEST`.
     """
     if not 0.0 < tolerance < math.inf:
         raise ScenarioError(f"tolerance: must be greater than 0 m, got {tolerance!r}")
@@ -78,7 +78,7 @@ def settings_for(case: "Case", tolerance: float) -> dict[str, Any]:
 
 
 def greatest_speed(case: "Case") -> float:
-    """Return the greatest speed that somebody in a case wants, on the flat or on stairs, or starts with [m/s]."""
+    """Return the greatest desired speed, on the flat or on stairs, or initial speed in a case [m/s]."""
     speeds = [0.0]
     for group in case.people:
         flat = _greatest(group.speed)

@@ -1,1 +1,1 @@
-"""Studies: many runs of a case, or of many cases, and how certain what they say is."""
+"""Studies: many runs of one or several cases, with statistics and their uncertainty."""

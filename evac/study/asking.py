@@ -1,4 +1,4 @@
-"""How a study is asked for: `evac.repeat`, `evac.sweep`, and the folder that it is written to."""
+"""Functions that run studies: `evac.repeat`, `evac.sweep`; and the folder of a study."""
 
 import math
 import shutil
@@ -38,36 +38,36 @@ def repeat(
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Study:
-    """Run a case with many seeds, from ``simulation.seed`` on.
+    """Run a case with many seeds: ``simulation.seed`` and the following ones.
 
     Parameters
     ----------
     case : Case, str, Path or mapping
-        From `evac.load`, or what `evac.load` takes.
+        A case from `evac.load`, or an argument of `evac.load`.
     runs : int, optional
-        Number of runs; 20 by default, and not given where `until` is.
+        Number of runs; 20 by default. Not allowed with `until`.
     folder : str or Path, optional
-        New, empty, or a result folder that is overwritten. Without one the rows are in a temporary folder that lives
-        as long as what is returned.
+        Result folder: new, empty, or an earlier result, which is overwritten. By default the rows are in a temporary
+        folder that exists as long as the returned object.
     until : float, optional
-        Run until half the interval of the `statistic` of the evacuation time is at most this share of it.
+        Run until half the width of the confidence interval of the `statistic` of the evacuation time is at most this
+        share of its value.
     statistic : str
         ``"mean"`` of the complete runs, or ``"percentile 95"`` for example.
     least, most : int, optional
         Bounds of the number of runs with `until`; 20 (80 for the 95th percentile) and 1000 by default.
     repetitions : int
-        So many runs in a row have people who are alike, see `evac.study.points.Seeds`; `runs` counts all of them.
-        With 100 populations of 5 repetitions, ``repeat(case, 500, repetitions=5)``, it is the scheme of IMO
-        MSC.1/Circ.1533.
+        Number of consecutive runs with the same people, see `evac.study.points.Seeds`; `runs` counts all of them.
+        100 populations with 5 repetitions, ``repeat(case, 500, repetitions=5)``, are the scheme of IMO MSC.1/Circ.1533.
     workers : int, optional
-        Processes; as many as there are cores by default. Results do not depend on it. With more than one, a script has
-        its commands under ``if __name__ == "__main__":``, for each process reads it.
+        Number of processes; by default the number of cores. Results do not depend on it. With more than one, the
+        commands of a script must be under ``if __name__ == "__main__":``, because each process imports the script.
     executor : Executor, optional
-        Makes all runs instead of processes of this machine: anything with the interface of `concurrent.futures`.
+        Executes all runs instead of local processes: any object with the interface of `concurrent.futures.Executor`.
     resume : bool
-        Go on with the study in the folder, and repeat no run that is there.
+        Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
-        Called with a `Progress` whenever a row has been written.
+        Called with a `Progress` after each row has been written.
 
     Returns
     -------
@@ -76,8 +76,8 @@ def repeat(
     Raises
     ------
     EvacError
-        As `evac.run`, from the first run that fails; a note tells its seed. Or a number is out of range, the folder
-        cannot be used, or holds another study.
+        An error of `evac.run` in the first run that fails, with its seed in a note; or a number is out of range, or
+        the folder cannot be used or contains another study.
 
     Examples
     --------
@@ -107,14 +107,15 @@ def sweep(
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Study:
-    """Run a case with many seeds under many parameters; the seeds are the same for all (common random numbers).
+    """Run a case with many seeds at several points in parameter space, with the same seeds (common random numbers).
 
     Parameters
     ----------
     case : Case, str, Path or mapping
-        From `evac.load`, or what `evac.load` takes.
+        A case from `evac.load`, or an argument of `evac.load`.
     parameters : mapping of str to sequence, or sequence of mapping
-        Dotted keys with a list of values for each: a point for each combination. Or a point for each mapping of a list.
+        A mapping of dotted keys to lists of values gives one point per combination; a sequence of mappings of dotted
+        keys to values gives one point per mapping.
     runs, folder, until, statistic, least, most, repetitions, workers, executor, resume, progress
         As for `repeat`, at each point.
 
@@ -125,7 +126,7 @@ def sweep(
     Raises
     ------
     EvacError
-        As for `repeat`; or the case is not valid at a point.
+        As for `repeat`; or the case is not valid at one of the points.
 
     Examples
     --------
@@ -146,23 +147,23 @@ def sweep(
 def rule_of(
     runs: int | None, until: float | None, statistic: str, least: int | None, most: int | None, repetitions: int
 ) -> Rule:
-    """Return the rule that these arguments ask for.
+    """Return the stopping rule for these arguments.
 
     Raises
     ------
     ScenarioError
-        They contradict one another, or one is out of range.
+        The arguments contradict each other, or one is out of range.
     """
     if until is None:
         if least is not None or most is not None:
-            raise ScenarioError("least and most go with until; without it give the number of runs")
+            raise ScenarioError("least and most can be used only with until; give runs instead, or add until")
         runs = LEAST_RUNS if runs is None else runs
         if runs % max(repetitions, 1):
             whole = math.ceil(runs / repetitions) * repetitions
-            raise ScenarioError(f"{runs} runs are no whole number of populations of {repetitions}; use {whole}")
+            raise ScenarioError(f"runs: {runs} is not a multiple of the {repetitions} repetitions; use {whole}")
         return fixed(runs, repetitions)
     if runs is not None:
-        raise ScenarioError("runs and until contradict one another; with until, least and most bound their number")
+        raise ScenarioError("runs cannot be used with until; bound the number of runs with least and most")
     return until_known(until, statistic, least, most, repetitions)
 
 
@@ -177,7 +178,7 @@ def conducted(
     progress: Callable[[Progress], None] | None = None,
     replay: bool = False,
 ) -> Study:
-    """Make the study of some points, and write its outputs where it has a folder, as `repeat` does."""
+    """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
     seeds = Seeds(found[0].case.simulation.seed, repetitions)
@@ -201,22 +202,23 @@ def conducted(
 
 
 def open_folder(place: ResultFolder, resume: bool) -> None:
-    """Make the folder of a study ready to be written, with what is there of it if it goes on.
+    """Prepare the folder of a study for writing; if it is resumed, with its existing rows.
 
     Raises
     ------
     ResultError
-        It holds the rows of a study that was stopped and is not to go on, or cannot be written.
+        The folder contains a stopped study and `resume` is false, contains none and `resume` is true, or cannot be
+        written.
     """
     if resume:
         source = place.running if (place.running / STUDY_NAME).is_file() else place.path
         if not (source / STUDY_NAME).is_file():
-            raise ResultError(f"{place.path}: no study to go on with; leave out --resume to begin one")
+            raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
         place.reopen(source, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME))
     elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
         raise ResultError(
-            f"{place.running}: holds the runs of a study that was stopped; go on with it (--resume), choose another "
-            "folder (--out), or remove that one"
+            f"{place.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "
+            "(--out), or remove this one"
         )
     else:
         place.start()

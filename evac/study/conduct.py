@@ -1,4 +1,4 @@
-"""Who makes which runs when: this process at once, others where they pay, or an executor of somebody else."""
+"""Execution of the runs of a study: in this process, in further local processes, or by a given executor."""
 
 import math
 import time
@@ -17,33 +17,33 @@ from evac.study.points import Point
 from evac.study.runs import Order, Row, make_runs
 from evac.study.shared import GROUNDS, GroundFile, simulation_of, write_ground
 
-#: What a further process costs: it joins where it has so much work at least [s].
+#: Start-up cost of a further process: it is started only if there is at least this much work for it [s].
 JOINING = 1.5
 
-#: So often in a row processes may die before the study gives up.
+#: Number of consecutive failures of processes after which the study fails.
 MOST_DEATHS = 3
 
-#: How long the number of workers of somebody else's executor is believed [s].
+#: Time for which the number of workers of a given executor is cached [s].
 WORKERS_FOR = 5.0
 
-#: Runs of one point that are to be made: its order and their numbers.
+#: Runs of one point to be executed: its order and their numbers.
 Task = tuple[Order, tuple[int, ...]]
 
 
 class Conductor:
-    """Makes the runs that are asked for, and hands over each row as soon as it is known.
+    """Executes the requested runs, and passes on each row as soon as its run has ended.
 
     Parameters
     ----------
     points : sequence of Point
     on_row : callable
-        Called with each row, in the order in which runs end; it may ask for more.
+        Called with each row, in the order in which runs end; it may request more runs.
     workers : int
-        Processes of this machine, this one among them. Others are not started for work that takes less time than they
-        take to start. Without meaning where there is an executor.
+        Number of local processes, including this one. Others are not started for work that takes less time than
+        starting them. Ignored if there is an executor.
     executor : Executor, optional
-        Anything with the interface of `concurrent.futures`: it makes all runs, in tasks of several where they are
-        short. Its workers must be able to import evac and plugins, and to read the file of the building.
+        Object with the interface of `concurrent.futures.Executor`, which executes all runs, short ones several per
+        task. Its workers must be able to import evac and the plugins, and to read the file of the building.
     """
 
     def __init__(
@@ -54,28 +54,28 @@ class Conductor:
         self._executor = executor
         self._pool = LocalPool(workers - 1) if executor is None and workers > 1 else None
         self._waiting: deque[Task] = deque()
-        self._running: dict[Future[list[Row]], tuple[Task, int]] = {}  # each with the pool that it runs in, by number
+        self._running: dict[Future[list[Row]], tuple[Task, int]] = {}  # with the number of the pool
         self._pools, self._deaths = 0, 0
         self._spent, self._made = 0.0, 0
-        self._begun: float | None = None  # when the run of this process did
+        self._begun: float | None = None  # time at which the current run of this process began
         self._failure: EvacError | None = None
         self._workers: tuple[float, int | None] = (-math.inf, None)
         self._folder = Path()
         self._files: dict[str, GroundFile] = {}
 
     def ask(self, order: Order, runs: Iterable[int]) -> None:
-        """Ask for runs of a point."""
+        """Request runs of a point."""
         self._waiting.extend((order, (run,)) for run in runs)
 
     def conduct(self) -> None:
-        """Make all runs that have been asked for, and those that are asked for meanwhile.
+        """Execute all requested runs, including those that are requested meanwhile.
 
         Raises
         ------
         EvacError
-            As `evac.run`, from a run that fails.
+            An error of `evac.run` in a run that fails.
         SimulationError
-            Processes die again and again.
+            Processes were killed repeatedly.
         """
         at_once = True
         with TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True) as folder:
@@ -99,7 +99,7 @@ class Conductor:
         self._submit()
 
     def _make_here(self) -> None:
-        """Make one task in this process, and look after the others meanwhile: their rows do not wait for its end."""
+        """Execute one task in this process, and collect the rows of other processes at each of its ticks."""
         order, runs = self._waiting.popleft()
         self._begun = time.perf_counter()
         rows = make_runs(order, runs, self._points[order.point].case, self._tick)
@@ -112,7 +112,7 @@ class Conductor:
     def _tick(self, progress: Progress) -> None:
         try:
             self._look_after_others()
-        except EvacError as error:  # of another run: this one is not to blame
+        except EvacError as error:  # from another run, not from the one in this process
             self._failure = error
             raise Stopped from error
 
@@ -122,18 +122,18 @@ class Conductor:
         self._on_row(row)
 
     def _seconds(self) -> float:
-        """Return what a run takes [s], as far as is known."""
+        """Return the estimated wall time of a run [s]."""
         known = self._spent / self._made if self._made else 0.0
         return max(known, time.perf_counter() - self._begun) if self._begun is not None else known
 
     def _submit(self) -> None:
-        """Hand over tasks, as many as can be at work soon."""
+        """Submit as many tasks as can be executed soon."""
         if self._executor is not None:
             workers = self._workers_there()
             room = UNKNOWN_IN_FLIGHT if workers is None else max(UNKNOWN_IN_FLIGHT, 4 * workers)
         elif self._pool is not None and self._waiting:
             joining = min(self._pool.workers, int(self._seconds() * len(self._waiting) / JOINING))
-            joining = max(joining, min(self._pool.workers, len(self._running)))  # who has joined stays
+            joining = max(joining, min(self._pool.workers, len(self._running)))  # processes in use stay in use
             room = 2 * joining if joining == self._pool.workers else joining
         else:
             return
@@ -148,7 +148,7 @@ class Conductor:
                 self._renew()
 
     def _next_task(self) -> Task:
-        """Take runs of one point that make a task; for an executor of somebody else, several short ones."""
+        """Remove and return the next task: a run of one point, or for a given executor several short runs."""
         order, runs = self._waiting.popleft()
         if self._executor is not None and self._made:
             share = math.ceil((len(self._waiting) + 1) / (2 * (self._workers_there() or 1)))
@@ -158,7 +158,7 @@ class Conductor:
         return replace(order, ground=self._shared(order)), runs
 
     def _workers_there(self) -> int | None:
-        """Return how many workers the executor has; asking takes a message to and fro."""
+        """Return the number of workers of the executor, cached because asking takes a network round trip."""
         assert self._executor is not None
         now = time.monotonic()
         if now - self._workers[0] > WORKERS_FOR:
@@ -166,7 +166,7 @@ class Conductor:
         return self._workers[1]
 
     def _shared(self, order: Order) -> GroundFile:
-        """Return the file of a ground, which this process writes, and makes if it must, when it is first needed."""
+        """Return the file of a ground; when first needed, this process writes it and computes the ground if missing."""
         if order.key not in self._files:
             case = self._points[order.point].case
             ground = GROUNDS.get(order.key) or simulation_of(case, order.key, will_run=False).scene.ground
@@ -174,7 +174,7 @@ class Conductor:
         return self._files[order.key]
 
     def _collect(self) -> None:
-        """Take the rows of tasks that have ended; those of a process that died are made again."""
+        """Collect the rows of tasks that have ended; tasks of a killed process are executed again."""
         for future in [future for future in self._running if future.done()]:
             task, pool = self._running.pop(future)
             error = None if future.cancelled() else future.exception()
@@ -187,8 +187,8 @@ class Conductor:
             elif error is not None or future.cancelled():
                 runs = task[1]
                 raise SimulationError(
-                    f"the task of runs {runs[0]} to {runs[-1]} failed on its worker: {error!r}; look at its log, and go"
-                    " on with --resume"
+                    f"runs {runs[0]} to {runs[-1]}: the task failed on its worker: {error!r}; see its log, then "
+                    "continue with --resume"
                 ) from error
             else:
                 self._deaths = 0
@@ -196,7 +196,7 @@ class Conductor:
                     self._note(row)
 
     def _renew(self) -> None:
-        """Start other processes after one has been killed, unless that happens again and again."""
+        """Start new processes after one was killed, unless this happens repeatedly."""
         self._deaths += 1
         if self._pool is None or self._deaths > MOST_DEATHS:
             raise died()

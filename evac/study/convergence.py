@@ -1,9 +1,9 @@
-"""How much one more run changes the averages: the convergence measures of Ronchi, Reneke and Peacock.
+"""Convergence measures of Ronchi, Reneke and Peacock: the change of averages by one more run.
 
-The curve of a run has the times at which the first, second, ... person leaves; the average curve of j runs is the mean
-of their curves. Compared are the averages of j and of j - 1 runs. These measures fall with every run even where the
-averages are far from the truth: they say that results have settled, not how sure they are, for which there are the
-intervals of `evac.study.statistics`.
+The curve of a run consists of the times at which the first, second, ... person leaves; the average curve of j runs is
+the mean of their curves. The measures compare the averages of j and of j - 1 runs. They decrease with the number of
+runs even if the averages are far from the expected values, so they do not measure uncertainty; the intervals of
+`evac.study.statistics` do.
 
 References
 ----------
@@ -18,11 +18,11 @@ import numpy as np
 
 from evac.arrays import FloatArray
 
-#: Bounds that the measures stay below for `CONSECUTIVE` runs in a row where a study has settled; our choice.
+#: A study has settled if the measures are below these bounds for `CONSECUTIVE` runs in a row; our choice.
 BOUNDS = {"TET": 0.01, "SD": 0.05, "ERD": 0.01, "EPC": 0.01, "SC": 0.01}
 CONSECUTIVE = 10
 
-#: Distance of the points of a curve that a secant joins, as a share of the people.
+#: Distance between the points of a curve joined by a secant, as a share of the people.
 SECANT = 0.05
 
 
@@ -32,15 +32,14 @@ def convergence(curves: Iterable[FloatArray]) -> list[dict[str, Any]]:
     Parameters
     ----------
     curves : iterable of (people,) float64 [s]
-        Ascending exit times of each complete run; they are used one at a time.
+        Ascending exit times of each complete run; only one curve at a time is kept in memory.
 
     Returns
     -------
     list of dict
         ``runs`` j; ``TET``, ``SD``: relative change of mean and standard deviation of the evacuation time by run j;
         ``ERD``, ``EPC``, ``SC``: absolute change, by run j, of the Euclidean relative difference, the Euclidean
-        projection coefficient and the secant cosine of the average curves of j and of j - 1 runs; None before there
-        is one.
+        projection coefficient and the secant cosine of the average curves of j and of j - 1 runs; None if undefined.
     """
     rows: list[dict[str, Any]] = []
     times: list[float] = []
@@ -70,7 +69,7 @@ def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]
     """Return Euclidean relative difference, Euclidean projection coefficient and secant cosine of two curves.
 
     With x and y the curves: ``|x - y| / |y|``, ``x . y / |y|^2``, and the cosine of the angle between the vectors of
-    the secants ``x[i + s] - x[i]`` and ``y[i + s] - y[i]``. They are 0, 1 and 1 of curves that are the same.
+    the secants ``x[i + s] - x[i]`` and ``y[i + s] - y[i]``. For equal curves they are 0, 1 and 1.
     """
     size = float(np.linalg.norm(other))
     s = max(1, round(SECANT * len(curve)))
@@ -83,7 +82,7 @@ def compared(curve: FloatArray, other: FloatArray) -> tuple[float, float, float]
 
 
 def settled(rows: Sequence[Mapping[str, Any]]) -> dict[str, int | None]:
-    """Return by measure the number of runs at which it had stayed below its bound `CONSECUTIVE` times in a row."""
+    """Return, by measure, the number of runs at which it was below its bound `CONSECUTIVE` times in a row."""
     found: dict[str, int | None] = {}
     for name, bound in BOUNDS.items():
         found[name], streak = None, 0

@@ -1,4 +1,4 @@
-"""Processes of this machine, and executors of others."""
+"""Local processes, and other executors."""
 
 import signal
 from collections.abc import Callable, Iterable, Iterator
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-#: Windows waits for no more processes than these.
+#: Windows can wait for at most this many processes.
 MOST_WORKERS = 61
 
-#: How often Dask makes a task again whose worker has died, beside what it does by itself.
+#: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
 DASK_RETRIES = 3
 
-#: Runs are handed to executors of others in tasks of about so long [s]: Dask takes some milliseconds for each.
+#: Approximate length of a task for a given executor [s]: Dask has an overhead of some milliseconds per task.
 TASK_SECONDS = 0.5
 
-#: Tasks that an executor has at once if it does not say how many workers it has.
+#: Number of submitted tasks if the executor does not report its number of workers.
 UNKNOWN_IN_FLIGHT = 64
 
 
 class LocalPool:
-    """Worker processes of this machine. Each starts when a task is submitted that no other one is free for.
+    """Local worker processes. Each is started when a task is submitted and no other process is idle.
 
     Parameters
     ----------
     workers : int
-        The most processes.
+        Greatest number of processes.
     """
 
     def __init__(self, workers: int) -> None:
@@ -45,24 +45,24 @@ class LocalPool:
 
     @property
     def executor(self) -> ProcessPoolExecutor:
-        """The pool, made when it is first needed."""
+        """The pool, created when first needed."""
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self.workers,
                 mp_context=get_context("spawn"),
-                initializer=signal.signal,  # Ctrl-C reaches all processes; this one alone decides what it means
+                initializer=signal.signal,  # Ctrl-C reaches all processes; only this one handles it
                 initargs=(signal.SIGINT, signal.SIG_IGN),
             )
         return self._pool
 
     def renew(self) -> None:
-        """Forget a pool whose processes have died."""
+        """Discard a pool whose processes have died."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
 
     def close(self, at_once: bool = False) -> None:
-        """End the processes; those that are busy finish what they do, unless `at_once`."""
+        """End the processes; busy ones finish their tasks, unless `at_once`."""
         if self._pool is None:
             return
         if at_once:
@@ -74,7 +74,7 @@ class LocalPool:
 
 
 def workers_of(executor: Executor) -> int | None:
-    """Return how many workers an executor says that it has now, or None."""
+    """Return the current number of workers of an executor, or None if it does not report it."""
     client = getattr(executor, "_client", None)
     if client is not None and hasattr(client, "nthreads"):
         return sum(map(int, client.nthreads().values()))
@@ -84,12 +84,12 @@ def workers_of(executor: Executor) -> int | None:
 
 @contextmanager
 def dask_executor(address: str) -> Iterator[Executor]:
-    """Connect to a Dask scheduler, and return it as an executor.
+    """Connect to a Dask scheduler and yield an executor.
 
     Parameters
     ----------
     address : str
-        Such as ``"tcp://10.0.0.1:8786"``, or the path of a scheduler file.
+        Address such as ``"tcp://10.0.0.1:8786"``, or the path of a scheduler file.
 
     Raises
     ------
@@ -117,20 +117,20 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
     Parameters
     ----------
     function : callable
-        At module level. What it returns depends on the item alone.
+        Function at module level, whose result depends only on the item.
     items : iterable
-        Picklable. Make each worth a second or more: one call per item.
+        Picklable items, each with at least about a second of work: there is one call per item.
     workers : int
-        Processes; 1 computes in this one.
+        Number of processes; 1 computes in this process.
 
     Yields
     ------
-    What the function returns.
+    The results of the function.
 
     Raises
     ------
     SimulationError
-        A process was killed, or could not start.
+        A process was killed or could not be started.
     """
     if workers == 1:
         yield from map(function, items)
@@ -144,7 +144,7 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
         at_once = False
     except BrokenExecutor as error:
         raise died() from error
-    except Exception:  # what has begun is waited for
+    except Exception:  # wait for tasks that have begun
         at_once = False
         raise
     finally:
@@ -152,8 +152,8 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
 
 
 def died() -> SimulationError:
-    """Return the error of processes that do not live."""
+    """Return the error for worker processes that were killed or could not be started."""
     return SimulationError(
-        "a process ended before its time: too little memory? use fewer of them. A script that starts processes has "
-        "its commands under: if __name__ == '__main__':"
+        "a worker process ended unexpectedly, possibly for lack of memory; use fewer processes. In a script, put the "
+        "commands under: if __name__ == '__main__':"
     )

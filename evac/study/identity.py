@@ -1,4 +1,4 @@
-"""What a study is: written to its folder at the start, so that only the same study goes on there."""
+"""The identity of a study, written to its folder at the start, so that only the same study can be resumed there."""
 
 import hashlib
 import json
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -> dict[str, Any]:
-    """Return what makes a study the same study: case, building, parameters, plugins, seeds, versions.
+    """Return what identifies a study: case, building, parameters, plugins, seeds, versions.
 
-    How many runs it has, when it stops and who makes the runs is no part of it.
+    The number of runs, the stopping rule and the executor are not included.
     """
     case = points[0].case
     return {
@@ -34,7 +34,7 @@ def identity_of(points: Sequence[Point], seeds: Seeds, digests: Sequence[str]) -
 
 
 def digest_of(case: "Case", key: str) -> str:
-    """Return a digest of all that the runs of a point depend on but the seeds, its building among it."""
+    """Return a digest of everything that the runs of a point depend on except the seeds; includes the building."""
     parts = [_settings(case), _plugins(case), key]
     return hashlib.sha256(json.dumps(plain(parts), sort_keys=True).encode()).hexdigest()
 
@@ -52,33 +52,33 @@ def write_identity(folder: Path, identity: Mapping[str, Any]) -> None:
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
-    """Refuse to go on with another study.
+    """Check that a folder contains this study.
 
     Raises
     ------
     ResultError
-        There is no study in the folder, or another one; the message names what has changed.
+        The folder contains no study or another one; names what has changed.
     """
     path = folder / STUDY_NAME
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise ResultError(f"{path}: cannot be read: {error}; begin the study anew, without --resume") from error
+        raise ResultError(f"{path}: cannot be read: {error}; start the study again without --resume") from error
     changes = list(_changes(found, json.loads(json.dumps(identity))))
     if not changes:
         return
     of_points = [change for change in changes if change.startswith("points.")]
-    told = [change for change in changes if change not in of_points] or ["the file of the building has changed"]
-    shown = "\n".join(f"  {line}" for line in told[:10])
-    more = f"\n  and {len(told) - 10} more" if len(told) > 10 else ""
+    listed = [change for change in changes if change not in of_points] or ["the file of the building has changed"]
+    shown = "\n".join(f"  {line}" for line in listed[:10])
+    more = f"\n  and {len(listed) - 10} more" if len(listed) > 10 else ""
     raise ResultError(
-        f"{folder}: holds the runs of another study, so that it cannot go on:\n{shown}{more}\nundo this, or choose "
-        "another folder (--out)"
+        f"{folder}: contains the runs of another study, which cannot be resumed:\n{shown}{more}\nundo the changes, or "
+        "choose another folder (--out)"
     )
 
 
 def _settings(case: "Case") -> dict[str, Any]:
-    """Return the case but for its seeds, which the study sets."""
+    """Return the settings of a case without its seeds, which the study sets."""
     table = case.to_dict()
     for name in ("seed", "population_seed"):
         table["simulation"].pop(name, None)

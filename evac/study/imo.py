@@ -1,9 +1,9 @@
 """Populations times repetitions: the scheme of the IMO's guidelines for passenger ships.
 
-MSC.1/Circ.1533 (2016), annex 3, appendix 1, section 5, asks for at least 500 simulations of a case: at least 100
-randomly generated populations, each repeated at least 5 times; the time to report is the one that exceeds 95 % of all
-calculated ones. Where the repetitions vary little, 500 populations with one simulation each take their place. In a
-repetition the same people (radius, mass, tau, speeds) start from other places and decide anew.
+MSC.1/Circ.1533 (2016), annex 3, appendix 1, section 5, requires at least 500 simulations of a case: at least 100
+randomly generated populations, each repeated at least 5 times; the time to report is higher than 95 % of all
+calculated times. If the repetitions vary little, 500 populations with one simulation each may be used instead. In a
+repetition the same people (radius, mass, tau, speeds) start at other positions and make other random decisions.
 """
 
 import math
@@ -17,23 +17,22 @@ from evac.arrays import FloatArray
 POPULATIONS = 100
 REPETITIONS = 5
 
-#: Significance of the test whether populations differ by more than their repetitions do.
+#: Significance level of the test whether populations differ more than their repetitions.
 SIGNIFICANCE = 0.05
 
 
 @dataclass(frozen=True)
 class Variation:
-    """How much of the variance of the evacuation time is between populations, and how much within.
+    """Variation of the evacuation time between and within populations.
 
     Attributes
     ----------
     reported : float
-        The time that exceeds 95 % of all calculated ones [s]: the least with that property, infinite where it falls
-        among blocked runs.
+        Least calculated time that is higher than 95 % of all calculated times [s]; infinite for a blocked run.
     between, within : float
-        Standard deviations [s] by one-way analysis of variance over the complete runs; NaN where it has too few.
+        Standard deviations [s] by one-way analysis of variance over the complete runs; NaN if there are too few.
     probability : float
-        That populations which do not differ have such an F or a greater one.
+        p value of the F test: probability of such an F or a greater one if the populations do not differ.
     """
 
     reported: float
@@ -43,14 +42,14 @@ class Variation:
 
 
 def variation(times: FloatArray, populations: Sequence[int]) -> Variation:
-    """Return what the scheme asks of some runs.
+    """Return the quantities that the scheme requires.
 
     Parameters
     ----------
     times : (runs,) float64 [s]
-        Infinite where people are left.
+        Evacuation times; infinite if people are left.
     populations : sequence of int
-        Which population each run is of.
+        Number of the population of each run.
     """
     from scipy.special import fdtrc
 

@@ -1,4 +1,4 @@
-"""What a study leaves beside its rows: tables for people, a summary, pictures."""
+"""Outputs of a study in addition to its rows: CSV tables, a summary and pictures."""
 
 import json
 import math
@@ -34,20 +34,20 @@ from evac.study.statistics import PERCENTILES
 if TYPE_CHECKING:
     from evac.study.study import Study
 
-#: Times of an egress curve over runs; longer studies have them farther apart than ``output.every``.
+#: Greatest number of times of an egress curve over runs; in longer runs their distance exceeds ``output.every``.
 MOST_TIMES = 2000
 
-#: What runs are ranked by for replays.
+#: Columns by which runs are ranked for replays.
 COUNTED = ("run", "last_out", "out")
 
-#: What runs.csv has of each row, between the parameters and the exits.
+#: Columns of runs.csv between the parameters and the exits.
 RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 
 
 def write_outputs(study: "Study") -> None:
     """Write runs.csv, statistics.csv, convergence.csv, egress.csv, pictures, and summary.json last.
 
-    Rows are read one after the other: the memory that this takes does not depend on the number of people times runs.
+    Rows are read one after the other, so that the memory used does not grow with the number of people times runs.
 
     Raises
     ------
@@ -73,15 +73,15 @@ def write_outputs(study: "Study") -> None:
 
 
 def write_replays(study: "Study") -> None:
-    """Make the median and the worst run of a study of one point again, and write their replays.
+    """Repeat the median and the worst run of a study of one point, and write their replays.
 
-    They are those of the (lower) median and of the greatest evacuation time; runs with people left are worse than any
-    other, the worse the fewer are out. Of a single run there is the median alone.
+    Runs are ranked by evacuation time; blocked runs are the worst, in the order of the number of people out. For an
+    even number the lower median is used; for a single run only the median is written.
 
     Raises
     ------
     EvacError
-        As `evac.run`.
+        An error of `evac.run`.
     """
     found = [(row["last_out"] or math.inf, -row["out"], row["run"]) for row in study.rows(0, COUNTED)]
     ranked = [run for _, _, run in sorted(found)]
@@ -95,7 +95,7 @@ def write_replays(study: "Study") -> None:
 
 
 def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:
-    """Return what summary.json holds."""
+    """Return the content of summary.json."""
     case = study.points[0].case
     found = []
     for point, one, rows in zip(study.points, study.statistics, measures, strict=True):
@@ -119,7 +119,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
 
 
 def statistics_rows(study: "Study") -> list[dict[str, Any]]:
-    """Return a row for each point: its parameters, then the numbers of `Statistics`."""
+    """Return a row for each point: its parameters, then the values of `Statistics`."""
     keys = parameter_keys(study)
     return [
         {"point": point.index} | {key: point.parameters.get(key) for key in keys} | one.as_row()
@@ -128,12 +128,12 @@ def statistics_rows(study: "Study") -> list[dict[str, Any]]:
 
 
 def parameter_keys(study: "Study") -> list[str]:
-    """Return the parameters of a study, in order."""
+    """Return the names of the parameters of a study, in order."""
     return list(dict.fromkeys(key for point in study.points for key in point.parameters))
 
 
 def write_runs(study: "Study", path: Path) -> None:
-    """Write runs.csv: a row for each run, with two columns for each exit, and without single people."""
+    """Write runs.csv: a row for each run, with two columns for each exit, without data of single people."""
     names: dict[str, None] = {}
     for row in study.rows(columns=["exits"]):
         names.update(dict.fromkeys(exit_["name"] for exit_ in row["exits"]))
@@ -152,7 +152,7 @@ def write_runs(study: "Study", path: Path) -> None:
 
 
 def egress(study: "Study", point: int) -> dict[str, FloatArray]:
-    """Return mean and percentiles over the runs of a point of the number of people out; who is left is never out.
+    """Return mean and percentiles, over the runs of a point, of the number of people out.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
     every = study.points[point].case.output.every
     every *= math.ceil(end / every / MOST_TIMES)
     time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
-    # NaN sorts last, behind every time.
+    # NaN is sorted after all times.
     rows = (row["exit_time"] for row in study.rows(point, ["exit_time"]))
     out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in rows])
     columns = {"time": time, "mean_over_runs": out.mean(axis=0)}
@@ -187,7 +187,7 @@ def _write_convergence(measures: Sequence[list[dict[str, Any]]], path: Path) -> 
 
 
 def _write_egress(study: "Study", curves: Sequence[Mapping[str, FloatArray]], path: Path) -> None:
-    """Write the curves of all points below one another; of a single point without its number."""
+    """Write the curves of all points below one another; a single point without the column of its number."""
     is_single = len(study.points) == 1
     rows = (
         row if is_single else (point, *row)
@@ -217,7 +217,7 @@ def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) 
 
 
 def _draw_statistics(study: "Study", path: Path) -> None:
-    """Draw mean and percentiles of the evacuation time at each point, over the last number that is swept, if any."""
+    """Draw mean and percentiles of the evacuation time at each point, over the last numeric parameter if any."""
     from evac.output.pictures import new_plain_axes, save
 
     keys = parameter_keys(study)
@@ -250,9 +250,7 @@ def _draw_statistics(study: "Study", path: Path) -> None:
     if not along:
         labels = [textwrap.fill(point.label, 24) for point in study.points]
         axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
-    note = (
-        "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, where reached"
-    )
+    note = "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, if finite"
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= 12:
         axes.legend(frameon=False, fontsize=8)
@@ -264,7 +262,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _field(value: Any) -> Any:
-    """Return what a CSV file has of a value: nothing for one that is not there, ``inf`` for one that is endless."""
+    """Return a value for a CSV file: an empty field for None or NaN, ``inf`` for infinity."""
     if isinstance(value, float) and math.isnan(value):
         return None
     if isinstance(value, bool):

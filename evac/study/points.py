@@ -1,4 +1,4 @@
-"""The points of a study: a case under each set of parameters; and the seeds, which are the same at every point."""
+"""The points of a study, each a case with a set of parameters; and the seeds, which are the same at every point."""
 
 import csv
 import itertools
@@ -15,25 +15,25 @@ if TYPE_CHECKING:
     from evac.registry import Registry
     from evac.scenario.case import Case
 
-#: Keys that the runs of a study differ in by themselves.
+#: Keys that a study sets for each run.
 SEEDS = ("simulation.seed", "simulation.population_seed")
 
-#: Column of a table of cases that names the case of a row, and the table of a TOML file that holds the rows.
+#: Column of a table of cases that names the case of a row, and the array of tables of a TOML file with the rows.
 CASE_COLUMN = "case"
 ROWS_KEY = "points"
 
 
 @dataclass(frozen=True)
 class Point:
-    """One set of parameters.
+    """A point of a study: a case with one set of parameters.
 
     Attributes
     ----------
     index : int
     case : Case
-        With these parameters.
+        The case with these parameters.
     parameters : mapping of str to plain value
-        What the point sets, by dotted key; of a table with several cases also ``case``.
+        Values set at this point, by dotted key; for a table with several cases also ``case``.
     """
 
     index: int
@@ -48,29 +48,29 @@ class Point:
 
 @dataclass(frozen=True)
 class Seeds:
-    """The seeds of runs 0, 1, ...: those of a point do not depend on its parameters (common random numbers).
+    """The seeds of runs 0, 1, ..., the same at all points (common random numbers).
 
     Attributes
     ----------
     first : int
         Seed of run 0; run k has ``first + k``.
     repetitions : int
-        So many runs in a row have people who are alike, placed and deciding differently: run k takes what people are
-        like from the seed ``first + k // repetitions``. With 1 all runs differ in everything.
+        Number of consecutive runs with the same people at other positions and with other random decisions: run k draws
+        the properties of people with the seed ``first + k // repetitions``. With 1 all runs have different people.
     """
 
     first: int
     repetitions: int = 1
 
     def changes(self, run: int) -> dict[str, int]:
-        """Return the keys that run `run` sets."""
+        """Return the keys of the case that are set for run `run`."""
         changes = {"simulation.seed": self.first + run}
         if self.repetitions > 1:
             changes["simulation.population_seed"] = self.first + self.population(run)
         return changes
 
     def population(self, run: int) -> int:
-        """Return which population a run is of."""
+        """Return the number of the population of a run."""
         return run // self.repetitions
 
 
@@ -80,12 +80,12 @@ def single(case: "Case") -> tuple[Point, ...]:
 
 
 def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:
-    """Return a point for each combination of values; those of the last key change fastest.
+    """Return a point for each combination of values; those of the last key vary fastest.
 
     Raises
     ------
     ScenarioError
-        A key has no values, or the case is not valid with some of them; the message names these.
+        A key has no values, or the case is not valid for some of them; names these.
     """
     for key, values in parameters.items():
         if isinstance(values, str) or not isinstance(values, Sequence) or not values:
@@ -102,18 +102,18 @@ def from_rows(
     Parameters
     ----------
     case : Case, optional
-        That of rows without a value in the column ``case``.
+        Case of rows without a value in the column ``case``.
     rows : iterable of mapping
-        Dotted keys and values; None leaves a key as the case has it.
+        Dotted keys and values; None keeps the value of the case.
     folder : Path
-        Names of cases in the table are relative to it, where they are paths.
+        Folder to which paths of cases in the table are relative.
     registry : Registry, optional
-        For the cases that the table names.
+        Registry for the cases named in the table.
 
     Raises
     ------
     ScenarioError
-        A row names no case, and none is given; or its case is not valid.
+        A row names no case and no default is given, or its case is not valid.
     """
     from evac.scenario.loading import load_case
 
@@ -127,20 +127,20 @@ def from_rows(
             cases[name] = run_plugin_files(load_case(path if path.exists() else str(name), registry=registry))
         base = cases[name] if name is not None else case
         if base is None:
-            raise ScenarioError(f"row {number} of the table names no case; name one, or fill its column 'case'")
+            raise ScenarioError(f"row {number} of the table: no case; fill its column 'case', or give a case to sweep")
         found.append((base, given))
     return _points(found)
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of a table of cases: a CSV file with dotted keys as its head, or ``[[points]]`` of a TOML file.
+    """Return the rows of a table: a CSV file with dotted keys as header, or ``[[points]]`` of a TOML file.
 
-    Values of a CSV file are read as TOML, or taken as bare words; an empty field sets nothing.
+    Values of a CSV file are read as TOML, or else taken as strings; an empty field keeps the value of the case.
 
     Raises
     ------
     ScenarioError
-        The file cannot be read, or holds no rows.
+        The file cannot be read, or contains no rows.
     """
     from evac.scenario.overrides import value_of
 
@@ -155,21 +155,21 @@ def read_table(path: Path) -> list[dict[str, Any]]:
         raise ScenarioError(f"{path}: cannot be read as a table of cases: {error}; correct the file") from error
     if not rows or any("" in row for row in rows):
         raise ScenarioError(
-            f"{path}: no table of cases; it needs a head of dotted keys and as many values in each row (CSV), or "
+            f"{path}: not a table of cases; it needs a header of dotted keys and as many values in each row (CSV), or "
             f"[[{ROWS_KEY}]] tables (TOML)"
         )
     return rows
 
 
 def _points(found: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, ...]:
-    """Return checked points; all faults of all points are not collected, the first is named."""
+    """Return checked points, or raise the error of the first point that is not valid."""
     points = []
     for index, (case, parameters) in enumerate(found):
         for key in parameters:
             if key in SEEDS:
-                raise ScenarioError(f"{key} cannot be swept: each run has a seed of its own, from simulation.seed on")
+                raise ScenarioError(f"{key}: cannot be swept, because the study sets it for each run")
             if "." not in key and key != CASE_COLUMN:
-                raise ScenarioError(f"{key!r} cannot be swept as a whole: name a key in it, such as contact.model")
+                raise ScenarioError(f"{key}: a section cannot be swept; name a key in it, such as contact.model")
         changes = {key: value for key, value in parameters.items() if key != CASE_COLUMN}
         try:
             changed = case.change(changes) if changes else case

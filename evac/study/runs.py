@@ -1,4 +1,4 @@
-"""One run of a study: what is told to whoever makes it, and what is kept of it."""
+"""The runs of a study: the order for the process that executes them, and the row with the results of one."""
 
 import math
 import time
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Order:
-    """What a process needs for the runs of a point: plain data.
+    """The data that a process needs to execute runs of a point; picklable.
 
     Attributes
     ----------
     point : int
     digest : str
-        Of the case: it is checked once in each process.
+        Digest of the case, which is loaded only once in each process.
     table, source, plugin_files
         The case, see `evac.scenario.loading.case_from`.
     seeds : Seeds
     key : str
-        Of the ground.
+        Key of the ground.
     ground : GroundFile or None
-        Where it can be read, if it has been written.
+        File of the ground, if it has been written.
     """
 
     point: int
@@ -54,28 +54,28 @@ class Order:
 
 @dataclass(frozen=True)
 class Row:
-    """What is kept of a run.
+    """The stored results of a run.
 
     Attributes
     ----------
     point, run, seed : int
     population_seed : int or None
-        Seed of what people are like, where it is not `seed`.
+        Seed of the properties of people, if it differs from `seed`.
     ended : str
         As in `Results`.
     time : float
         Simulated time [s].
     last_out : float
-        When the last person left [s]; infinite where people are left.
+        Time at which the last person left [s]; infinite if people are left inside.
     exits : tuple of (str, int, float)
-        Of each exit: name, people who left by it, when the last of them did [s] or NaN.
+        For each exit: name, number of people who left by it, time at which the last of them left [s] or NaN.
     exit_time : (people,) float64 [s]
-        NaN of who is still inside.
+        NaN for people still inside.
     exit_used : (people,) int16
-        Index in `exits`; -1 of who is still inside.
+        Index in `exits`; -1 for people still inside.
     quality_warnings : tuple of str
     wall_time : float
-        What the run took, building and directions apart [s]; not part of the tables.
+        Wall time of the run without building and directions [s]; not part of the tables.
     """
 
     point: int
@@ -93,28 +93,28 @@ class Row:
 
     @property
     def is_blocked(self) -> bool:
-        """Whether people are left."""
+        """Whether people are left inside."""
         return self.ended != EVERYBODY_OUT
 
 
 def make_runs(
     order: Order, runs: tuple[int, ...], case: "Case | None" = None, tick: Callable[[Progress], None] | None = None
 ) -> list[Row]:
-    """Make some runs of a point, in this process.
+    """Execute some runs of a point in this process.
 
     Parameters
     ----------
     order : Order
     runs : tuple of int
     case : Case, optional
-        The case of the order, where this process has it.
+        The case of the order, if it is already loaded.
     tick : callable, optional
         Called at every tick of each run.
 
     Raises
     ------
     EvacError
-        As `evac.run`, from the first run that fails; a note tells its seed.
+        An error of `evac.run` in the first run that fails, with its seed in a note.
     """
     base = case if case is not None else _case_of(order)
     return [_make_run(order, base, run, tick) for run in runs]
@@ -136,7 +136,7 @@ def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], N
 
 
 def row_of(results: Results, point: int, run: int, population_seed: int | None, wall_time: float) -> Row:
-    """Return what is kept of a run."""
+    """Return the row of a run."""
     crowd = results.crowd
     exits = []
     for exit_ in results.building.exits:
@@ -159,7 +159,7 @@ def row_of(results: Results, point: int, run: int, population_seed: int | None, 
 
 
 def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
-    """Return what is told of a point."""
+    """Return the order for the runs of a point."""
     case = point.case
     return Order(point.index, digest, case.table, case.source, case.loaded_files, seeds, key)
 
@@ -169,14 +169,14 @@ _cases: dict[str, "Case"] = {}
 
 @lru_cache(maxsize=8)
 def _registry(plugin_files: tuple[Path, ...]) -> "Registry":
-    """Return the plugins of a study, loaded once in each process."""
+    """Return the registry of a study, created once in each process."""
     from evac.registry import Registry
 
     return Registry(plugin_files)
 
 
 def _case_of(order: Order) -> "Case":
-    """Return the checked case of an order; only that of the last point is kept."""
+    """Return the checked case of an order; only that of the last point is cached."""
     from evac.scenario.loading import case_from
 
     if order.digest not in _cases:

@@ -1,9 +1,9 @@
-"""Building and directions, made once for all runs that have them in common, and read by processes without copies.
+"""Building and directions, computed once for all runs that share them, and read by processes without copies.
 
-A `Ground` goes to a folder as two files: its arrays, one behind another, which every process maps into its memory; and
-what remains of it, pickled without them. Both are found by the digest of the second, which travels with a task, so
-that nothing is unpickled but what the process that gave the task has written. Where a process cannot read the files,
-on another machine, it makes the ground itself.
+A `Ground` is written to a folder as two files: its arrays one after another, which every process maps into memory, and
+the rest, pickled without the arrays. The files are named by the digest of the pickle, which is part of each task, so
+that a process unpickles only what was written by the process that submitted the task. A process that cannot read the
+files, for example on another machine, computes the ground itself.
 """
 
 import hashlib
@@ -23,22 +23,22 @@ from evac.simulation import Simulation
 if TYPE_CHECKING:
     from evac.scenario.case import Case
 
-#: Grounds that a process keeps, those used last.
+#: Number of most recently used grounds that a process keeps.
 MOST_GROUNDS = 8
 
-#: Arrays begin at multiples of so many bytes.
+#: Alignment of the arrays [bytes].
 ALIGNMENT = 64
 
 
 @dataclass(frozen=True)
 class GroundFile:
-    """Where a ground is to be read.
+    """Location of a ground on disk.
 
     Attributes
     ----------
     folder : str
     digest : str
-        Of the file without the arrays, which it is named by.
+        Digest of the pickle, which is part of the names of the files.
     spans : tuple of (int, int)
         First byte and length of each array.
     """
@@ -49,17 +49,17 @@ class GroundFile:
 
     @property
     def frame(self) -> Path:
-        """The file of everything but the arrays."""
+        """Path of the pickle without the arrays."""
         return Path(self.folder) / f"{self.digest}.frame"
 
     @property
     def arrays(self) -> Path:
-        """The file of the arrays."""
+        """Path of the file with the arrays."""
         return Path(self.folder) / f"{self.digest}.arrays"
 
 
 def write_ground(ground: Ground, folder: Path) -> GroundFile:
-    """Write a ground to a folder that no other user can write to."""
+    """Write a ground to a folder, to which other users must not have write access."""
     buffers: list[pickle.PickleBuffer] = []
     frame = pickle.dumps(ground, protocol=5, buffer_callback=buffers.append)
     digest = hashlib.sha256(frame).hexdigest()
@@ -79,12 +79,12 @@ def write_ground(ground: Ground, folder: Path) -> GroundFile:
 
 
 def read_ground(file: GroundFile) -> Ground:
-    """Return a ground whose arrays are those of the file, mapped and read-only.
+    """Return a ground with arrays that are mapped read-only from the file.
 
     Raises
     ------
     OSError
-        The files cannot be read, or are not those that were written.
+        The files cannot be read, or have been changed.
     """
     frame = file.frame.read_bytes()
     if hashlib.sha256(frame).hexdigest() != file.digest:
@@ -96,13 +96,13 @@ def read_ground(file: GroundFile) -> Ground:
 
 
 class Grounds:
-    """The grounds that this process has, by key."""
+    """Cache of the grounds of this process, by key."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[str, Ground] = OrderedDict()
 
     def get(self, key: str, file: GroundFile | None = None) -> Ground | None:
-        """Return a ground that was kept, or the one in a file that can be read here, or None."""
+        """Return a cached ground, or else that of a file if it can be read, or else None."""
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
@@ -112,7 +112,7 @@ class Grounds:
         return None
 
     def keep(self, key: str, ground: Ground) -> Ground:
-        """Keep a ground, and let go of the one that was used longest ago."""
+        """Cache a ground, and discard the least recently used one if there are too many."""
         self._kept[key] = ground
         while len(self._kept) > MOST_GROUNDS:
             self._kept.popitem(last=False)
@@ -129,18 +129,18 @@ def simulation_of(
     compiling: Callable[[int, int], None] | None = None,
     **options: Any,
 ) -> Simulation:
-    """Return a simulation of a case on a ground that this process has, can read, or makes now and keeps.
+    """Return a simulation of a case; its ground is taken from the cache or the file, or computed and cached.
 
     Parameters
     ----------
     case : Case
     key : str
-        That of `evac.assembly.ground_key`, where it is known.
+        The case's key from `evac.assembly.ground_key`.
     file : GroundFile, optional
     compiling : callable, optional
         As for `Simulation`.
     **options
-        More for `Simulation`.
+        Further arguments of `Simulation`.
     """
     key = key or ground_key(case)
     ground = GROUNDS.get(key, file)

@@ -1,8 +1,8 @@
-"""What the runs of a study say of the evacuation time, and how surely.
+"""Statistics of the evacuation time over the runs of a study, with confidence intervals.
 
-The evacuation time of a run is when the last person leaves. A blocked run, in which people are left, counts as endless:
-its time is infinite. The mean over all runs then is infinite too, so that the mean of the other runs stands beside the
-share of blocked ones; a percentile is infinite where too many runs are blocked.
+The evacuation time of a run is the time at which the last person leaves. It is infinite for a blocked run, in which
+people are left inside. Since the mean over all runs would be infinite too, the mean of the complete runs and the share
+of blocked runs are given; a percentile is infinite if too many runs are blocked.
 """
 
 import math
@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 
-#: Of all intervals.
+#: Confidence level of the intervals.
 CONFIDENCE = 0.95
 
-#: Percentiles of the evacuation time that are told.
+#: Percentiles of the evacuation time in tables and summaries.
 PERCENTILES = (5.0, 50.0, 95.0)
 
-#: Resamples of a bootstrap, and the seed that draws them: the interval depends on the times alone.
+#: Number of resamples of a bootstrap, and their seed, which is fixed so that intervals depend only on the times.
 RESAMPLES = 2000
 BOOTSTRAP_SEED = 1533
 
-#: Fewer values have too few resamples with different values for an interval.
+#: Least number of values for a bootstrap; fewer values have too few distinct resamples.
 LEAST_FOR_BOOTSTRAP = 8
 
 
@@ -40,11 +40,11 @@ class Estimate:
     name : str
         ``"mean"`` or ``"percentile 95"``.
     value, low, high : float
-        [s]; infinite where blocked runs make it endless, NaN where there is none.
+        Value and bounds of the interval [s]; infinite because of blocked runs, or NaN if undefined.
     runs : int
-        That it is taken over.
+        Number of runs in the statistic.
     note : str
-        Why there is no interval, or what blocked runs do to it; often empty.
+        Why there is no interval, or the effect of blocked runs; often empty.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Estimate:
 
     @property
     def relative_half_width(self) -> float:
-        """Half the width of the interval over the value; infinite where either is not finite."""
+        """Half the width of the interval divided by the value; infinite if either is not finite."""
         half = 0.5 * (self.high - self.low)
         return half / self.value if math.isfinite(half) and math.isfinite(self.value) and self.value else math.inf
 
@@ -68,15 +68,15 @@ class Statistics:
     Attributes
     ----------
     runs, blocked : int
-        All runs, and those in which people are left.
+        Number of all runs, and of those in which people are left inside.
     blocked_share, blocked_low, blocked_high : float
-        The share of the latter, and its exact interval (Clopper and Pearson).
+        Share of blocked runs, and its exact interval (Clopper and Pearson).
     least, greatest, standard_deviation : float
-        Of the evacuation time [s]; the standard deviation is that of the complete runs, NaN for fewer than two.
+        Evacuation times [s]; the standard deviation is that of the complete runs, NaN for fewer than two.
     mean : Estimate
-        Of the complete runs.
+        Mean of the complete runs.
     percentiles : tuple of Estimate
-        Over all runs.
+        Percentiles of all runs.
     """
 
     runs: int
@@ -91,7 +91,7 @@ class Statistics:
     percentiles: tuple[Estimate, ...]
 
     def as_row(self) -> dict[str, Any]:
-        """Return the numbers as one flat row; NaN and infinity as they are."""
+        """Return the values as one flat row, including NaN and infinity."""
         row = {key: value for key, value in asdict(self).items() if key not in ("mean", "percentiles")}
         for one in (self.mean, *self.percentiles):
             name = one.name.replace(" ", "_")
@@ -107,12 +107,12 @@ def statistics(
     Parameters
     ----------
     times : (runs,) float64 [s]
-        Evacuation times, infinite where people are left.
+        Evacuation times, infinite if people are left.
     populations : sequence of int, optional
-        Which population each run is of. Runs of the same people are alike: where there are fewer populations than runs,
-        all intervals come from a bootstrap of populations.
+        Number of the population of each run. Runs with the same people are correlated: if there are fewer populations
+        than runs, all intervals come from a bootstrap of populations.
     confidence : float
-        Of the intervals.
+        Confidence level of the intervals.
     """
     complete, blocked = times[np.isfinite(times)], int(np.isinf(times).sum())
     low, high = share_interval(blocked, len(times))
@@ -138,16 +138,16 @@ def estimate(
     Parameters
     ----------
     name : str
-        ``"mean"``: of the complete runs, or ``"percentile P"``.
+        ``"mean"``, over the complete runs, or ``"percentile P"``, over all runs.
     times, populations
         As for `statistics`.
     confidence : float
-        Of the interval.
+        Confidence level of the interval.
 
     Raises
     ------
     ScenarioError
-        Unknown name.
+        The name is not known.
     """
     of = percentile_of(name)
     groups = None if populations is None else np.asarray(populations)
@@ -161,8 +161,11 @@ def estimate(
         return Estimate(name, value, low, high, len(times), _populations_note(groups))
     low, high = percentile_interval(times, of, confidence)
     notes = []
-    if math.isnan(high) or math.isnan(low):
+    if math.isnan(high) and math.isnan(low):
         notes.append(f"no {100 * CONFIDENCE:.0f} % interval below {least_runs(of)} runs")
+    elif math.isnan(high) or math.isnan(low):
+        side = "upper" if math.isnan(high) else "lower"
+        notes.append(f"the {side} bound is open below {least_runs(of)} runs")
     if math.isinf(value):
         notes.append(f"not reached: {int(np.isinf(times).sum())} of {len(times)} runs are blocked")
     elif math.isinf(high):
@@ -171,17 +174,17 @@ def estimate(
 
 
 def percentile_name(of: float) -> str:
-    """Return how a percentile is called, such as ``"percentile 95"``."""
+    """Return the name of a percentile, such as ``"percentile 95"``."""
     return f"percentile {of:g}"
 
 
 def percentile_of(name: str) -> float | None:
-    """Return which percentile a statistic is, None for the mean.
+    """Return the percentile of a statistic's name, None for the mean.
 
     Raises
     ------
     ScenarioError
-        It is neither.
+        The name is neither the mean nor a percentile.
     """
     if name == "mean":
         return None
@@ -196,9 +199,9 @@ def percentile_of(name: str) -> float | None:
 
 
 def percentile(times: FloatArray, of: float) -> float:
-    """Return a percentile of times of which some may be infinite, linear between neighbours as `numpy.percentile`.
+    """Return a percentile of times, some of which may be infinite, with linear interpolation as `numpy.percentile`.
 
-    It is infinite where one of the neighbours that it lies between is.
+    It is infinite if one of the two interpolated values is.
     """
     ascending = np.sort(times)
     place = 0.01 * of * (len(ascending) - 1)
@@ -206,16 +209,16 @@ def percentile(times: FloatArray, of: float) -> float:
 
 
 def percentile_interval(times: FloatArray, of: float, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the interval of a percentile from order statistics, whatever the distribution of the times.
+    """Return the distribution-free interval of a percentile from order statistics.
 
     Each side misses the percentile with a probability of (1 - confidence) / 2, by the binomial distribution of the
-    number of times below it; between two neighbours in order the bound is interpolated, without which the interval
-    would be wider than needed.
+    number of times below it; the bound is interpolated between order statistics, since the interval would otherwise be
+    wider than necessary.
 
     Returns
     -------
     low, high : float
-        [s]; NaN where there are too few runs for a bound, infinite where blocked runs leave none.
+        Bounds [s]; NaN if there are too few runs for a bound, infinite because of blocked runs.
 
     References
     ----------
@@ -227,13 +230,13 @@ def percentile_interval(times: FloatArray, of: float, confidence: float = CONFID
 
 
 def least_runs(of: float) -> int:
-    """Return the number of runs below which a percentile has no interval: the extreme times do not bound it."""
+    """Return the least number of runs at which the extreme times bound a percentile with the required confidence."""
     share = max(0.01 * of, 1.0 - 0.01 * of)
     return math.ceil(math.log(0.5 * (1.0 - CONFIDENCE)) / math.log(share) - 1e-9)
 
 
 def share_interval(count: int, total: int) -> tuple[float, float]:
-    """Return the exact interval of a share of which `count` in `total` were seen (Clopper and Pearson, 1934)."""
+    """Return the exact interval of a share after `count` of `total` trials (Clopper and Pearson, 1934)."""
     from scipy.special import betaincinv
 
     tail = 0.5 * (1.0 - CONFIDENCE)
@@ -243,13 +246,13 @@ def share_interval(count: int, total: int) -> tuple[float, float]:
 
 
 def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the interval of the mean of two positive values or more.
+    """Return the interval of the mean of two or more positive values.
 
-    Of `LEAST_FOR_BOOTSTRAP` values or more it is the studentised bootstrap's: the mean less quantiles of
-    (m* - m) / s* over resamples, times s, with s the standard error. Of samples as skewed as evacuation times it covers
-    the mean in 94 to 95 % of studies, where the percentile and the BCa bootstrap of ten values cover 90 %
-    (docs/evidence/certainty). Of fewer values it is that of a log-normal mean, m / c to m c with
-    c = exp(t sqrt(ln(1 + s^2 / m^2))) and t the quantile of Student's t.
+    For `LEAST_FOR_BOOTSTRAP` or more values it is that of the studentised bootstrap: the mean minus quantiles of
+    (m* - m) / s* over resamples, times s, with s the standard error. For samples as skewed as evacuation times it
+    covers the mean in 94 to 95 % of studies, while the percentile and BCa bootstraps of ten values cover it in 90 %
+    (docs/evidence/certainty). For fewer values it is that of a log-normal mean, from m / c to m c with
+    c = exp(t sqrt(ln(1 + s^2 / m^2))) and t the quantile of Student's t distribution.
 
     References
     ----------
@@ -267,7 +270,7 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
     samples = values[_resamples(n)]
     errors = samples.std(axis=1, ddof=1) / math.sqrt(n)
     spread = errors > 1e-12 * mean
-    if not spread.any():  # all values are the same
+    if not spread.any():  # all values are equal
         return mean, mean
     low, high = np.quantile((samples.mean(axis=1)[spread] - mean) / errors[spread], [tail, 1.0 - tail])
     return mean - float(high) * error, mean - float(low) * error
@@ -276,7 +279,7 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
 def bootstrap_interval(
     times: FloatArray, statistic: Callable[[FloatArray], float], groups: NDArray[Any], confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Return the interval of a statistic by the percentile bootstrap of groups of runs that are alike."""
+    """Return the interval of a statistic by the percentile bootstrap of groups of correlated runs."""
     names = np.unique(groups)
     if len(names) < LEAST_FOR_BOOTSTRAP:
         return math.nan, math.nan
@@ -287,14 +290,12 @@ def bootstrap_interval(
 
 
 def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float = CONFIDENCE) -> Estimate:
-    """Return the mean of the complete runs; of runs in populations, with the populations as the sample."""
+    """Return the mean of the complete runs; with repetitions, its interval is that of a sample of populations."""
     is_complete = np.isfinite(times)
     complete, blocked = times[is_complete], int((~is_complete).sum())
     notes = []
     if blocked:
-        notes.append(
-            f"of the {len(complete)} complete runs: with {blocked} of {len(times)} blocked it is endless over all"
-        )
+        notes.append(f"over the {len(complete)} complete runs, because {blocked} of {len(times)} are blocked")
     if not len(complete):
         return Estimate("mean", math.nan, math.nan, math.nan, 0, "; ".join(notes))
     sample = complete
@@ -306,7 +307,7 @@ def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float = CO
     if len(sample) > 1:
         low, high = mean_interval(sample, confidence)
     else:
-        notes.append("no interval of one run")
+        notes.append("no interval for one run")
     return Estimate("mean", float(complete.mean()), low, high, len(complete), "; ".join(notes))
 
 
@@ -316,14 +317,14 @@ def _populations_note(groups: NDArray[Any]) -> str:
 
 @lru_cache(maxsize=8)
 def _resamples(n: int) -> NDArray[np.int64]:
-    """Return the indices (RESAMPLES, n) of resamples of n values: the same whenever they are asked for."""
+    """Return the indices (RESAMPLES, n) of resamples of n values, always the same for the same n."""
     return np.random.default_rng(BOOTSTRAP_SEED).integers(n, size=(RESAMPLES, n))
 
 
 def _upper(ascending: FloatArray, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return what exceeds the quantile `share` of the distribution but for half of what `confidence` leaves."""
+    """Return the upper bound of the quantile `share`, which it exceeds with a probability of (1 - confidence) / 2."""
     n, wanted = len(ascending), 0.5 * (1.0 + confidence)
-    exceeds = _exceeding(n, share)  # X(r) of rank r = 1, ..., n does with probability exceeds[r]
+    exceeds = _exceeding(n, share)  # probability that X(r), r = 1, ..., n, exceeds the quantile
     rank = int(np.searchsorted(exceeds, wanted, side="right")) - 1
     if exceeds[-1] < wanted:
         return math.nan
@@ -336,14 +337,14 @@ def _upper(ascending: FloatArray, share: float, confidence: float = CONFIDENCE) 
 
 @lru_cache(maxsize=256)
 def _exceeding(n: int, share: float) -> FloatArray:
-    """Return the probability (n + 1,) that the value of rank r exceeds a quantile: fewer than r values are below."""
+    """Return the probabilities (n + 1,) that the value of rank r exceeds a quantile: fewer than r values are below."""
     from scipy.special import bdtr
 
     return np.concatenate([[0.0], bdtr(np.arange(n, dtype=np.float64), n, share)])
 
 
 def _between(lower: float, upper: float, share: float) -> float:
-    """Return what lies between two values of which the upper or both may be infinite."""
+    """Interpolate linearly between two values, of which the upper or both may be infinite."""
     if share == 0.0 or lower == upper:
         return float(lower)
     return (

@@ -1,10 +1,10 @@
-"""When a study has enough runs: a number of them, or an interval that is narrow enough.
+"""Stopping rules of a study: a fixed number of runs, or an interval that is narrow enough.
 
-Whoever looks at an interval after every run, and stops as soon as it is narrow, stops where it is narrow by chance, and
-it covers the truth too seldom. Here a study looks a few times only. At each look it computes how many runs the interval
-needs to become narrow enough, by its present width and the square root of the number of runs, makes these, at least
-half as many again as it has, and looks again. The interval in the end is one of 96 %, so that it covers in 94 to 96 %
-of stopped studies; docs/evidence/certainty has the measurement.
+A rule that computes the interval after every run and stops as soon as it is narrow stops when it is narrow by chance,
+so that the interval covers the true value too rarely. The rule here computes the interval only a few times. Each time
+it estimates the required number of runs from the width of the interval, which decreases with the square root of that
+number, and requests these runs, at least half as many again as there are. The confidence level of the interval is
+96 %, so that it covers the true value in 94 to 96 % of stopped studies (measured in docs/evidence/certainty).
 """
 
 import math
@@ -15,31 +15,31 @@ from evac.arrays import FloatArray
 from evac.errors import ScenarioError
 from evac.study.statistics import CONFIDENCE, Estimate, estimate, least_runs, percentile_of
 
-#: Runs before the first look, where a percentile does not need more, and the most runs.
+#: Number of runs before the interval is first computed, unless a percentile needs more; and the greatest number.
 LEAST_RUNS = 20
 MOST_RUNS = 1000
 
-#: From one look to the next the number of runs grows by this factor at least.
+#: Least factor by which the number of runs grows from one computation of the interval to the next.
 GROWTH = 1.5
 
-#: Of the intervals of a stopped study: what looking more than once takes away is put on before.
+#: Confidence level of the intervals in this rule, higher to compensate for computing them several times.
 STOPPED_CONFIDENCE = 0.96
 
 
 @dataclass(frozen=True)
 class Rule:
-    """How many runs a point gets.
+    """The number of runs of a point.
 
     Parameters
     ----------
     least, most : int
-        Runs; the same where their number is fixed.
+        Bounds of the number of runs; equal for a fixed number.
     until : float or None
-        Half the width of the interval over the statistic that is narrow enough; None for a fixed number.
+        Required ratio of half the width of the interval to the statistic; None for a fixed number of runs.
     statistic : str
         See `evac.study.statistics.estimate`.
     repetitions : int
-        Numbers of runs are multiples of it.
+        Numbers of runs are multiples of this.
     """
 
     least: int
@@ -50,31 +50,31 @@ class Rule:
 
     @property
     def confidence(self) -> float:
-        """That of the intervals, so that they cover in 95 % of studies."""
+        """Confidence level of the intervals, for a coverage of 95 % of studies."""
         return CONFIDENCE if self.until is None else STOPPED_CONFIDENCE
 
     @property
     def first(self) -> int:
-        """Runs before the first look."""
+        """Number of runs before the interval is first computed."""
         return self._rounded(self.least)
 
     def estimate(self, times: FloatArray, populations: Sequence[int]) -> Estimate:
-        """Return the statistic that decides."""
+        """Return the statistic on which the rule is based."""
         return estimate(self.statistic, times, populations, self.confidence)
 
     def is_known(self, times: FloatArray, populations: Sequence[int]) -> bool:
-        """Return whether the interval is narrow enough; of a fixed number of runs nothing is asked."""
+        """Return whether the interval is narrow enough; always true for a fixed number of runs."""
         return self.until is None or self.estimate(times, populations).relative_half_width <= self.until
 
     def wanted(self, times: FloatArray, populations: Sequence[int]) -> int:
-        """Return the number of runs of the next look; that of `times` where there is none.
+        """Return the number of runs at which the interval is computed next; that of `times` to stop.
 
         Parameters
         ----------
         times : (runs,) float64 [s]
-            Of the runs 0, 1, ... at this look.
+            Evacuation times of the runs 0, 1, ... so far.
         populations : sequence of int
-            Which population each is of.
+            Number of the population of each run.
         """
         runs = len(times)
         if self.until is None or runs >= self.most:
@@ -95,7 +95,7 @@ def fixed(runs: int, repetitions: int = 1) -> Rule:
     Raises
     ------
     ScenarioError
-        There are none.
+        The number is less than 1.
     """
     _check(runs=runs, repetitions=repetitions)
     return Rule(runs, runs, repetitions=repetitions)
@@ -108,22 +108,22 @@ def until_known(
     most: int | None = None,
     repetitions: int = 1,
 ) -> Rule:
-    """Return the rule that stops when a statistic is known to a share of itself.
+    """Return the rule that stops when the relative half-width of the interval of a statistic is small enough.
 
     Raises
     ------
     ScenarioError
-        A number is out of range, or there is no such statistic.
+        A number is out of range, or the statistic is not known.
     """
     if not 0.0 < until < 1.0:
-        raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2%), not {until:g}")
+        raise ScenarioError(f"until must be a share between 0 and 1, such as 0.02 (2 %), not {until:g}")
     of = percentile_of(statistic)
     smallest = LEAST_RUNS if of is None else max(LEAST_RUNS, math.ceil(1.1 * least_runs(of)))
     least = smallest if least is None else least
     most = max(MOST_RUNS, least) if most is None else most
     _check(least=least, most=most, repetitions=repetitions)
     if most < least:
-        raise ScenarioError(f"most = {most} runs are fewer than least = {least}; make it greater")
+        raise ScenarioError(f"most = {most} is less than least = {least}; increase it")
     return Rule(least, most, until, statistic, repetitions)
 
 

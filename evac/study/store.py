@@ -1,9 +1,9 @@
-"""The rows of a study on disk: each there as soon as its run is done, in columns that every data frame library reads.
+"""The rows of a study on disk, each written as soon as its run is done, in columns that data frame libraries read.
 
-While runs go on, rows are appended to ``runs.arrows``, a stream of Arrow's: each row is one record batch, written with
-one call, so that a kill leaves at most the last one incomplete, which is cut off when the file is opened again. When
-the study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is removed. Neither
-SQLite (rows, not columns) nor Parquet (which is unreadable without its end) serves for both.
+During the study, rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch, written with one
+call, so that after a kill at most the last one is incomplete, which is removed when the file is opened again. When the
+study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is deleted. Neither SQLite
+(rows, not columns) nor Parquet (not readable without its end) is suitable for both.
 """
 
 import math
@@ -23,7 +23,7 @@ from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, writing
 from evac.study.points import Point
 from evac.study.runs import Row
 
-#: Rows are read so many at a time, and written in groups of about so many bytes.
+#: Number of rows read at a time, and approximate size of the groups of rows written [bytes].
 BATCH_ROWS = 32
 GROUP_BYTES = 16 * 2**20
 
@@ -32,14 +32,14 @@ EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("las
 
 @dataclass(frozen=True)
 class Entry:
-    """What is known of a stored run without reading it."""
+    """Data of a stored run that is kept in memory."""
 
-    last_out: float  # [s], infinite where people are left
+    last_out: float  # [s], infinite if people are left
     offset: int = -1  # in the stream; -1: in the Parquet file
 
 
 def schema_of(points: Sequence[Point]) -> pa.Schema:
-    """Return the columns of the rows of a study; its parameters have one each."""
+    """Return the columns of the rows of a study, including one for each parameter."""
     keys = dict.fromkeys(key for point in points for key in point.parameters)
     kinds = {key: _kind([point.parameters.get(key) for point in points]) for key in keys}
     return pa.schema(
@@ -69,18 +69,18 @@ class Store:
     Parameters
     ----------
     folder : Path
-        There already. Rows of the study that are in it are taken up.
+        An existing folder. Rows of the study in it are kept.
     points : sequence of Point
 
     Raises
     ------
     ResultError
-        The files there cannot be read or written, or are of another study.
+        The files cannot be read or written, or belong to another study.
 
     Attributes
     ----------
     entries : dict of (int, int) to Entry
-        By point and run. This is all that is kept in memory, however many people there are.
+        Entries by point and run. Nothing else is kept in memory, independent of the number of people.
     """
 
     def __init__(self, folder: Path, points: Sequence[Point]) -> None:
@@ -111,14 +111,14 @@ class Store:
             self._end += len(data)
 
     def rows(self, wanted: Iterable[tuple[int, int]], columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
-        """Yield stored rows as dictionaries of plain values and arrays, in the order wanted.
+        """Yield stored rows as dictionaries of plain values and arrays.
 
         Parameters
         ----------
         wanted : iterable of (point, run)
-            Rising, each of `entries`.
+            Keys of `entries` in ascending order.
         columns : sequence of str
-            By default all.
+            Names of columns; by default all.
         """
         names = list(columns) or self.schema.names
         for batch in self._batches(wanted, names):
@@ -127,7 +127,7 @@ class Store:
                 yield {name: _value(column, k) for name, column in found.items()}
 
     def compact(self, wanted: Sequence[tuple[int, int]]) -> None:
-        """Write the rows wanted, rising, to the Parquet file, which replaces it and the stream."""
+        """Write the rows `wanted`, in ascending order, to a Parquet file, which replaces the old one and the stream."""
         new = self._parquet_path.with_suffix(".new")
         with writing("the rows", self._parquet_path):
             with pq.ParquetWriter(new, self.schema, compression="zstd") as writer:
@@ -152,11 +152,11 @@ class Store:
         return pa.Table.from_batches(self._batches(sorted(self.entries), self.schema.names), self.schema)
 
     def move(self, folder: Path) -> None:
-        """Note that the folder has been renamed; the stream must be closed."""
+        """Set the new path of the renamed folder; the stream must be closed."""
         self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
 
     def close(self) -> None:
-        """Close the stream, all rows written down."""
+        """Close the stream."""
         if self._file is not None:
             os.fsync(self._file.fileno())
             self._file.close()
@@ -171,10 +171,10 @@ class Store:
                     for point, run, last_out in zip(*columns, strict=True):
                         self.entries[point, run] = Entry(math.inf if last_out is None else last_out)
         except pa.ArrowException as error:
-            raise ResultError(f"{self._parquet_path}: damaged: {error}; remove it to begin the study anew") from error
+            raise ResultError(f"{self._parquet_path}: damaged: {error}; remove it to start the study again") from error
 
     def _index_stream(self) -> None:
-        """Take up the rows of the stream up to the last complete one; what comes after it is overwritten."""
+        """Read the rows of the stream up to the last complete one; an incomplete one is overwritten."""
         size = self._stream_path.stat().st_size
         with pa.OSFile(str(self._stream_path)) as file:
             try:
@@ -188,17 +188,17 @@ class Store:
                     self.entries[point, run] = Entry(math.inf if last_out is None else last_out, self._end)
                     self._end = file.tell()
             except (pa.ArrowException, EOFError, OSError):
-                pass  # cut off by a kill
+                pass  # incomplete after a kill
         if self._end < size:
             with self._stream_path.open("r+b") as stream:
                 stream.truncate(self._end)
 
     def _check_schema(self, found: pa.Schema, path: Path) -> None:
         if not found.equals(self.schema):
-            raise ResultError(f"{path}: has other columns than this study; choose another folder (--out)")
+            raise ResultError(f"{path}: its columns are not those of this study; choose another folder (--out)")
 
     def _batches(self, wanted: Iterable[tuple[int, int]], names: Sequence[str]) -> Iterator[pa.RecordBatch]:
-        """Yield the rows wanted in batches, in order, each from where it is."""
+        """Yield the rows `wanted` in batches, in order, from the stream or the Parquet file."""
         old = self._parquet_rows(names)
         stream = pa.OSFile(str(self._stream_path)) if self._stream_path.is_file() else None
         try:
@@ -214,7 +214,7 @@ class Store:
                 stream.close()
 
     def _parquet_rows(self, names: Sequence[str]) -> Iterator[tuple[tuple[int, int], pa.RecordBatch]]:
-        """Yield the rows of the Parquet file one by one with their keys."""
+        """Yield the rows of the Parquet file one by one, with their keys."""
         if not self._parquet_path.is_file():
             return
         columns = list(dict.fromkeys(["point", "run", *names]))
@@ -225,7 +225,7 @@ class Store:
                     yield key, batch.slice(k, 1).select(list(names))
 
     def _batch(self, row: Row) -> pa.RecordBatch:
-        """Return a row as Arrow has it."""
+        """Return a row as a record batch."""
         values: Mapping[str, Any] = {
             "point": row.point,
             "run": row.run,
@@ -254,7 +254,7 @@ class Store:
 
 
 def _kind(values: Sequence[Any]) -> pa.DataType:
-    """Return the type of a column for the values of a parameter; what is no number or truth value goes as text."""
+    """Return the type of a column for the values of a parameter; text, unless all are numbers or all are booleans."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {bool}:
         return pa.bool_()
@@ -276,7 +276,7 @@ def _value(column: pa.Array, k: int) -> Any:
 
 
 def _replace(new: Path, path: Path) -> None:
-    """Put a file that is complete in the place of another, which is there all the time."""
+    """Replace a file atomically by a complete new one."""
     with new.open("r+b") as file:
         os.fsync(file.fileno())
     new.replace(path)

@@ -1,4 +1,4 @@
-"""A study: its points, its rows, and what they say."""
+"""A study: its points, its rows, and their statistics."""
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a study is, once a row."""
+    """Progress of a study, reported after each row."""
 
     done: int
-    wanted: int  # so far: a study that stops when it knows enough may want more
-    row: Row | None  # None at the start, where `done` rows were there already
+    wanted: int  # so far; a study with `until` may request more
+    row: Row | None  # None at the start, when `done` rows exist already
 
 
 class Study:
-    """Runs of a case, or of several under parameters of a sweep, with the same seeds at every point.
+    """Runs of one or several points, with the same seeds at every point.
 
-    Made by `evac.repeat` and `evac.sweep`.
+    Returned by `evac.repeat` and `evac.sweep`.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Study:
     seeds : Seeds
     rule : Rule
     folder : Path
-        Where the rows are.
+        Folder with the rows.
     """
 
     def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> None:
@@ -70,7 +70,7 @@ class Study:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
 
     def move(self, folder: Path) -> None:
-        """Note that the folder has been renamed."""
+        """Set the new path of the renamed folder."""
         self.folder = folder
         self._store.move(folder)
 
@@ -80,7 +80,7 @@ class Study:
         executor: Executor | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Make all runs that are missing, and put the rows in order."""
+        """Execute all missing runs, and sort the rows."""
         conductor: Conductor
 
         def on_row(row: Row) -> None:
@@ -105,19 +105,19 @@ class Study:
 
     @property
     def done(self) -> int:
-        """Number of runs that are made, of those that are wanted so far."""
+        """Number of finished runs among those requested so far."""
         return sum(self._there)
 
     def runs_of(self, point: int) -> int:
-        """Return the number of runs of a point that its statistics are over."""
+        """Return the number of runs in the statistics of a point."""
         return self._wanted[point]
 
     def times(self, point: int) -> FloatArray:
-        """Return the evacuation times (runs,) [s] of a point by run; infinite where people are left."""
+        """Return the evacuation times (runs,) [s] of a point by run; infinite if people are left."""
         return np.array([self._store.entries[point, run].last_out for run in range(self._wanted[point])])
 
     def populations(self, point: int) -> list[int]:
-        """Return which population each run of a point is of."""
+        """Return the number of the population of each run of a point."""
         return [self.seeds.population(run) for run in range(self._wanted[point])]
 
     @cached_property
@@ -129,36 +129,36 @@ class Study:
         )
 
     def deciding(self, point: int) -> Estimate:
-        """Return the statistic that the study stops by, at one point."""
+        """Return the statistic on which the stopping rule is based, at one point."""
         return self.rule.estimate(self.times(point), self.populations(point))
 
     def variation(self, point: int) -> imo.Variation:
-        """Return what the IMO's scheme asks of the runs of a point."""
+        """Return the variation between populations and repetitions, as the procedure of the IMO requires."""
         return imo.variation(self.times(point), self.populations(point))
 
     def rows(self, point: int | None = None, columns: Sequence[str] = ()) -> Iterable[dict[str, Any]]:
-        """Yield the rows that the statistics are over, of one point or all, read one after the other.
+        """Yield the rows in the statistics of one point or all points, read one after the other.
 
         Parameters
         ----------
         point : int, optional
         columns : sequence of str
-            Names as in `table`; by default all.
+            Names of columns of `table`; by default all.
         """
         chosen = self.points if point is None else (self.points[point],)
         wanted = [(one.index, run) for one in chosen for run in range(self._wanted[one.index])]
         return self._store.rows(wanted, columns)
 
     def table(self) -> "pyarrow.Table":
-        """Return all rows as an Arrow table: it takes the memory of all exit times."""
+        """Return all rows as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return all rows as a data frame of pandas."""
+        """Return all rows as a pandas data frame."""
         return self.table().to_pandas()
 
     def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":
-        """Make one run again, with all outputs of `evac.run`.
+        """Repeat one run with all outputs of `evac.run`.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Study:
         return [run for run in runs if (order.point, run) not in self._store.entries]
 
     def _advanced(self, order: Order) -> list[int]:
-        """Look at a point whose wanted runs are all there, again and again; return what it wants then."""
+        """Apply the stopping rule to a point until it requests runs that are missing; return these."""
         point = order.point
         while self._there[point] == self._wanted[point]:
             before = self._wanted[point]

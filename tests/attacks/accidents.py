@@ -57,12 +57,14 @@ def cases(number: int, seed: int) -> Iterator[Case]:
 def run(case: Case, folder: Path) -> str:
     """Run a case that takes some seconds; return with which status it ended."""
     write_case(folder)
-    changes = ["simulation.duration=600", "simulation.no_progress=inf", "people.drawn.speed=0", "people.put.speed=0"]
+    changes = ["simulation.duration=6000", "simulation.no_progress=inf", "people.drawn.speed=0", "people.put.speed=0"]
     if case.kind == "disk":
         changes = ["output.animation=true", "output.picture=true"]
 
     def limited() -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets background jobs ignore it
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets background jobs ignore it,
+        if hasattr(signal, "SIGHUP"):
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)  # and nohup this one
         if case.kind == "disk":
             resource.setrlimit(resource.RLIMIT_FSIZE, (int(case.at), int(case.at)))
 

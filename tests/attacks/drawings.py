@@ -21,7 +21,7 @@ from tests.building.random_plans import plan_shapes
 #: Greatest share by which the ground may differ from what shapely gives [1].
 AGREES = 1e-3
 #: A message of geometry names a place, or says that there is nothing at all.
-PLACE = r"\(-?\d+\.\d\d, -?\d+\.\d\d|no polygon with an area|nothing on the layers|enclose nothing"
+PLACE = r"\(-?\d+\.\d\d, -?\d+\.\d\d|no polygon with an area|layers of the floor|enclose nothing"
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,7 @@ def run(case: Case, folder: Path) -> str:
     if status != 2:
         return "ran"
     words = [word for word in case.key.split(".") if not word.isdigit()][-2:]
+    words += ["forces"] * case.key.startswith("forces.")  # a step that fails names them together
     # What a preset or another name spoils is wrong with a group; a file that cannot be used is named itself.
     words += ["people"] * (case.key.startswith(("presets", "people.")) or case.key.endswith(".name")) + [
         case.value.strip('"')

@@ -139,7 +139,7 @@ def test_a_stair_that_turns_is_warned_of_with_its_place(tmp_path):
     assert (warning.kind, len(warning.place)) == ("warning", 3)
 
 
-@pytest.mark.parametrize(("size", "scale", "factor"), [(1e-3, 1.0, "1000"), (1e3, 1.0, "0.001"), (1e3, 1e-6, "0.001")])
+@pytest.mark.parametrize(("size", "scale", "factor"), [(0.1, 1.0, "1000"), (1e3, 1.0, "0.001"), (1e3, 1e-4, "0.1")])
 def test_unusual_sizes_are_doubted_with_the_factor_that_helps(tmp_path, size, scale, factor):
     model = Model()
     model.flat(0, 0, 12 * size, 8 * size, 0.0)
@@ -147,6 +147,16 @@ def test_unusual_sizes_are_doubted_with_the_factor_that_helps(tmp_path, size, sc
     (warning,) = building.warnings
     assert f"building.scale = {factor} " in warning
     assert model.read(tmp_path, scale=float(factor)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("size", "scale", "factor"), [(1e-3, 1.0, "1000"), (1e3, 1e-6, "0.001"), (1.0, 1e-3, "1"), (1.0, 1e-2, "1")]
+)
+def test_a_building_into_which_nobody_fits_is_refused_with_the_scale_that_helps(tmp_path, size, scale, factor):
+    model = Model()
+    model.flat(0, 0, 12 * size, 8 * size, 0.0)
+    with pytest.raises(BuildingError, match=rf"{12e3 * size * scale:g} mm.*building\.scale = {factor} "):
+        model.read(tmp_path, scale=scale)
 
 
 def test_edges_that_nearly_meet_name_the_weld_that_joins_them(tmp_path):

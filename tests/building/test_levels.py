@@ -145,5 +145,5 @@ def test_warped_flight_is_a_warning(mesh, read):
 
 def test_flight_that_turns_back_is_refused(mesh, read):
     winding_ramp(mesh, 12).rectangle(2, 8, 4, 10, 3.0).rectangle(0, 6, 4, 8, 3.0)
-    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' .* 60, "):
+    with pytest.raises(BuildingError, match=r"level 'flight z=0.00..3.00' .* 60; "):
         read(mesh, exits=[EXIT])

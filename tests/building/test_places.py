@@ -35,6 +35,16 @@ def test_exit_over_several_edges(mesh, read):
     np.testing.assert_allclose(found.segments, [[4, 0, 4.03, 1], [4.03, 1, 4, 2]], atol=2e-3)
 
 
+@pytest.mark.parametrize("x", [2.96, 3.0, 3.04])
+def test_an_exit_at_a_wall_between_two_rooms_is_refused(mesh, read, x):
+    mesh.rectangle(0, 0, 2.96, 4).rectangle(3.04, 0, 6, 4)
+    mesh.face((0, 4, 0), (2.96, 4, 0), (3.04, 4, 0), (6, 4, 0), (6, 5, 0), (0, 5, 0))
+    with pytest.raises(BuildingError, match=rf"'out'.*both sides.*\({x:.2f}, 1\.50\)"):
+        read(mesh, exits=[way([x, 1], [x, 2])])
+    (found,) = read(mesh, exits=[way([6, 1], [6, 2])]).exits
+    assert found.width == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("segment", "words"),
     [

@@ -25,6 +25,12 @@ def levels(building):
     return {level.name: level for level in building.levels}
 
 
+def test_a_plan_is_displayed_with_its_numbers():
+    plan = two_storeys(source="house")
+    plan.stair("stair", "ground", [(1, 1), (1, 2.2)], "first", length=5.5, direction=(1, 0))
+    assert repr(plan) == "<Plan 'house': 2 storeys, 1 stair, 1 exit>"
+
+
 SQUARE = "POLYGON ((0 0, 4 0, 4 3, 0 3, 0 0), (1 1, 2 1, 2 2, 1 2, 1 1))"
 GEOJSON = {
     "type": "FeatureCollection",

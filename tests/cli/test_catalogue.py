@@ -45,6 +45,16 @@ def test_plugins_shows_everything_with_unit_and_default(evac, capsys):
     assert any(line.split()[:3] == ["stiffness", "1.2e+05", "kg/s2"] for line in out.splitlines())
 
 
+def test_plugins_describes_one_by_name(evac, capsys):
+    assert evac("plugins", "nsm2") == 0
+    out = capsys.readouterr().out
+    assert "contact model nsm2" in out
+    assert "normal_dissipation" in out
+    assert "contact model dem" not in out
+    assert evac("plugins", "nsm3") == 2
+    assert "'nsm2'" in capsys.readouterr().err
+
+
 def test_explain_says_what_is_left_out_and_why(evac, capsys):
     assert evac("explain", "square_room") == 0
     out = capsys.readouterr().out
@@ -52,7 +62,7 @@ def test_explain_says_what_is_left_out_and_why(evac, capsys):
         line.split("  ")[0].strip(): line.split() for line in out.splitlines() if " in " in line or " out " in line
     }
     assert "out" in parts["portals"]
-    assert "0 portals between 1 levels" in out
+    assert "0 portals, 1 level" in out
     assert "in" in parts["fields: fastest"]
     assert evac("explain", "square_room", "--set", "people.people.strategy=shortest") == 0
     assert "fields: fastest" in capsys.readouterr().out

@@ -29,7 +29,7 @@ def test_a_study_goes_on_and_refuses_another_case(evac, tmp_path, capsys):
     few = ("people.people.number=5", "output.picture=false")
     assert evac("repeat", "square_room", "--runs", "2", "--jobs", "1", "--out", "r", "--set", *few) == 0
     assert evac("repeat", "square_room", "--runs", "3", "--out", "r", "--resume", "--set", *few) == 0
-    assert "2 of 3 runs are there" in capsys.readouterr().err
+    assert "2 of 3 runs" in capsys.readouterr().err
     with (tmp_path / "r" / "runs.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 3
     assert evac("repeat", "square_room", "--out", "r", "--resume", "--set", "people.people.number=6") == 2
@@ -40,7 +40,7 @@ def test_runs_until_the_mean_is_known(evac, tmp_path, capsys):
     few = ("people.people.number=5", "output.picture=false")
     stop = ("--until", "30%", "--least", "4", "--most", "9", "--jobs", "1")
     assert evac("repeat", "square_room", *stop, "--set", *few) == 0
-    assert "mean known to" in capsys.readouterr().err
+    assert re.search("mean .* after [4-9] runs", capsys.readouterr().err)
     points = json.loads((tmp_path / "square_room-runs" / "summary.json").read_text())["points"]
     assert points[0]["known"]
     assert 4 <= points[0]["statistics"]["runs"] <= 9
@@ -68,7 +68,7 @@ def test_a_run_that_is_not_to_be_trusted_says_so(evac, capsys, command):
     """Steps of 0.1 s throw people about at a door."""
     changes = ("contact.model=nsm2", "simulation.step=0.1", "simulation.seed=4", "output.picture=false")
     assert evac(command[0], "square_room", *command[1:], "--set", *changes) == 0
-    assert re.search("warning: .*contacts made [0-9.]+ J, more than", capsys.readouterr().err)
+    assert re.search("warning: .*contacts .*[0-9.]+ J, more than", capsys.readouterr().err)
 
 
 def test_runs_with_people_left_are_named(evac, capsys):

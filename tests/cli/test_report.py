@@ -1,7 +1,6 @@
 """The tables shown after a run tell what its summary holds."""
 
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,20 +37,25 @@ SUMMARY = {
     "wall_time": {"physics": 1.5, "recording": 0.5},
     "left_by_other_exits": 0,
     "stuck": [],
+    "not_started": 0,
 }
 
 
 @pytest.fixture
-def shown(capsys, tmp_path):
+def shown(capsys):
     """Show a summary; return its lines, divided at two spaces or more, and what is said on standard error."""
 
-    def show(**changes):
+    def show(closed=(), start_time=(0.0, 0.0), **changes):
         results = SimpleNamespace(
             summary=lambda: SUMMARY | changes,
-            crowd=SimpleNamespace(level=np.array([-1, 0])),
-            building=SimpleNamespace(levels=[SimpleNamespace(name="room")]),
+            crowd=SimpleNamespace(level=np.array([-1, 0]), start_time=np.array(start_time)),
+            building=SimpleNamespace(
+                levels=[SimpleNamespace(name="room")],
+                exits=[SimpleNamespace(name="door")],
+                is_open=lambda way: way.name not in closed,
+            ),
         )
-        show_results(results, Path(tmp_path))
+        show_results(results)
         out, err = capsys.readouterr()
         return [re.split(r"\s{2,}", line.strip()) for line in out.splitlines()], err
 
@@ -63,12 +67,12 @@ def test_contact_is_told_in_millimetres_and_joules(shown):
     first = next(k for k, line in enumerate(lines) if line[0] == "contact model")
     assert lines[first : first + 11] == [
         ["contact model", "dem"],
-        ["greatest overlap", "12.3 mm"],
+        ["maximum overlap", "12.3 mm"],
         ["mean overlap", "4.5 mm"],
         ["hardened contacts", "8 of 900"],
-        ["greatest residual", "0.0002 m/s"],
+        ["maximum residual", "0.0002 m/s"],
         ["unconverged steps", "6 of 1000"],
-        ["steps cut into smaller ones", "7 times; greatest speed 3 m/s"],
+        ["steps cut into smaller ones", "7 times; maximum speed 3 m/s"],
         ["work of driving", "100 J"],
         ["dissipated in contacts", "30 J"],
         ["created in contacts", "5 J"],
@@ -83,7 +87,7 @@ def test_places_and_phases_stand_under_their_heads(shown):
             ["exit", "people", "last out [s]", "width [m]", "flow [1/s]", "per metre [1/s/m]"],
             ["door", "5", "9", "0.8", "-", "-"],
         ),
-        (["stair", "people", "greatest number", "last left [s]"], ["main", "4", "3", "6"]),
+        (["stair", "people", "maximum number", "last left [s]"], ["main", "4", "3", "6"]),
         (["phase", "s"], ["physics", "1.5"]),
     ):
         assert lines[lines.index(head) + 2] == row
@@ -92,7 +96,6 @@ def test_places_and_phases_stand_under_their_heads(shown):
 
 def test_who_left_by_another_exit_is_told(shown):
     assert shown()[1] == ""
-    assert "left by another exit than the own route leads to" in shown(left_by_other_exits=2)[1]
     assert "2 people" in shown(left_by_other_exits=2)[1]
 
 
@@ -101,3 +104,18 @@ def test_with_people_left_the_last_time_is_that_of_those_who_are_out(shown):
     lines, err = shown(evacuated=4, ended="no progress")
     assert ["last out", "9.00 s, the last of those who are out; people left: 1"] in lines
     assert "1 of 5 people" in err
+
+
+def test_a_closed_exit_is_marked(shown):
+    assert ["door (closed)", "5", "9", "0.8", "-", "-"] in shown(closed=["door"])[0]
+
+
+def test_people_who_had_not_started_are_counted(shown):
+    _, err = shown(evacuated=2, ended="duration over", not_started=2)
+    assert "3 of 5 people" in err
+    assert "2 of them" in err
+
+
+def test_response_times_are_stated(shown):
+    assert ["response times", "none: everybody starts at 0 s"] in shown()[0]
+    assert ["response times", "0 to 12.5 s"] in shown(start_time=(0.0, 12.5))[0]

@@ -49,8 +49,57 @@ def test_default_folder_is_named_after_the_case(evac, tmp_path, capsys):
     folder = tmp_path / "square_room-result"
     assert {path.name for path in folder.iterdir()} == {*BARE, TRAJECTORY_NAME}
     out = capsys.readouterr().out
-    for word in ("last out", "greatest overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
+    for word in ("last out", "maximum overlap", "mean overlap", "unconverged steps", "physics", "square_room-result"):
         assert word in out
+
+
+def test_response_times_beyond_the_duration_are_warned_of_before_the_run(evac, capsys):
+    times = "behaviours.response_time={ time = { lognormal = [60, 20] } }"
+    words = ("square_room", "--set", times, "simulation.duration=1.0")
+    assert evac("check", *words) == 0
+    assert "simulation.duration is 1 s" in capsys.readouterr().err
+    assert evac("run", *words, "output.picture=false", "output.animation=false") == 3
+    err = capsys.readouterr().err
+    assert err.count("simulation.duration is 1 s") == 1
+    assert err.index("simulation.duration is 1 s") < err.index("still inside")
+    assert "20 of them had not started" in err
+
+
+def test_the_last_line_names_the_result_folder(evac, capsys):
+    assert evac("run", "square_room", "--set", "output.picture=false", "output.animation=false") == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.split()[:2] == ["results", "in"]
+    assert "square_room-result" in last
+
+
+PLUGIN = """
+from evac import Behaviour, hookimpl
+
+evac_interface = 2
+
+
+class Idle(Behaviour):
+    \"\"\"Does nothing.\"\"\"
+
+    name = "idle"
+
+
+@hookimpl
+def evac_behaviours():
+    return [Idle]
+"""
+
+
+def test_a_plugin_that_the_case_does_not_use_is_noted(evac, tmp_path, capsys):
+    (tmp_path / "idle.py").write_text(PLUGIN)
+    words = ("explain", "square_room", "--plugin", "idle.py")
+    assert evac(*words) == 0
+    assert "idle.py is not used by the case: add [behaviours.idle]" in capsys.readouterr().err
+    assert evac(*words, "--set", "behaviours.idle={}") == 0
+    assert "not used" not in capsys.readouterr().err
+    (tmp_path / "idle.py").write_text(PLUGIN + "\n\n@hookimpl\ndef evac_metrics(results):\n    return {}\n")
+    assert evac(*words) == 0
+    assert "not used" not in capsys.readouterr().err
 
 
 def test_takes_a_folder_and_a_file(evac, tmp_path):

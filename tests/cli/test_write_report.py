@@ -43,3 +43,20 @@ def test_a_folder_without_a_result_is_refused(evac, tmp_path, capsys):
     assert "nowhere" in capsys.readouterr().err
     assert evac("report", tmp_path) == 2
     assert "summary.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["report", "map", "replay", "export"])
+def test_a_case_instead_of_a_result_is_told_from_it(evac, tmp_path, capsys, command):
+    (tmp_path / "office").mkdir()
+    (tmp_path / "office" / "case.toml").write_text("title = 'Office'\n")
+    more = ("--to", "csv") if command == "export" else ()
+    assert evac(command, "office", *more) == 2
+    assert "evac run office" in capsys.readouterr().err
+    (tmp_path / "office-result").mkdir()
+    for path in ("office", "office/case.toml"):
+        assert evac(command, path, *more) == 2
+        err = capsys.readouterr().err
+        assert "office-result?" in err
+        assert "Errno" not in err
+    assert evac(command, "offices", *more) == 2
+    assert "Errno" not in capsys.readouterr().err

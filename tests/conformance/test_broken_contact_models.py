@@ -7,8 +7,10 @@ import pytest
 
 from evac.conformance import check_plugin
 from evac.errors import PluginError
+from evac.jit import pair_contact
 from evac.parameters import Parameter
 from evac.physics.contact_model import ContactModel
+from evac.physics.pair_contact import PairContact
 
 
 class Bounce(ContactModel):
@@ -162,22 +164,22 @@ class Nameless(Bounce):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Drags, "touches nobody"),
+        (Drags, "free velocity"),
         (CountsTwice, "percussions"),
         (InPlace, "ValueError: .* read-only"),
         (WrongShape, r"\(1, 2\), not \(2, 2\)"),
         (Hides, "name of a method"),
         (LooksAround, "5 m away"),
-        (OneSided, "common momentum"),
+        (OneSided, "momentum"),
         (Ghosts, "walk through each other"),
         (Slanted, "90 degrees"),
         (Divides, "step returned the velocity"),
-        (Silent, "reports a contact force"),
+        (Silent, r"contacts\.percussion"),
         (Restless, "two runs differ"),
-        (Forgetful, "a run resumed differs"),
-        (Unsaid, "softness: no doc"),
+        (Forgetful, r"resumed .*state\(\)"),
+        (Unsaid, "softness: .*doc"),
         (OutOfRange, "softness: must be greater than 2"),
-        (Loses, "parameters are lost"),
+        (Loses, "__init__"),
         (Nameless, "one word in lower case"),
     ],
 )
@@ -199,3 +201,79 @@ def test_a_model_that_steps_but_leaves_the_walls_open_is_found():
 
     with pytest.raises(PluginError, match="wall"):
         check_plugin(Open)
+
+
+@pytest.mark.parametrize("stiffness", [3e3, 6e4, 1e6, 5e7])
+def test_a_good_model_conforms_whatever_its_stiffness(stiffness):
+    check_plugin(Bounce, stiffness=stiffness)
+
+
+class Tunes(Bounce):
+    """Has the same frequency for every pair: twice the mass, twice the stiffness."""
+
+    name = "tunes"
+    frequency = Parameter(8.0, "frequency", unit="1/s", above=0.0)
+
+    def step(self, contacts, h):
+        mass = 1.0 / contacts.mass[contacts.body]
+        mass = 1.0 / (mass + np.where(contacts.other >= 0, 1.0 / contacts.mass[contacts.other], 0.0))
+        contacts.percussion[:] = -h * mass * self.frequency**2 * np.minimum(contacts.gap, 0.0)
+        return self.pushed(contacts, contacts.percussion[:, None] * contacts.normal)
+
+
+def test_a_model_may_scale_with_mass():
+    check_plugin(Tunes)
+
+
+def test_a_failure_names_check_scene_and_remedy():
+    with pytest.raises(PluginError, match=r"^bounce: check_momentum: two people who .*; percussions on both"):
+        check_plugin(OneSided)
+    with pytest.raises(PluginError, match=r"^bounce: check_same_bits: 20 ticks of 'Twenty people .*; state\(\) must"):
+        check_plugin(Forgetful)
+
+
+@pair_contact
+def pulls(gap, closing_speed, reduced_mass, parameters):
+    return parameters[0] * gap
+
+
+@pair_contact
+def divides(gap, closing_speed, reduced_mass, parameters):
+    return parameters[0] * gap / gap
+
+
+@pair_contact
+def scribbles(gap, closing_speed, reduced_mass, parameters):
+    parameters[0] += 1.0
+    return -parameters[0] * gap
+
+
+class Pulls(PairContact):
+    """Pulls people who overlap together."""
+
+    name = "pulls"
+    pair = pulls
+    stiffness = Parameter(1e5, "stiffness", unit="kg/s2")
+
+
+class DividesGaps(Pulls):
+    """Divides by the gap."""
+
+    name = "divides"
+    pair = divides
+
+
+class Scribbles(Pulls):
+    """Changes its parameters."""
+
+    name = "scribbles"
+    pair = scribbles
+
+
+@pytest.mark.parametrize(
+    ("cls", "words"),
+    [(Pulls, "never positive"), (DividesGaps, "finite there"), (Scribbles, "changes its parameters")],
+)
+def test_a_broken_law_of_a_contact_is_found(cls, words):
+    with pytest.raises(PluginError, match=rf"^{cls.name}: check_pair_law: .*{words}"):
+        check_plugin(cls)

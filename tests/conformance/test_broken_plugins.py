@@ -7,8 +7,8 @@ from evac.behaviour import Behaviour
 from evac.building.importer import Importer
 from evac.building.surfacemesh import SurfaceMesh
 from evac.conformance import check_plugin
-from evac.errors import PluginError
-from evac.jit import pair_force
+from evac.errors import ConformanceWarning, PluginError
+from evac.jit import body_force, pair_force
 from evac.output.recorder import Recorder
 from evac.parameters import Parameter
 from evac.physics.contact_model import ContactModel
@@ -63,6 +63,31 @@ class Singular(Constant):
     pair = singular
 
 
+@body_force
+def towards_walls(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return -parameters[0] * nx / gap, -gap * ny
+
+
+@body_force
+def endless(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return gap * nx, parameters[0]
+
+
+class TowardsWalls(Constant):
+    """Is infinite at a wall."""
+
+    name = "towards_walls"
+    pair = None
+    body = towards_walls
+
+
+class WithoutWalls(TowardsWalls):
+    """Multiplies with the gap to a wall that may not be there."""
+
+    name = "without_walls"
+    body = endless
+
+
 class Whole(Constant):
     """Packs whole numbers."""
 
@@ -98,8 +123,10 @@ class Denied(Eastward):
     ("cls", "words"),
     [
         (Constant, "beyond its cutoff"),
-        (Eastward, "does not turn"),
+        (Eastward, "rotate"),
         (Singular, "must be finite there"),
+        (TowardsWalls, "gap of 0.000 m .*must be finite there"),
+        (WithoutWalls, "gap of inf m .*must be finite there"),
         (Whole, "float64"),
         (Endless, "finite and not negative"),
         (Denied, "is_needed"),
@@ -189,18 +216,62 @@ class Left(Slower):
         return False
 
 
+class LateReader(Slower):
+    """Looks at velocities after a while."""
+
+    reads = ()
+
+    def act(self, crowd, time):
+        if time > 6.0:
+            crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
+
+
+class CrushReader(Slower):
+    """Looks at contact forces in crowds that are denser than any of the shipped case."""
+
+    reads = ("position", "level")
+
+    def act(self, crowd, time):
+        place = crowd.position[crowd.level >= 0]
+        if len(place) > 1 and np.ptp(place, axis=0).max() < 0.1:
+            crowd.speed_factor[crowd.contact_force > 10.0] *= 0.5
+
+
+class LastReader(Slower):
+    """Treats the last one specially."""
+
+    reads = ("level",)
+
+    def act(self, crowd, time):
+        if (crowd.level >= 0).sum() == 1:
+            crowd.speed_factor[crowd.tau > 0.2] *= 0.5
+
+
+class Idles(Slower):
+    """Has lines that are not reached."""
+
+    name = "idles"
+
+    def act(self, crowd, time):
+        if len(crowd.velocity) > 1000:
+            crowd.speed_factor[:] *= 0.9
+
+
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Misspelt, "neither act"),
+        (Misspelt, r"act\(\) or prepare\(\)"),
         (WritesUndeclared, "writes an array"),
+        (LateReader, "reads velocity"),
+        (CrushReader, "reads contact_force"),
+        (LastReader, "reads tau"),
         (ReadsUndeclared, "reads velocity"),
         (ReadsForces, "reads contact_force"),
         (SneaksIn, "writes 'velocity'"),
         (WritesPositions, "behaviours write start_time"),
-        (Invents, "no array of"),
-        (Remembers, "a run resumed differs"),
-        (Left, "leaving out"),
+        (Invents, "Crowd does not have"),
+        (Remembers, r"resumed .*state\(\)"),
+        (Left, r"is_needed\(\)"),
     ],
 )
 def test_a_broken_behaviour_is_found(cls, words):
@@ -210,6 +281,11 @@ def test_a_broken_behaviour_is_found(cls, words):
 
 def test_a_good_behaviour_passes():
     check_plugin(Slower)
+
+
+def test_lines_that_no_scene_reaches_are_named():
+    with pytest.warns(ConformanceWarning, match=r"^idles: check_declared_arrays: lines \d+ of .*give a case"):
+        check_plugin(Idles)
 
 
 def test_a_behaviour_is_checked_in_a_case_that_uses_it():
@@ -278,10 +354,10 @@ class Appends(Recorder):
 @pytest.mark.parametrize(
     ("cls", "words"),
     [
-        (Keeps, r"'slower' keeps scratch .* state\(\)"),
-        (Counts, r"recorder 'counts' keeps calls .* state\(\)"),
-        (CountsAnew, r"calls\.txt is not the same"),
-        (Appends, r"appends\.txt is not the same"),
+        (Keeps, r"'slower' has the attributes scratch .* state\(\)"),
+        (Counts, r"recorder 'counts' has the attributes calls .* state\(\)"),
+        (CountsAnew, r"calls\.txt differs"),
+        (Appends, r"appends\.txt differs"),
     ],
 )
 def test_what_keeps_something_without_state_is_found(cls, words):
@@ -355,7 +431,10 @@ class Counting(Guessing):
 
 @pytest.mark.parametrize(
     ("importer", "words"),
-    [(Guessing, "guessing: reads 2 cells from .* raise ValueError"), (Careless, "importer 'careless': KeyError")],
+    [
+        (Guessing, "guessing: check_damaged_files: .*reads 2 cells from .* raise ValueError"),
+        (Careless, "importer 'careless': KeyError"),
+    ],
 )
 def test_an_importer_that_does_not_refuse_damaged_files_is_found(importer, words):
     with pytest.raises(PluginError, match=words):

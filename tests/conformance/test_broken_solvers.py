@@ -110,14 +110,14 @@ def test_a_sound_solver_passes():
 @pytest.mark.parametrize(
     ("kernel_of_it", "words"),
     [
-        (idle, "does not solve a queue|does not solve somebody"),
+        (idle, "does not solve"),
         (flattering, "reports a residual"),
         (lying, "percussions are wrong by"),
         (pulling, "people can only push"),
-        (forgetting, "velocities differ"),
-        (moving_walls, "velocities differ"),
-        (endless, r"iterations of 1 for"),
-        (remembering, "what was in the work arrays before"),
+        (forgetting, "velocities are inconsistent"),
+        (moving_walls, "velocities are inconsistent"),
+        (endless, "limit is 1"),
+        (remembering, "work arrays"),
         (meddling, r"changes problem\.data"),
         (swapped, r"solve must be a kernel \(Problem, float64, int64\) -> \(int64\)"),
         (without_an_address, "solve must be a kernel"),
@@ -134,5 +134,5 @@ def test_a_solver_without_a_kernel_is_found():
 
 
 def test_a_solver_that_names_a_stronger_one_which_is_none_is_found():
-    with pytest.raises(PluginError, match="no solver 'conjugate'"):
+    with pytest.raises(PluginError, match="unknown solver 'conjugate'"):
         check_plugin(solver(sound, stronger="conjugate"))

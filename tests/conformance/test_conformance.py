@@ -20,7 +20,18 @@ CASES = {
     "teacher_following": ("primary_school", {}),
     "route_choice": (
         "square_room",
-        {"behaviours.route_choice": {"strategies": ["fastest", "shortest"], "every": 0.3}},
+        {
+            "behaviours.route_choice": {"strategies": ["fastest", "shortest", "comfortable"], "every": 0.3},
+            "people": [
+                {
+                    "name": "one",
+                    "number": 1,
+                    "area": "room",
+                    "behaviours": {"route_choice": {"strategies": ["comfortable"]}},
+                },
+                {"name": "others", "number": 5, "area": "room"},
+            ],
+        },
     ),
 }
 

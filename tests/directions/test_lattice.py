@@ -54,9 +54,9 @@ def test_the_distance_of_nodes_from_walls_is_that_of_shapely_up_to_the_reach(see
     distance = shapely.distance(
         shapely.points(*window.coordinates()), shapely.multilinestrings(shapely.linestrings(walls.reshape(-1, 2, 2)))
     )
-    expected = np.where(nodes, np.minimum(distance, 0.35), 0.35)
-    np.testing.assert_array_equal(wall_distance(window, nodes, walls, 0.35), expected)
-    assert (wall_distance(window, nodes, np.zeros((0, 4)), 0.35) == 0.35).all()
+    some = np.argwhere(nodes)
+    np.testing.assert_array_equal(wall_distance(window, some, walls, 0.35), np.minimum(distance[nodes], 0.35))
+    assert (wall_distance(window, some, np.zeros((0, 4)), 0.35) == 0.35).all()
 
 
 @pytest.mark.parametrize("reach", [0.0, 0.1, 0.77])
@@ -76,15 +76,40 @@ def test_links_are_crossed_where_lines_meet():
     x, y = window.coordinates()
     for segment in segments:
         line = shapely.LineString(segment.reshape(2, 2))
-        links = window.crossed_links(segment[None], touching=False)
-        for axis, table in ((0, links.along_x), (1, links.along_y)):
+        for axis in (0, 1):
+            found = fractions(window.crossed_links(segment[None], axis, touching=False))
             for i, j in np.ndindex(window.shape):
                 end = (x[i, j] + 0.5 * (axis == 0), y[i, j] + 0.5 * (axis == 1))
                 point = line.intersection(shapely.LineString([(x[i, j], y[i, j]), end]))
                 place = np.nan if point.is_empty else 2.0 * (point.x - x[i, j] + point.y - y[i, j])
-                assert table[i, j] == pytest.approx(place, abs=1e-9, nan_ok=True)
-    together = window.crossed_links(segments, touching=True)
-    last = window.crossed_links(segments[-1:], touching=True)
+                assert found.get((i, j), np.nan) == pytest.approx(place, abs=1e-9, nan_ok=True)
     for axis in (0, 1):
-        crossed = ~np.isnan(last.along(axis))
-        np.testing.assert_array_equal(together.along(axis)[crossed], last.along(axis)[crossed])
+        together = window.crossed_links(segments, axis, touching=True)
+        last = fractions(window.crossed_links(segments[-1:], axis, touching=True))
+        assert last.items() <= fractions(together).items()
+        ahead = np.subtract(together.far, together.near).T
+        assert (ahead == ([1, 0] if axis == 0 else [0, 1])).all()
+
+
+def fractions(links):
+    """Return where links are crossed by their near ends, each of which is there once."""
+    found = dict(zip(zip(*map(np.ndarray.tolist, links.near), strict=True), links.fraction.tolist(), strict=True))
+    assert len(found) == len(links.fraction)
+    return found
+
+
+def test_a_part_of_a_window_has_the_nodes_of_a_box():
+    window = Lattice((0.3, 0.7), 0.1).window(ROOM.bounds, 2)
+    segments = np.array([[1.0, 0.5, 1.2, 2.0], [2.0, 0.5, 3.0, 1.5]])
+    box = window.box_around(segments, 0.25)
+    part = window.part(box)
+    every, some = np.stack(window.coordinates(), axis=-1), np.stack(window.coordinates(box), axis=-1)
+    np.testing.assert_array_equal(some, every[box])
+    np.testing.assert_array_equal(window.places(np.argwhere(np.ones(window.shape))), every.reshape(-1, 2))
+    assert part.shape == some.shape[:2]
+    assert part.origin == pytest.approx(some[0, 0])
+    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
+    near = shapely.dwithin(lines, shapely.points(every), 0.25)
+    assert near[box].sum() == near.sum() > 0
+    beyond = window.box_around(segments + 100.0, 0.25)
+    assert window.part(beyond).shape == (0, 0)

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from shapely import Point
 
 import evac
 from evac.output.results import EGRESS_COLUMNS, PEOPLE_COLUMNS
@@ -95,6 +96,15 @@ def test_python_of_the_guides_to_pictures_and_exports_runs(text, tmp_path, monke
     assert 25 <= int(passed[1]) <= 30
 
 
+def test_python_of_the_guide_to_results_runs(text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (block,) = fenced(text("docs/results.md"), "python")
+    exec(compile(block, "results.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("everybody out 30 ")
+    assert "'time', 'person'" in lines[-1]
+
+
 def test_the_reference_of_a_case_is_the_generated_one(text):
     assert text("docs/buildings.md").endswith("\n\n" + reference())
 
@@ -108,13 +118,18 @@ def test_the_plan_of_the_guide_is_evacuated(text, capsys):
 def test_the_plan_file_of_the_guide_is_read(text, tmp_path):
     plan, *_ = fenced(text("docs/buildings.md"), "toml")
     (tmp_path / "house.plan.toml").write_text(plan, encoding="utf-8")
-    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))", encoding="utf-8")
+    rooms = "POLYGON ((0 0, 9 0, 9 6, 0 6, 0 0))\nPOLYGON ((9 0, 14 0, 14 6, 9 6, 9 0))"
+    (tmp_path / "ground.wkt").write_text(rooms, encoding="utf-8")
     corners = [[[0, 0], [9000, 0], [9000, 6000], [0, 6000], [0, 0]]]
     shape = {"type": "Polygon", "coordinates": corners}
     (tmp_path / "first.geojson").write_text(json.dumps(shape), encoding="utf-8")
     building = evac.read_building(tmp_path / "house.plan.toml")
     assert [level.name for level in building.levels if level.kind == "floor"] == ["ground", "first"]
     assert len(building.portals) == 2
+    (ground,) = (level for level in building.levels if level.name == "ground")
+    assert [ground.polygon.contains(Point(9.0, y)) for y in (1.9, 2.1, 2.9, 3.1)] == [False, True, True, False]
+    (office,) = (area for area in building.areas if area.name == "office")
+    assert office.polygon.area == pytest.approx(1.8 * 3.0 - 0.5 * 1.0)
 
 
 def test_the_bare_building_of_the_guide_is_evacuated(text, tmp_path):

@@ -9,10 +9,13 @@ import pytest
 
 import evac
 from evac.conformance import check_plugin
+from evac.physics.state import make_crowd
 from evac.registry import Registry
+from evac_plugins.contact_dem import Dem
+from tests.physics.scenes import kinetic_energy, make_building, walk
 
 NAMES = [
-    *("crowding.py", "personal_space.py", "dem_numpy.py", "spring_damper.py", "jacobi.py"),
+    *("crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "spring_damper.py", "jacobi.py"),
     *("rooms.py", "positions.py", "crossing_guard.py"),
 ]
 
@@ -49,7 +52,10 @@ def test_a_documented_plugin_conforms(plugin_files, name):
     check_plugin(classes[0])
 
 
-@pytest.mark.parametrize("name", ["crowding.py", "personal_space.py", "dem_numpy.py", "rooms.py", "positions.py"])
+@pytest.mark.parametrize(
+    "name",
+    ["crowding.py", "personal_space.py", "keep_right.py", "dem_numpy.py", "hertz.py", "rooms.py", "positions.py"],
+)
 def test_a_documented_plugin_is_about_thirty_lines(plugin_files, name):
     code = [line for line in plugin_files[name].read_text(encoding="utf-8").splitlines() if line.strip()]
     assert len(code) <= 36
@@ -100,6 +106,51 @@ def test_a_compiled_law_in_a_file_is_the_spring_of_dem(plugin_files):
     undamped = positions(case.change({"contact.spring_damper": {"damping": 0.0}}), 20)
     np.testing.assert_allclose(undamped, plain, rtol=0.0, atol=1e-12)
     assert np.abs(positions(case, 20) - plain).max() > 1e-4
+
+
+def class_of(plugin_files, name, hook):
+    return getattr(Registry([plugin_files[f"{name}.py"]]), hook)[name]
+
+
+@pytest.mark.parametrize("mass", [50.0, 90.0])
+def test_two_people_collide_as_hertz_says(plugin_files, mass):
+    """Deepest is (5 m v^2 / 4K)^(2/5), and 2.94327 of it over v later they part, with the energy that they had."""
+    model = class_of(plugin_files, "hertz", "contact_models")()
+    crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(1.5, 0), (-1.5, 0)], radius=0.2, mass=mass, tau=1e30)
+    report = walk(model, crowd, 5000, h=2e-5, tick=100).report()
+    deepest = (1.25 * 0.5 * mass * 3.0**2 / 1e6) ** 0.4
+    assert report["greatest_overlap"] == pytest.approx(deepest, rel=1e-3)
+    assert report["contacts"] * 2e-5 == pytest.approx(2.94327 * deepest / 3.0, rel=2e-3)
+    assert kinetic_energy(crowd) == pytest.approx(mass * 1.5**2, rel=2e-3)
+
+
+def test_damping_makes_hertz_lose_energy(plugin_files):
+    model = class_of(plugin_files, "hertz", "contact_models")(damping=500.0)
+    crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(1.5, 0), (-1.5, 0)], radius=0.2, mass=80.0, tau=1e30)
+    walk(model, crowd, 2000, h=1e-4, tick=100)
+    assert 0.2 < kinetic_energy(crowd) / (80.0 * 1.5**2) < 0.9
+
+
+def test_who_walks_along_a_wall_keeps_right(plugin_files):
+    """Along +x: with a wall on the left by f tau / m, sideways, and at 0.3 m from one on the right."""
+    force = class_of(plugin_files, "keep_right", "forces")()
+    left = make_building(walls=[(-50, 0.8, 50, 0.8)])
+    crowd = make_crowd([(0, 0)], speed=1.5, mass=80.0, tau=0.5)
+    walk(Dem(), crowd, 30, explicit=False, building=left, forces=[force])
+    drift = 60.0 * 0.5 / 80.0 * (1.0 - np.exp(-0.3 / 0.5))
+    assert crowd.velocity[0, 1] == pytest.approx(-drift, rel=1e-12)
+    right = make_building(walls=[(-50, -1.0, 50, -1.0)])
+    crowd = make_crowd([(0, 0)], speed=1.5, mass=80.0, tau=0.5, radius=0.2)
+    walk(Dem(), crowd, 2000, explicit=False, building=right, forces=[force])
+    assert crowd.position[0, 1] == pytest.approx(-1.0 + 0.2 + 0.3, abs=1e-6)
+
+
+def test_a_body_force_is_explained_and_left_out(plugin_files):
+    case = evac.load("square_room", {"forces.keep_right": {}}, plugin_files=[plugin_files["keep_right.py"]])
+    plan = {part.name: (part.is_in, part.why) for part in evac.Simulation(case).plan}
+    assert plan["force: keep_right"] == (True, "acts on each person, depending on walls up to a gap of 1.00 m")
+    moved = np.abs(positions(case, 20) - positions(evac.load("square_room"), 20)).max()
+    assert moved > 0.01
 
 
 def test_a_solver_in_a_file_finds_what_the_built_in_ones_find(plugin_files):

@@ -1,5 +1,6 @@
 """The documentation site: every public name is described, and every recipe runs."""
 
+import importlib.util
 import re
 import tomllib
 from pathlib import Path
@@ -7,8 +8,13 @@ from pathlib import Path
 import pytest
 
 import evac
+from evac.registry import Registry
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
+
+_spec = importlib.util.spec_from_file_location("plugin_tables", Path(__file__).parents[2] / "docs/plugin_tables.py")
+plugin_tables = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(plugin_tables)
 
 
 def fenced(text, kind):
@@ -24,6 +30,18 @@ def test_every_public_name_is_in_the_reference(root):
     errors = {name for name in evac.__all__ if name.endswith("Error")}
     assert "automodule:: evac.errors" in text
     assert described | errors == set(evac.__all__)
+
+
+@pytest.mark.parametrize("page", plugin_tables.PAGES)
+def test_descriptions_of_plugins_are_those_generated(root, page):
+    text = (root / "docs" / page).read_text(encoding="utf-8")
+    assert text.count("<!-- plugins ") >= 2
+    assert plugin_tables.with_plugins(text, Registry()) == text
+
+
+def test_every_link_has_a_text(root):
+    for path in (root / "docs").rglob("*.md"):
+        assert "[](" not in path.read_text(encoding="utf-8"), path
 
 
 def test_every_page_is_in_the_contents(root):
@@ -47,7 +65,7 @@ def merged(case, recipe):
     result = dict(case)
     for key, value in recipe.items():
         if key == "building":
-            result[key] = case[key] | {"exits": case[key]["exits"] + value["exits"]}
+            result[key] = case[key] | value | {"exits": case[key]["exits"] + value["exits"]}
         else:
             result[key] = case.get(key, {}) | value if isinstance(value, dict) else value
     return result

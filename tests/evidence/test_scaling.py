@@ -1,19 +1,23 @@
 """Halls of any size, and where the time of a step goes."""
 
 import csv
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway
+from evac.evidence.scaling import headway, large, peers, walks
 from evac.evidence.scaling import page as scaling
-from evac.evidence.scaling.halls import DOOR, RADIUS, make_hall
+from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
+from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
-from evac.physics.allocation import make_problem
+from evac.physics.allocation import SKIN, make_problem
+from evac.physics.state import copy_of
 
 
 def walked(people, density, name, ticks):
@@ -140,6 +144,82 @@ def test_a_refusal_stands_in_the_row_with_its_time(monkeypatch):
     assert {row[f"{phase} [%]"] for phase in PHASES} == {None}
 
 
+def in_the_middle(hall, reach):
+    """Return the crowd of a hall without those who may touch a wall or reach a door soon."""
+    crowd = copy_of(hall.crowd)
+    crowd.level[(np.abs(crowd.position - 0.5 * hall.length) > reach).any(axis=1)] = -1
+    return crowd
+
+
+@pytest.mark.parametrize("density", [2.0, 5.0])
+def test_the_minimal_kernel_walks_as_dem_does_away_from_walls(density):
+    hall = make_hall(400, density, 1)
+    walk = Walk(replace(hall, crowd=in_the_middle(hall, 2.5)), STEP)
+    minimal = make_minimal(walk.crowd, hall.fields.packed, STEP)
+    people = nearest(walk.crowd.position, minimal.position)
+    before = walk.crowd.position[people].copy()
+    walk.freely(make_variant("DEM", STEP, hardening=1.0), 8)
+    walk_minimal(minimal, 8 * walk.per_tick, STEP)
+    assert np.linalg.norm(minimal.position - before, axis=1).mean() > 0.5
+    np.testing.assert_allclose(minimal.position, walk.crowd.position[people], atol=1e-9)
+    np.testing.assert_allclose(minimal.velocity, walk.crowd.velocity[people], atol=1e-7)
+    report = walk.engine.report()
+    assert report["overlaps"] > 0
+    assert report["sub_steps"] == report["steps"]
+
+
+def nearest(positions, places):
+    return np.linalg.norm(positions[:, None] - places[None], axis=2).argmin(axis=0)
+
+
+def test_the_lists_of_the_minimal_kernel_have_each_pair_once():
+    hall = make_hall(300, 5.0, 1)
+    minimal = make_minimal(hall.crowd, hall.fields.packed, STEP)
+    walk_minimal(minimal, 1, STEP)
+    place, radius = minimal.listed_position, minimal.radius
+    apart = np.linalg.norm(place[:, None] - place[None], axis=2) - radius[:, None] - radius[None]
+    expected = {(i, j) for i, j in np.argwhere(apart < SKIN).tolist() if i < j}
+    found = [
+        (i, j)
+        for i in range(len(radius))
+        for j in minimal.pair_body[minimal.pair_start[i] : minimal.pair_start[i + 1]].tolist()
+    ]
+    assert len(found) == len(expected) > 300
+    assert {tuple(sorted(pair)) for pair in found} == expected
+
+
+def test_ticks_are_timed_beside_the_minimal_kernel(monkeypatch):
+    """A tick of evac takes 3 s, one of the minimal kernel 2 s."""
+    walk = Walk(make_hall(20, 2.0, 1), STEP)
+    calls = itertools.cycle([3.0, 2.0])
+    monkeypatch.setattr(walks, "cpu_time", lambda call: call() or next(calls))
+    cost = time_ticks(walk, make_variant("NSM2", STEP).model, 4)
+    assert (cost.seconds, cost.per_person) == pytest.approx((0.3, 0.3 / 20))
+    assert (cost.minimal, cost.ratio) == pytest.approx((0.2 / 20, 1.5))
+
+
+def test_a_case_of_a_hall_has_the_doors_and_the_density_of_a_hall():
+    content = hall_case(2000)
+    plan, (group,) = content["building"]["plan"], content["people"]
+    side = plan["storeys"][0]["polygons"][0][2][0]
+    assert group["number"] / side**2 == pytest.approx(DENSITY)
+    doors = [exit_["segment"] for exit_ in plan["exits"]]
+    assert len(doors) == round(side / 10.0) == 3
+    assert {one[0] for door in doors for one in door} == {side}
+    assert [math.dist(*door) for door in doors] == pytest.approx([DOOR] * 3)
+
+
+@pytest.mark.parametrize(("model", "behaviour"), large.SCENES)
+def test_a_large_hall_is_simulated_beside_the_minimal_kernel(model, behaviour):
+    row = large.simulate(200, model, behaviour, 1)
+    assert (row["people"], row["model"], row["behaviour"]) == (200, model, behaviour)
+    assert sum(row[f"{phase} [%]"] for phase in large.SHOWN) == pytest.approx(100.0)
+    costs = ("set-up [s]", "set-up [minimal steps]", "first tick [s]", "ns per person-step", "times minimal")
+    assert min(row[key] for key in costs) > 0.0
+    assert row["nodes"] == pytest.approx((10.0 / 0.1) ** 2, rel=0.3)
+    assert row["peak memory [MB]"] == pytest.approx(1e-6 * large.peak_memory(), rel=0.5)
+
+
 def test_memory_grows_with_the_people_alone():
     model = make_variant("DEM", STEP).model
     small, large = (memory(walked(people, 2.0, "DEM", ticks=2), model) for people in (200, 2000))
@@ -154,35 +234,42 @@ def test_memory_grows_with_the_people_alone():
 
 def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(scaling, "QUICK_SIZES", {20: (1, 1), 50: (1, 1)})
+    monkeypatch.setattr(large, "QUICK_SIZES", (30,))
+    monkeypatch.setattr(large, "SCENES", large.SCENES[:1])
     monkeypatch.setattr(scaling, "_school_claims", lambda repeats: [])
+    monkeypatch.setattr(peers, "run", lambda evidence, step: None)  # which needs another program
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "headway")}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway")}
     assert names == {"README.md", "run.json", "scaling.png", *tables}
     with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert np.allclose([sum(float(row[f"{phase} [%]"]) for phase in PHASES) for row in rows], 100.0)
     assert len(rows) == 2 * (2 * len(scaling.MODELS) + 1)
     assert {row["model"] for row in rows if row["state"] == "jammed"} == {*scaling.MODELS, scaling.STIFF_NAME}
+    for name in ("minimal [ns]", "times minimal", "bytes, times minimal"):
+        assert min(float(row[name]) for row in rows) > 0.0
     page = (tmp_path / "README.md").read_text()
     scaling.run(Evidence("scaling", tmp_path, page_only=True))
     assert (tmp_path / "README.md").read_text() == page
 
 
 def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):
-    """Calls take 1 s, or 3 s where they decide; nobody is out so soon."""
-    spans = {"advance": 1.0, "act": 3.0}
+    """Calls take 1 s, 3 s where they decide, and 0.5 s of the minimal kernel; nobody is out so soon."""
+    spans = {"advance": 1.0, "act": 3.0, "walk_minimal": 0.5}
     hall = make_hall(20, 2.0, 1)
 
     def timed(call):
         call()
-        return spans["act" if "act" in call.__code__.co_names else "advance"]
+        return next(span for name, span in spans.items() if name in call.__code__.co_names)
 
-    monkeypatch.setattr(headway, "_timed", timed)
+    monkeypatch.setattr(headway, "cpu_time", timed)
+    monkeypatch.setattr(walks, "cpu_time", timed)
     monkeypatch.setattr(headway, "WARM", 0)
     monkeypatch.setattr(headway, "TIMED", 3)
     costs = headway.compare(hall, make_variant("NSM2", STEP))
     assert costs["without"] == costs["with: steps"] == pytest.approx(1e9 / 10 / 20)
     assert costs["with: headway itself"] == pytest.approx(3.0 * costs["without"])
     assert costs["with / without"] == pytest.approx(4.0)
+    assert (costs["without / minimal"], costs["with / minimal"]) == pytest.approx((2.0, 8.0))

@@ -160,10 +160,10 @@ def returning_an_array(x: Floats) -> Floats:
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (unannotated, r"kernel .*test_kernels\.unannotated: 'y' has no annotation"),
-        (without_result, "without_result: 'return' has no annotation"),
-        (of_words, "of_words: .*str.* is no type of kernels"),
-        (returning_an_array, "returning_an_array: it can return int, float, bool, a tuple of them or None"),
+        (unannotated, r"kernel .*test_kernels\.unannotated: 'y'"),
+        (without_result, "without_result: 'return'"),
+        (of_words, "of_words: .*str.*; use int, float, bool"),
+        (returning_an_array, "returning_an_array: it must return int, float, bool, a tuple of them or None"),
     ],
 )
 def test_a_signature_that_is_none_names_kernel_and_argument(function, words):
@@ -183,12 +183,12 @@ def test_a_signature_is_that_of_the_annotations():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((np.zeros(3),), r"test_kernels\.add_one: counts: an array float64 of shape \(3,\).*must be int32"),
-        ((np.zeros((3, 1), np.int32),), r"add_one: counts: .*must be int32 of shape \(n\)"),
+        ((np.zeros(3),), r"test_kernels\.add_one: counts: .* int32 .* float64 of shape \(3,\)"),
+        ((np.zeros((3, 1), np.int32),), r"add_one: counts: .* int32 of shape \(n\)"),
         ((np.zeros(6, np.int32)[::2],), "add_one: counts: .*contiguous: False"),
-        (([1, 2],), "add_one: counts: list, not an array"),
-        ((), "add_one takes 1 arguments, 0 given"),
-        ((np.zeros(3, np.int32), 1), "add_one takes 1 arguments, 2 given"),
+        (([1, 2],), "add_one: counts: .* list"),
+        ((), "add_one takes 1 arguments, .*0"),
+        ((np.zeros(3, np.int32), 1), "add_one takes 1 arguments, .*2"),
     ],
 )
 def test_a_call_with_what_is_no_such_array_names_kernel_and_argument(arguments, words):
@@ -202,7 +202,7 @@ def test_a_call_with_another_struct_or_no_number_is_refused():
 
         factor: float
 
-    with pytest.raises(TypeError, match="times: scales: Other, not Scales"):
+    with pytest.raises(TypeError, match=r"times: scales: .* Scales, not Other"):
         times(1.0, Other(factor=1.0))
     with pytest.raises((TypeError, ValueError)):
         times("one", Scales(factor=1.0, calls=0))

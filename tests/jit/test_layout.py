@@ -159,12 +159,12 @@ def test_structs_go_through_pickle():
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("place", np.zeros((3, 3)), r"Outer\.place: an array float64 .*must be float64 of shape \(n, 2\)"),
+        ("place", np.zeros((3, 3)), r"Outer\.place: .* float64 of shape \(n, 2\)"),
         ("place", np.zeros(3), r"Outer\.place: .*shape \(3,\)"),
         ("place", np.zeros((2, 3)).T, r"Outer\.place: .*contiguous: False"),
-        ("place", np.zeros((3, 2), np.float32), r"Outer\.place: an array float32"),
-        ("row", np.zeros(3, np.int64), r"Outer\.row: an array int64.*must be int32 of shape \(n\)"),
-        ("row", [1, 2], r"Outer\.row: list, not an array"),
+        ("place", np.zeros((3, 2), np.float32), r"Outer\.place: .* float32"),
+        ("row", np.zeros(3, np.int64), r"Outer\.row: .* int32 of shape \(n\).* int64"),
+        ("row", [1, 2], r"Outer\.row: .* list"),
         ("grid", np.zeros((4, 6))[:, ::2], r"Outer\.grid: .*contiguous: False"),
     ],
 )  # fmt: skip
@@ -180,13 +180,13 @@ def test_arrays_that_kernels_cannot_read_are_refused_by_name(name, value, words)
 
 @pytest.mark.parametrize("values", [{"weight": 1.0}, {"weight": 1.0, "count": 1, "colour": 2}])
 def test_missing_and_unknown_attributes_are_refused_by_name(values):
-    with pytest.raises(TypeError, match=r"^Inner: missing or unknown (count|colour)$"):
+    with pytest.raises(TypeError, match=r"^Inner: missing or unknown attributes: (count|colour)$"):
         Inner(**values)
 
 
 @pytest.mark.parametrize("hint", [str, list[float], NDArray[np.float64], dict, "Inner | None"])
 def test_types_that_kernels_do_not_know_are_refused(hint):
-    with pytest.raises(TypeError, match="is no type of kernels: use int, float, bool, a Struct or an array type"):
+    with pytest.raises(TypeError, match="use int, float, bool, a Struct or an array type"):
         type("Odd", (Struct,), {"__annotations__": {"value": hint}, "__module__": __name__})
 
 

@@ -65,3 +65,14 @@ def test_marks_and_findings_are_in_the_picture(building, tmp_path):
     ):
         assert word in text, word
     assert "a door" not in text
+
+
+def test_doors_between_rooms_are_in_the_picture_with_their_widths(tmp_path):
+    plan = Plan()
+    plan.storey("ground", [shapely.box(0, 0, 5, 4), shapely.box(5.2, 0, 9, 4)])
+    plan.door("inner", "ground", [(5.1, 1), (5.1, 1.95)])
+    import matplotlib as mpl
+
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        draw_levels(plan.building(need_exit=False), tmp_path / "a.svg")
+    assert "inner 0.95 m" in (tmp_path / "a.svg").read_text(encoding="utf-8")

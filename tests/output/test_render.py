@@ -147,11 +147,11 @@ def test_frame_without_people_is_drawn(descent, tmp_path):
 
 def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
     renderer = Renderer(trajectory, SIZE, "plan")
-    with pytest.raises(ResultError, match=r"\.gif or \.mp4"):
+    with pytest.raises(ResultError, match=r"run\.avi"):
         render_animation(renderer, tmp_path / "run.avi")
     with pytest.raises(ResultError, match=r"run\.gif"):
         render_picture(renderer, tmp_path / "run.gif")
-    with pytest.raises(ResultError, match=r"99 s; .* 0 to [0-9]"):
+    with pytest.raises(ResultError, match=r"99 s .* 0 to [0-9]"):
         render_picture(renderer, tmp_path / "run.png", time=99.0)
     with pytest.raises(ResultError, match="greater than 0"):
         render_animation(renderer, tmp_path / "run.gif", fps=0.0)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -93,7 +94,7 @@ def test_what_a_killed_run_has_left_goes_but_for_files_of_others(tmp_path):
 
 def test_a_folder_of_others_is_refused_and_left_alone(tmp_path):
     write(tmp_path / "r", thesis_txt="precious")
-    with pytest.raises(ResultError, match="r: holds files"), ResultFolder(tmp_path / "r"):
+    with pytest.raises(ResultError, match=r"r: .*--out"), ResultFolder(tmp_path / "r"):
         pass
     assert contents(tmp_path) == {"r/thesis.txt": "precious"}
 
@@ -130,7 +131,7 @@ def test_a_folder_that_is_removed_during_the_run_is_noticed(earlier):
         for again in (False, True):  # another folder of that name is not the same
             if again:
                 place.running.mkdir()
-            with pytest.raises(ResultError, match=r"r\.running: the folder has been removed"):
+            with pytest.raises(ResultError, match=r"r\.running: .*removed"):
                 place.publish()
     assert "people.csv" in contents(earlier)
 
@@ -157,7 +158,7 @@ def test_a_link_stays_a_link(tmp_path):
 def test_folders_that_cannot_be_replaced_are_refused(tmp_path, monkeypatch, name):
     (tmp_path / "within").mkdir()
     monkeypatch.chdir(tmp_path / "within")
-    with pytest.raises(ResultError, match="name a folder in it"), ResultFolder(Path(name)):
+    with pytest.raises(ResultError, match=rf"^{re.escape(name)}: "), ResultFolder(Path(name)):
         pass
 
 

@@ -92,6 +92,10 @@ def test_it_is_written_as_it_was_read(value):
         ({"uniform": [1, 1]}, r"uniform = \[low, high\].*low < high.*\[1, 1\]"),
         ({"normal": [1, 0]}, "standard deviation of normal.* 0"),
         ({"gamma": [-1, 2]}, "shape of gamma.* -1"),
+        ({"lognormal": {"mean": 60}}, r"mean = .*deviation = .*\[mu, sigma\]"),
+        ({"lognormal": {"mean": -60, "deviation": 20}}, "mean of lognormal.* -60"),
+        ({"lognormal": {"mean": 60, "deviation": "long"}}, "deviation of lognormal.*'long'"),
+        ({"lognormal": {"mean": 1e-300, "deviation": 1e300}}, "mean of lognormal"),
         ({"list": []}, "list"),
         ({"list": [1, "a"]}, "value 1 of list.*'a'"),
         ({"constant": 3, "maximum": 2}, r"3 .*\[-inf, 2\]"),
@@ -122,6 +126,14 @@ def test_a_quantity_that_must_be_positive(value, words):
 @pytest.mark.parametrize("value", [{"lognormal": [0, 1]}, {"weibull": [1, 1]}, {"normal": [5, 1], "minimum": 0.1}])
 def test_distributions_of_positive_numbers_are_positive(value):
     assert parse(value, "key", above=0.0).is_positive()
+
+
+def test_lognormal_by_mean_and_deviation():
+    found = parse({"lognormal": {"mean": 60.0, "deviation": 20.0}}, "key")
+    assert found.mean() == pytest.approx(60.0)
+    values = found.draw(generator_for(1, "lognormal"), 100_000)
+    assert values.mean() == pytest.approx(60.0, rel=0.01)
+    assert values.std() == pytest.approx(20.0, rel=0.02)
 
 
 def test_generators_depend_on_seed_and_names_only():

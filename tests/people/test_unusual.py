@@ -1,8 +1,10 @@
+import re
+
 import numpy as np
 import pytest
 
 from evac.people.population import Group
-from evac.people.unusual import overlapping, unusual
+from evac.people.unusual import late_starts, overlapping, unusual
 from evac.physics.state import make_crowd
 
 
@@ -42,4 +44,13 @@ def test_overlaps_at_the_start_are_counted_by_level():
     crowd = make_crowd([[0.0, 0.0], [0.3, 0.0], [0.3, 0.3], [0.0, 0.0]], radius=0.2, speed=1.3)
     crowd.level[3] = 1  # above the first
     assert overlapping(crowd) == (2, pytest.approx(0.1))
-    assert "pairs of people who start overlapping: 2, by up to 0.10 m" in unusual(crowd, group(crowd))[0]
+    assert re.search("^2 pairs of people .* 0.10 m", unusual(crowd, group(crowd))[0])
+
+
+def test_people_who_start_after_the_end_are_told_of():
+    crowd = make_crowd([[float(k), 0.0] for k in range(4)], speed=1.3)
+    crowd.start_time[:] = 0.0, 300.0, 5e32, np.inf  # the last one waits for a behaviour
+    (note,) = late_starts(crowd, 300.0)
+    assert note.startswith("1 of 4 people ")
+    assert "5e+32 s" in note
+    assert late_starts(crowd, 1e33) == ()

@@ -45,7 +45,7 @@ def residual_of_packed(state: State, velocity: Pairs) -> float:
 def make_problem_state(inverse_mass, contacts):
     """Return a state of bodies with these inverse masses [1/kg], and so many contacts, which are to be filled in."""
     people = len(inverse_mass)
-    state = make_state(WORLD, people, pack_forces([]))
+    state = make_state(WORLD, people, pack_forces([]), pack_forces([]))
     state.bodies.inside = people
     state.bodies.inverse_mass[:] = inverse_mass
     state.contacts = make_contacts(contacts)

@@ -1,11 +1,15 @@
 """The order of bodies: by place along a curve, or by travel time."""
 
 import numpy as np
+import pytest
 
 from evac.physics.order import PER_METRE, along_curve, rows_by_place, rows_by_travel_time
 from evac.physics.state import make_crowd
 from evac.physics.world import make_world
-from tests.physics.scenes import fields_towards, make_building
+from evac_plugins.contact_dem import Dem
+from evac_plugins.contact_nsm1 import Nsm1
+from evac_plugins.contact_nsm2 import Nsm2
+from tests.physics.scenes import fields_towards, make_building, make_engine, random_crowd
 
 
 def interleaved(x, y):
@@ -42,3 +46,15 @@ def test_only_those_inside_are_in_order_and_ties_are_in_order_of_rows():
     assert rows_by_place(crowd).tolist() == [1, 4, 0, 2]
     world = make_world(make_building(), fields_towards((0, 1)))
     assert rows_by_travel_time(world, crowd).tolist() == [1, 4, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("model", "is_by_place"), [(Dem(), True), (Nsm1(), False), (Nsm2(), False)], ids=["dem", "nsm1", "nsm2"]
+)
+def test_models_that_are_solved_have_the_order_of_travel_time(model, is_by_place):
+    crowd = random_crowd(60, (0, 0), (8, 8), seed=6)
+    engine = make_engine(crowd, fields=fields_towards((9, 4)))
+    by_place, by_time = rows_by_place(crowd), rows_by_travel_time(engine.state.world, crowd)
+    assert (by_place != by_time).any()
+    engine.advance(model, crowd, 0, 10, 0.01, False, False)
+    np.testing.assert_array_equal(engine.state.bodies.row, by_place if is_by_place else by_time)

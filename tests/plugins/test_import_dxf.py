@@ -161,7 +161,7 @@ def test_a_file_that_is_cut_off_is_refused_with_its_line(drawing, tmp_path):
     content = (tmp_path / "a.dxf").read_bytes()
     for share in (0.2, 0.6, 0.95):
         (tmp_path / "a.dxf").write_bytes(content[: int(share * len(content))])
-        with pytest.raises(BuildingError, match=r"line \d+ without the mark EOF"):
+        with pytest.raises(BuildingError, match=r"line \d+ without EOF"):
             read_building(tmp_path / "a.dxf")
 
 

@@ -104,7 +104,7 @@ def test_degrees_become_metres(tmp_path):
         ('{"type": "FeatureCollection", "features": []}', "feature"),
         (collection(feature("stoory", rectangle(0, 0, 1, 1))), "feature 1: .*'stoory'.*'storey'"),
         (collection(feature("", [[0, 0], [0, 1]], "LineString")), "ground"),
-        (collection(feature("", rectangle(0, 0, 1, 1), z=1), feature("", rectangle(0, 0, 1, 1), z=2)), "heights z"),
+        (collection(feature("", rectangle(0, 0, 1, 1), z=1), feature("", rectangle(0, 0, 1, 1), z=2)), "one height z"),
         (collection(feature("", rectangle(0, 0, 1, 1), z="high")), "feature 1: z"),
         (collection(feature("", [[0, 0]])), "feature 1"),
     ],
@@ -177,3 +177,10 @@ def test_importers_keep_to_the_contract(name, plan_file, tmp_path):
     building = {"mesh": str(mesh), "exits": exits}
     case = evac.load({"title": name, "building": building, "people": people, "contact": {"model": "nsm2"}})
     check_plugin(type(REGISTRY.importers[name]()), case)
+
+
+def test_the_line_of_a_plan_file_that_is_no_toml_is_quoted(tmp_path):
+    path = tmp_path / "house.plan.toml"
+    path.write_text("[[storeys]]\nname = open plan\n", encoding="utf-8")
+    with pytest.raises(BuildingError, match=r'house\.plan\.toml: .*name = "open plan"'):
+        evac.read_building(path)

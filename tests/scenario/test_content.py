@@ -122,3 +122,20 @@ def test_an_ordinary_case_has_no_faults():
 def test_a_name_that_is_no_word_is_told_as_such(case_file, refusal):
     for value in ("[]", "{}", "1", "[[0, 0]]"):
         assert "people.0.name: must be a valid string" in refusal(f"people.pupils.name={value}")
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("area = open plan", 'area = "open plan"'),
+        ("driving = explicit", 'driving = "explicit"'),
+        ("tables = TRUE", "tables = true"),
+        (r'mesh = "C:\Users\room.msh"', "single quotes"),
+        (r'mesh = "C:\data\room.msh"', "single quotes"),
+    ],
+)
+def test_a_line_that_is_no_toml_is_quoted_with_a_hint(case_file, refusal, line, hint):
+    case_file.write_text(f"title = 'x'\n{line}\n")
+    found = refusal()
+    assert f": {line}; " in found
+    assert hint in found

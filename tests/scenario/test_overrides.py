@@ -25,7 +25,7 @@ def test_a_value_is_toml_or_a_bare_word(word, value):
 def test_what_is_no_assignment_is_refused(text):
     pairs, (problem,) = parsed([text])
     assert pairs == []
-    assert problem.text == "an override reads dotted.key=value"
+    assert "dotted.key=value" in problem.text
 
 
 def test_broken_toml_is_refused_and_not_taken_for_a_word():
@@ -53,8 +53,8 @@ def test_items_of_lists_go_by_index_or_name_and_tables_are_made():
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("people.clas.number", "no such item among the 1; did you mean 'class'?"),
-        ("people.1.number", "no such item among the 1; known: class"),
+        ("people.clas.number", "no item has this name or number; did you mean 'class'?"),
+        ("people.1.number", "no item has this name or number; known: class"),
         ("people.class.number.x", "people.class.number is 3, not a table; set people.class.number as a whole"),
     ],
 )

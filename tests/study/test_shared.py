@@ -1,12 +1,14 @@
 """Building and directions that runs have in common: when they do, and that they are read without copies."""
 
 import mmap
+import tomllib
 
 import numpy as np
 import pytest
 
 import evac
 from evac.assembly import ground_key
+from evac.scenario.loading import case_from
 from evac.simulation import Simulation
 from evac.study.shared import read_ground, write_ground
 
@@ -50,6 +52,24 @@ def test_another_building_in_the_same_file_has_another_key(tmp_path, case):
     one = ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")}))
     (tmp_path / "room.msh").write_text(text + "\n")
     assert ground_key(case.change({"building.mesh": str(tmp_path / "room.msh")})) != one
+
+
+@pytest.mark.parametrize("named", ["in a plan file", "in the case"])
+def test_a_changed_file_of_a_storey_changes_the_key(tmp_path, named):
+    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))")
+    plan = """
+        storeys = [{ name = "ground", file = "ground.wkt" }]
+        exits = [{ name = "door", storey = "ground", segment = [[0, 1], [0, 2]] }]
+    """
+    (tmp_path / "hall.plan.toml").write_text(plan)
+    building = {"mesh": "hall.plan.toml"} if named == "in a plan file" else {"plan": tomllib.loads(plan)}
+    (tmp_path / "case.toml").write_text("")
+    content = {"title": "hall", "building": building, "people": [{"name": "a", "level": "ground", "number": 2}]}
+    case = case_from(content | {"contact": {"model": "dem"}}, tmp_path / "case.toml")
+    before = ground_key(case)
+    assert ground_key(case) == before
+    (tmp_path / "ground.wkt").write_text("POLYGON ((0 0, 7 0, 7 4, 0 4, 0 0))")
+    assert ground_key(case) != before
 
 
 def test_a_run_on_a_ground_from_a_file_has_the_same_bits(tmp_path, case):

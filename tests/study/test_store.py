@@ -109,7 +109,7 @@ def test_a_compacted_study_takes_more_rows(tmp_path, points):
 
 def test_rows_of_other_parameters_are_refused(tmp_path, points):
     filled(tmp_path, points, [(0, 0)]).close()
-    with pytest.raises(ResultError, match="other columns"):
+    with pytest.raises(ResultError, match=r"runs\.arrows: "):
         Store(tmp_path, grid(points[0].case, {"simulation.step": [0.01]}))
 
 

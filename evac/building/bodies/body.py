@@ -1,4 +1,4 @@
-"""One solid of a building model, and its faces and sections in plan."""
+"""A solid body of a building model, with its level faces and horizontal sections."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,11 +10,11 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray, IndexArray
 from evac.building.shapes import GRID, flat_parts
 
-#: A face is level if its normal is so close to vertical: slopes below 3 degrees.
+#: A face is level if the vertical component of its unit normal exceeds this: slopes below 3 degrees.
 LEVEL = float(np.cos(np.radians(3.0)))
-#: Faces are at one height if they differ by no more [m].
+#: Level faces whose heights differ by at most this are at the same height [m].
 SAME_HEIGHT = 0.02
-#: Plans of bodies are rounded to this grid [m]: corners that are closer would be welded.
+#: Grid to which plans of bodies are rounded [m]; corners closer together would be welded.
 MILLIMETRE = 1e-3
 #: Notches in outlines up to this depth are smoothed [m].
 NOTCH = 2.5e-3
@@ -27,9 +27,9 @@ class Body:
     Attributes
     ----------
     kind : str
-        What it is: one of `evac.building.bodies.plan.KINDS`.
+        One of `evac.building.bodies.plan.KINDS`.
     name : str
-        As the file calls it.
+        Name in the file.
     points : (v, 3) float64 [m]
     triangles : (t, 3) int64
     """
@@ -41,7 +41,7 @@ class Body:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """Corners (t, 3, 3) of the triangles, wound so that normals point outwards [m]."""
+        """Corners (t, 3, 3) of the triangles, oriented so that normals point outwards [m]."""
         corners: FloatArray = self.points[self.triangles]
         away = corners - self.points.mean(axis=0)
         volume = np.einsum("ti,ti->", away[:, 0], np.cross(away[:, 1], away[:, 2]))
@@ -58,31 +58,31 @@ class Body:
 
     @cached_property
     def box(self) -> FloatArray:
-        """Least and greatest coordinates (2, 3) [m]."""
+        """Bounding box (2, 3): minimum and maximum coordinates [m]."""
         return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
 
     @property
     def z_min(self) -> float:
-        """Height of its lowest point [m]."""
+        """Height of the lowest point [m]."""
         return float(self.box[0, 2])
 
     @property
     def z_max(self) -> float:
-        """Height of its highest point [m]."""
+        """Height of the highest point [m]."""
         return float(self.box[1, 2])
 
     @property
     def place(self) -> tuple[float, float]:
-        """The middle (x, y) of the box around it, for messages [m]."""
+        """Centre (x, y) of the bounding box, for messages [m]."""
         x, y = self.box[:, :2].mean(axis=0).tolist()
         return x, y
 
     def tops(self) -> list[tuple[BaseGeometry, float]]:
-        """Return its level faces that look upwards: the plan of each height, and the height [m]."""
+        """Return the level faces that point upwards: for each height, their union in plan and the height [m]."""
         return self._level(self.normals[:, 2] > LEVEL)
 
     def bottoms(self) -> list[tuple[BaseGeometry, float]]:
-        """Return its level faces that look downwards: the plan of each height, and the height [m]."""
+        """Return the level faces that point downwards: for each height, their union in plan and the height [m]."""
         return self._level(self.normals[:, 2] < -LEVEL)
 
     def _level(self, mask: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> list[tuple[BaseGeometry, float]]:
@@ -99,11 +99,11 @@ class Body:
         return found
 
     def shadow(self) -> BaseGeometry:
-        """Return its plan, seen from above."""
+        """Return the projection of the body onto the plan."""
         return in_plan(self.corners[:, :, :2])
 
     def section(self, z: float) -> BaseGeometry:
-        """Return its cut with the horizontal plane at a height [m]; empty if it is not closed there."""
+        """Return the section at height `z` [m]; empty where the body is not closed."""
         above = self.corners[:, :, 2] > z
         cut = above.any(axis=1) & ~above.all(axis=1)
         lines = []
@@ -118,7 +118,7 @@ class Body:
         return flat_parts(shapely.build_area(noded))
 
     def rectangle(self) -> FloatArray | None:
-        """Return the corners (4, 2) of the least rectangle around its plan, the first side along it [m]."""
+        """Return the corners (4, 2) of the minimum rotated rectangle, a long side first [m]; None if degenerate."""
         hull = shapely.minimum_rotated_rectangle(shapely.multipoints(self.points[:, :2]))
         if hull.geom_type != "Polygon":
             return None
@@ -136,18 +136,18 @@ def in_plan(triangles: FloatArray) -> BaseGeometry:
 
 
 def closed(geometry: BaseGeometry, gap: float) -> BaseGeometry:
-    """Return polygons with gaps and notches up to a width [m] closed."""
+    """Close gaps and notches of polygons up to the width `gap` [m] (morphological closing)."""
     half = 0.5 * gap
     grown = shapely.buffer(geometry, half, join_style="mitre", mitre_limit=2.0)
     return shapely.buffer(grown, -half, join_style="mitre", mitre_limit=2.0)
 
 
 def without_slivers(geometry: BaseGeometry, width: float) -> BaseGeometry:
-    """Return the parts of polygons that are wider than a width [m] somewhere."""
+    """Drop the parts of polygons that are nowhere wider than `width` [m]."""
     parts = shapely.get_parts(geometry)
     return flat_parts(shapely.multipolygons(parts[~shapely.is_empty(shapely.buffer(parts, -0.5 * width))]))
 
 
 def snapped(geometry: BaseGeometry) -> BaseGeometry:
-    """Return polygons with corners on the grid of bodies, and without notches of a few of its steps."""
+    """Round the corners of polygons to the grid of bodies, and smooth notches of a few grid steps."""
     return flat_parts(shapely.set_precision(shapely.simplify(geometry, NOTCH), MILLIMETRE))

@@ -1,4 +1,4 @@
-"""Doors and openings in walls to doors of a plan: strips between two rooms, or exits."""
+"""Convert doors and openings in walls to doors and exits of a plan."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from evac.building.findings import Finding
 from evac.building.outlines import normal, strip
 from evac.building.shapes import united
 
-#: A door stands on a floor whose height differs from its foot by no more [m].
+#: Largest difference in height between the foot of a door and the floor that it stands on [m].
 SILL = 0.3
-#: An opening without a door is a passage if it is at least so high [m].
+#: Minimum height of an opening without a door that people can pass [m].
 LEAST_HEIGHT = 1.8
-#: A door or window fills an opening if it has this share of its box.
+#: A door or window fills an opening if their boxes share at least this fraction of the opening's box.
 FILLED = 0.3
-#: It reaches down to the foot of its wall within this height [m].
+#: An opening reaches the foot of its wall if it ends at most this high above it [m].
 FOOT = 0.1
-#: A room may begin so far behind the face of a wall [m].
+#: Largest gap between the face of a wall and the room beside it [m].
 BEHIND = 0.15
-#: What each end of a door is shortened by until rooms lie all along it [m].
+#: Lengths tried in turn by which each end of a door is shortened, until rooms lie along all of it [m].
 SHORTENED = (0.0, 0.02, 0.05, 0.1, 0.15)
 #: Narrowest door [m].
 NARROWEST = 0.5
@@ -31,7 +31,7 @@ NARROWEST = 0.5
 
 @dataclass(frozen=True)
 class Doorway:
-    """A segment (2, 2) in the middle of a wall, how far rooms are from it [m], and on how many sides there are some."""
+    """A door: its segment (2, 2) in the middle of a wall, its reach to rooms [m], the number of sides with rooms."""
 
     name: str
     floor: Floor
@@ -41,11 +41,11 @@ class Doorway:
 
 
 def passages_of(bodies: Sequence[Body]) -> tuple[list[Body], list[Body]]:
-    """Return the bodies that passages go through, and the openings that close walls again: of passages and windows.
+    """Return the bodies that people pass through, and the openings that must be filled in the walls.
 
-    A passage goes through the opening that its door fills, through the door itself if it fills none, or through an
-    opening down to the floor that nothing fills. Walls have holes where openings are; rooms end there all the same, and
-    what joins them are doors.
+    A passage is the opening that a door fills, the door itself if it fills no opening, or an empty opening that reaches
+    down to the floor. Openings are holes in walls. They are filled again, since rooms end at their walls and are joined
+    by doors only.
     """
     openings = [body for body in bodies if body.kind == "opening"]
     boxes = _boxes(openings)
@@ -70,14 +70,14 @@ def _boxes(bodies: Sequence[Body]) -> FloatArray:
 
 
 def _is_in_wall(opening: Body, walls: FloatArray) -> bool:
-    """Return whether an opening is in a wall of some boxes (w, 2, 3), and reaches down to its foot."""
+    """Return whether an opening is in one of the walls, given by boxes (w, 2, 3), and reaches down to its foot."""
     low, high = opening.box
     meets = ((walls[:, 0] - 0.01 < high) & (walls[:, 1] + 0.01 > low)).all(axis=1)
     return bool((meets & (opening.z_min - walls[:, 0, 2] < FOOT)).any())
 
 
 def _filled(door: Body, openings: FloatArray) -> int | None:
-    """Return the row of the opening, of some boxes (o, 2, 3), that a door or window fills most of, if it fills one."""
+    """Return the row of the opening, among boxes (o, 2, 3), that a door or window fills; None if it fills none."""
     both = np.minimum(door.box[1], openings[:, 1]) - np.maximum(door.box[0], openings[:, 0])
     size = np.maximum(openings[:, 1] - openings[:, 0], 1e-3)
     share = np.prod(np.maximum(both, 0.0), axis=1) / np.prod(size, axis=1)
@@ -85,7 +85,7 @@ def _filled(door: Body, openings: FloatArray) -> int | None:
 
 
 def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: list[Finding]) -> list[Doorway]:
-    """Return the doors that rooms are joined by or left by, on each floor; those that join nothing are noted."""
+    """Return the doors of each floor that join rooms or lead outside; doors without a room are added to `findings`."""
     found = []
     for body in passages:
         near = [floor for floor in floors if abs(floor.z - body.z_min) <= SILL]
@@ -93,7 +93,7 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
             continue
         if not near:
             findings.append(
-                Finding("left out", f"{body.name!r} is at no floor (z = {body.z_min:z.2f})", None, body.place)
+                Finding("left out", f"{body.name!r} is not on a floor (z = {body.z_min:z.2f} m)", None, body.place)
             )
             continue
         floor = min(near, key=lambda one: abs(one.z - body.z_min))
@@ -106,7 +106,7 @@ def doorways_of(passages: Sequence[Body], floors: Sequence[Floor], findings: lis
 
 
 def _fit(body: Body, floor: Floor) -> Doorway | None:
-    """Return a door with as many rooms beside it, and then as wide, as it can be."""
+    """Return the widest door with the largest number of rooms beside it; None if there is no room."""
     corners = body.rectangle()
     if corners is None:
         return None
@@ -129,13 +129,13 @@ def _fit(body: Body, floor: Floor) -> Doorway | None:
 
 
 def middle_of(way: Doorway) -> tuple[float, float]:
-    """Return where a door is, for findings."""
+    """Return the midpoint (x, y) of a door, for findings [m]."""
     x, y = way.segment.mean(axis=0).tolist()
     return x, y
 
 
 def opened(floor: Floor, ways: Sequence[Doorway]) -> BaseGeometry:
-    """Return the ground of a floor with the strips of its doors."""
+    """Return the ground of a floor, extended by strips through its doors."""
     strips = [floor.ground]
     for way in (way for way in ways if way.floor is floor):
         for side in (normal(way.segment), -normal(way.segment)):

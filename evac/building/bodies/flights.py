@@ -1,4 +1,4 @@
-"""Runs of treads and landings to stairs of a plan, each tried before it is used."""
+"""Convert runs of treads and landings to stairs of a plan; each stair is built once as a test before it is used."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,27 +20,27 @@ from evac.building.shapes import common, cut, place_of, united
 from evac.defaults import HEADROOM
 from evac.errors import BuildingError
 
-#: A floor may begin so far from the end of a flight [m].
+#: Largest gap in plan between the end of a flight and a floor [m].
 FAR = 0.6
-#: A landing may begin so far from the end of a flight [m].
+#: Largest gap in plan between the end of a flight and a landing [m].
 BESIDE = 0.3
-#: A floor may be so far below the first riser, or above the last one, as finishes are thick [m].
+#: Largest offset in height of a floor below the first riser or above the last one, due to floor finishes [m].
 OFF = 0.15
-#: A flight that overlaps the edge of its floor by no more is shortened to it [m].
+#: A flight that overlaps the edge of its floor by at most this is shortened [m].
 FIT = 0.05
-#: A landing no farther from a floor in height is part of it [m].
+#: A landing whose height differs from that of a floor by at most this is part of the floor [m].
 SAME_FLOOR = 0.1
-#: What each side of a flight is narrowed by until there is a floor all along its end [m].
+#: Widths tried in turn by which each side of a flight is narrowed, until a floor lies along all of its end [m].
 NARROWED = (0.0, 0.02, 0.05, 0.1)
-#: Least height of a passage under a slab [m]; less than people need, as slabs and planes of treads are not exact.
+#: Minimum height of a passage under a slab [m]; below the height of people, since slabs and flights are not exact.
 PASSABLE = 1.5
-#: A slab over more than this share of the ground that a flight needs free is closed.
+#: A slab is taken as closed if it covers more than this share of the ground that a flight needs free.
 CLOSED = 0.5
 
 
 @dataclass
 class End:
-    """Where a flight begins or ends: its edge (2, 2) [m], on a floor or a landing."""
+    """One end of a flight: its edge (2, 2) [m], and the floor or landing that it meets."""
 
     edge: FloatArray
     floor: Floor | None = None
@@ -50,18 +50,18 @@ class End:
 
 @dataclass
 class Stair:
-    """Flights between two ends each, and the landings between them.
+    """A stair: flights, each given by its two ends, and the landings between them.
 
     Attributes
     ----------
     name : str
     bodies : str
-        What the file calls its parts.
+        Names of its parts in the file, for messages.
     flights : list of (End, End)
-        From below.
+        Lower and upper end of each flight.
     landings : list of (polygon, float [m])
     ground : list of (Floor, polygon)
-        What floors are extended by to meet it.
+        Ground by which floors are extended to meet the stair.
     """
 
     name: str
@@ -72,17 +72,17 @@ class Stair:
 
     @property
     def floors(self) -> list[Floor]:
-        """The floors that it joins."""
+        """Floors that the stair joins."""
         found = [end.floor for ends in self.flights for end in ends if end.floor is not None]
         return list({floor.name: floor for floor in found}.values())
 
     @property
     def plan(self) -> BaseGeometry:
-        """The ground that it covers."""
+        """Union of its flights and landings in plan."""
         return united([*(_outline(*ends) for ends in self.flights), *(plan for plan, _ in self.landings)])
 
     def add_to(self, plan: Plan) -> None:
-        """Add it to a plan that has its floors."""
+        """Add the stair to a plan that has its floors."""
         for lower, upper in self.flights:
             plan.flight(self.name, lower.edge, lower.z, upper.edge, upper.z)
         for landing, z in self.landings:
@@ -90,7 +90,7 @@ class Stair:
 
 
 class LeftOutError(ValueError):
-    """Why a stair is left out, and where."""
+    """A stair cannot be used; carries the reason, the floor and the place."""
 
     def __init__(self, text: str, floor: str | None, place: tuple[float, float]) -> None:
         super().__init__(text)
@@ -98,31 +98,31 @@ class LeftOutError(ValueError):
 
 
 def stairs_of(bodies: Sequence[Body], floors: Sequence[Floor], cut_slabs: bool, findings: list[Finding]) -> list[Stair]:
-    """Return the stairs that can be walked; each of the others is a warning with its place.
+    """Return the stairs that can be walked; a warning with its place is added for every other one.
 
     Parameters
     ----------
     bodies : sequence of Body
         Stairs, flights and landings.
     floors : sequence of Floor
-        Doors open; landings at their height are added to them.
+        Floors with their doors opened; landings at the same height are added to them.
     cut_slabs : bool
-        Whether a slab that closes the way up is cut; otherwise the stair is left out.
+        Whether slabs that block a stair are cut; otherwise such a stair is left out.
     findings : list of Finding
         To add to.
     """
     treads = treads_of([body for body in bodies if body.kind in ("stair", "landing")])
     for one in treads.turning:
         text = (
-            f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as those of a "
-            "spiral or winding stair, and do not make a plane flight"
+            f"{_names(one.names)} is left out: its treads turn by up to {one.degrees:.0f} degrees, as in a "
+            "spiral or winding stair, so they do not form a plane flight"
         )
         findings.append(Finding("warning", text, _storey(floors, one.treads[0][1]), one.place))
     for body in treads.bare:
-        text = f"{body.name!r} is left out: its shape has no treads that follow each other"
+        text = f"{body.name!r} is left out: no row of treads was found in its shape"
         findings.append(Finding("warning", text, _storey(floors, body.z_min), body.place))
     for landing in treads.short:
-        text = f"a landing less than {SHORT:g} m deep is a part of its flight"
+        text = f"a landing less than {SHORT:g} m deep is treated as part of its flight"
         findings.append(Finding("assumed", text, _storey(floors, landing.z), place_of(landing.plan)))
     runs, landings = treads.runs, _free_landings(treads.landings, floors)
     ends: list[tuple[Run, tuple[End, End]]] = []
@@ -168,7 +168,7 @@ def _storey(floors: Sequence[Floor], z: float) -> str | None:
 
 
 def _free_landings(landings: Sequence[Landing], floors: Sequence[Floor]) -> list[Landing]:
-    """Return the landings between floors; the others become part of the floor at their height."""
+    """Return the landings between floors; landings at the height of a floor become part of it."""
     free = []
     for landing in landings:
         near = [f for f in floors if abs(f.z - landing.z) <= SAME_FLOOR and f.ground.distance(landing.plan) < BESIDE]
@@ -180,7 +180,7 @@ def _free_landings(landings: Sequence[Landing], floors: Sequence[Floor]) -> list
 
 
 def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[Landing]) -> End:
-    """Return the floor or landing that a run begins or ends at."""
+    """Return the end of a run, with the floor or landing that it meets."""
     last = run.treads[-1 if is_upper else 0][1]
     reach = run.riser + OFF
     candidates: list[tuple[float, float, End]] = []
@@ -208,13 +208,13 @@ def _end(run: Run, is_upper: bool, floors: Sequence[Floor], landings: Sequence[L
 
 
 def _edge(run: Run, is_upper: bool, z: float) -> FloatArray:
-    """Return the edge of a run at a height: its last tread is part of a floor at about the same height."""
+    """Return the edge (2, 2) of a run at a height [m]; a last tread at the height of a floor is part of that floor."""
     is_flush = is_upper and z - run.treads[-1][1] < 0.5 * run.riser and len(run.treads) > 2
     return run.edge(is_upper, before_last=is_flush)
 
 
 def _groups(ends: Sequence[tuple[End, End]], landings: int) -> list[IndexArray]:
-    """Return the rows of runs that share landings."""
+    """Group the rows of runs that are joined by landings."""
     pairs = [(row, len(ends) + end.landing) for row, both in enumerate(ends) for end in both if end.landing is not None]
     part = connected_components(len(ends) + landings, np.array(pairs, dtype=np.int64).reshape(-1, 2))[: len(ends)]
     return [np.flatnonzero(part == label) for label in dict.fromkeys(part.tolist())]
@@ -226,9 +226,9 @@ def _outline(lower: End, upper: End) -> BaseGeometry:
 
 
 def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
-    """Narrow the flights of a stair to the floors before them, and extend floors and landings to the flights."""
+    """Narrow the flights of a stair to the floors at their ends, and extend floors and landings up to the flights."""
     if not stair.floors:
-        raise LeftOutError(f"{stair.bodies} is left out: it meets no floor", None, place_of(stair.plan))
+        raise LeftOutError(f"{stair.bodies} is left out: it does not meet any floor", None, place_of(stair.plan))
     for row, both in enumerate(stair.flights):
         lower, upper = _fitted(both[0], both), _fitted(both[1], both)
         for less in NARROWED:
@@ -240,7 +240,7 @@ def _complete(stair: Stair, landings: Sequence[Landing]) -> None:
             end = next(end for end in (lower, upper) if _strip(end, (lower, upper), landings) is None)
             x, y = end.edge.mean(axis=0).tolist()
             name = None if end.floor is None else end.floor.name
-            text = f"{stair.bodies} is left out: there is no ground all along the end of a flight at {end.z:.2f} m"
+            text = f"{stair.bodies} is left out: no ground lies along the whole end of a flight at {end.z:.2f} m"
             raise LeftOutError(text, name, (x, y))
         stair.flights[row] = ends
         for end, ground in zip(ends, strips, strict=True):
@@ -261,7 +261,7 @@ def _narrowed(end: End, less: float) -> End:
 
 
 def _fitted(end: End, both: tuple[End, End]) -> End:
-    """Return an end of a flight on the outline of its floor where this is a little inside of the flight."""
+    """Move the end of a flight to the outline of its floor where they overlap slightly."""
     if end.floor is None:
         return end
     outline = _outline(*both)
@@ -275,13 +275,13 @@ def _fitted(end: End, both: tuple[End, End]) -> End:
 
 
 def _away(end: End, outline: BaseGeometry) -> FloatArray:
-    """Return the unit vector from a flight to the floor or landing at one of its ends."""
+    """Return the unit vector (2,) from a flight to the floor or landing at one of its ends."""
     way = normal(end.edge)
     return -way if (np.array(outline.centroid.coords[0]) - end.edge.mean(axis=0)) @ way > 0.0 else way
 
 
 def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> BaseGeometry | None:
-    """Return the ground between an end of a flight and the floor or landing before it; None if there is none."""
+    """Return the ground between an end of a flight and its floor or landing; None if they are too far apart."""
     outline = _outline(*both)
     way = _away(end, outline)
     ground = end.floor.ground if end.floor is not None else landings[end.landing or 0].plan
@@ -290,7 +290,7 @@ def _strip(end: End, both: tuple[End, End], landings: Sequence[Landing]) -> Base
 
 
 def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list[Finding]:
-    """Return what is assumed of slabs that close the way of a stair, or refuse it."""
+    """Return a finding for each slab that is cut for a stair; refuse the stair if slabs must not be cut."""
     notes = []
     for lower, upper in stair.flights:
         for floor in (floor for floor in floors if floor.z > lower.z + 0.5):
@@ -299,16 +299,16 @@ def _check_slabs(stair: Stair, floors: Sequence[Floor], cut_slabs: bool) -> list
             covered = common(needed, floor.slabs)
             if needed.is_empty or covered.area < CLOSED * needed.area:
                 continue
-            what = f"{covered.area:.2f} m2 of slab at {floor.z:.2f} m close the way of a flight of {stair.bodies}"
+            what = f"{covered.area:.2f} m2 of slab at {floor.z:.2f} m block a flight of {stair.bodies}"
             if not cut_slabs:
-                text = f"{what}; it is left out. If the file has lost the opening, cut_slabs = true cuts the slab"
+                text = f"{what}; it is left out. If the slab should have an opening, set cut_slabs = true to cut it"
                 raise LeftOutError(text, floor.name, place_of(covered))
-            notes.append(Finding("assumed", f"{what}, and are cut (cut_slabs)", floor.name, place_of(covered)))
+            notes.append(Finding("assumed", f"{what} and are cut away (cut_slabs)", floor.name, place_of(covered)))
     return notes
 
 
 def meeting(floor: Floor, stairs_there: Sequence[Stair]) -> BaseGeometry:
-    """Return the ground of a floor with what stairs extend it by, its corners on the ends of their edges."""
+    """Return the ground of a floor with the extensions for its stairs, with corners at the ends of stair edges."""
     more = [polygon for stair in stairs_there for of, polygon in stair.ground if of is floor]
     ends = [end.edge for stair in stairs_there for both in stair.flights for end in both if end.floor is floor]
     ground = snapped(united([floor.ground, *more]))
@@ -319,12 +319,12 @@ def meeting(floor: Floor, stairs_there: Sequence[Stair]) -> BaseGeometry:
 
 
 def _try(stairs_there: Sequence[Stair], floors: Sequence[Floor]) -> None:
-    """Build the last of some stairs with floors and stairs around it.
+    """Build the last of some stairs together with its floors and the stairs beside it, as a test.
 
     Raises
     ------
     BuildingError
-        That is no building, or the stair does not join its floors.
+        The building is invalid, or the stair does not join its floors.
     """
     plan, stair = Plan(), stairs_there[-1]
     low, high = min(lower.z for lower, _ in stair.flights), max(upper.z for _, upper in stair.flights)

@@ -1,4 +1,4 @@
-"""Spaces, slabs, walls and columns to the floors of storeys."""
+"""Convert spaces, slabs, walls and columns to the floors of storeys."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,17 +11,17 @@ from evac.building.findings import Finding
 from evac.building.shapes import common, cut, place_of, united
 from evac.defaults import HEADROOM
 
-#: A slab belongs to a floor if its top is so close to it [m]: what lies on it is up to so thick.
+#: Largest difference in height between a floor and the top of its slab, due to floor finishes [m].
 THICKNESS = 0.3
 #: Heights above a floor at which walls and columns are cut [m].
 CUTS = (0.1, 0.5, 1.0, 1.5, 1.9)
-#: Furniture that hangs higher above a floor is not in the way [m].
+#: Furniture higher above a floor than this is not an obstacle [m].
 HANGING = 1.5
-#: What reaches no deeper into a room than this is a matter of drawing [m].
+#: Bodies that reach into a room by at most this are ignored as drawing inaccuracies [m].
 DEPTH = 0.02
 #: Ground narrower than this is dropped [m].
 NARROWEST = 0.4
-#: A part of a space without a slab is a void from this area on [m2].
+#: Minimum area of a part of a space without a slab that is reported as a void [m2].
 LEAST_VOID = 0.25
 
 
@@ -32,11 +32,11 @@ class Floor:
     Attributes
     ----------
     name : str
-        Of its storey; with its height where a storey has several floors.
+        Name of its storey, followed by the height if the storey has several floors.
     z : float [m]
     ground : polygon or multipolygon
     slabs : polygon or multipolygon
-        The tops of slabs at its height, whatever stands on them.
+        Tops of slabs at its height, including ground under obstacles.
     rooms : list of (str, polygon or multipolygon)
         Name and plan of each space on it.
     """
@@ -50,7 +50,7 @@ class Floor:
 
 @dataclass
 class _Height:
-    """Plans that make one floor: of spaces with their names, and of slabs."""
+    """Plans of spaces (with names) and of slabs that form one floor."""
 
     z: float
     spaces: list[tuple[Body, BaseGeometry, float]] = field(default_factory=list)
@@ -67,7 +67,7 @@ def floors_of(
     furniture: bool,
     findings: list[Finding],
 ) -> list[Floor]:
-    """Return the floors of a building, from the lowest up.
+    """Return the floors of a building, from bottom to top.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ def floors_of(
     storeys : sequence of (str, float [m])
         Names and heights, for the names of floors.
     ground : "auto", "spaces" or "slabs"
-        What floors are made of: the spaces of a storey, cut with slabs; or slabs without walls. With "auto", slabs
-        where there are no spaces.
+        Source of the floors: spaces intersected with slabs, or slabs without walls. With "auto", slabs are used only
+        if there are no spaces.
     step : float [m]
-        Ground that differs in height by no more is one floor.
+        Ground whose heights differ by at most this is one floor.
     gap : float [m]
-        Gaps between spaces, up to this width, are closed.
+        Gaps between spaces up to this width are closed.
     furniture : bool
         Whether furniture is an obstacle.
     findings : list of Finding
@@ -95,13 +95,13 @@ def floors_of(
             made, rooms = _of_spaces(height, slabs, name, gap, findings), _rooms(height)
         else:
             made, rooms = slabs, []
-            what = "no space in the file" if ground == "auto" else "as chosen"
-            findings.append(Finding("assumed", f"ground is the slabs without walls: {what} (ground)", name))
+            what = "the file has no spaces" if ground == "auto" else "as set"
+            findings.append(Finding("assumed", f"slabs without walls are used as ground: {what} (ground)", name))
         made = _without_bodies(made, bodies, height, furniture)
         floors.append(Floor(name, height.z, made, slabs, rooms))
         levels = [z for _, _, z in height.spaces]
         if levels and max(levels) - min(levels) > 0.001:
-            text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are one at {height.z:z.3f} m (step)"
+            text = f"floors at {min(levels):z.3f} to {max(levels):z.3f} m are merged at {height.z:z.3f} m (step)"
             findings.append(Finding("assumed", text, name))
     for low, floor in enumerate(floors):
         over = [other for other in floors[low + 1 :] if other.z < floor.z + HEADROOM]
@@ -111,7 +111,7 @@ def floors_of(
 
 
 def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
-    """Return what makes each floor: heights that differ by no more than a step, around that of most of the ground."""
+    """Group plans whose heights differ by at most `step` [m] into floors, starting from the largest."""
     found: list[tuple[float, float, Body, BaseGeometry]] = []
     if ground != "slabs":
         spaces = [(body, *face) for body in bodies if body.kind == "space" for face in body.bottoms()]
@@ -132,7 +132,7 @@ def _heights(bodies: Sequence[Body], ground: str, step: float) -> list[_Height]:
 
 
 def _nearest(heights: list[_Height], z: float, step: float) -> _Height:
-    """Return the floor of a height, a new one if none is near."""
+    """Return the floor at a height [m]; append a new one if none is within `step`."""
     near = [height for height in heights if abs(height.z - z) <= step]
     if not near:
         near = [_Height(round(z, 3))]
@@ -141,7 +141,7 @@ def _nearest(heights: list[_Height], z: float, step: float) -> _Height:
 
 
 def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> list[str]:
-    """Return a name for each floor: of the storey that it is nearest to, with its height if that is taken."""
+    """Name each floor after the nearest storey; further floors of the same storey get their height as a suffix."""
     names = [""] * len(heights)
     away = sorted(
         (abs(height.z - z), row, name)
@@ -160,22 +160,24 @@ def _names(heights: Sequence[_Height], storeys: Sequence[tuple[str, float]]) -> 
 
 
 def _of_spaces(height: _Height, slabs: BaseGeometry, name: str, gap: float, findings: list[Finding]) -> BaseGeometry:
-    """Return the ground of spaces: what has a slab below it."""
+    """Return the part of the spaces that has a slab below it."""
     plan = united([closed(united([one for _, one, _ in height.spaces]), gap)])
     if slabs.is_empty:
-        findings.append(Finding("assumed", "no slab is at the height of its spaces; all of them are ground", name))
+        findings.append(
+            Finding("assumed", "no slab is at the height of the spaces; all spaces are used as ground", name)
+        )
         return plan
     void = without_slivers(cut(plan, slabs), 2 * THICKNESS)
     for part in shapely.get_parts(void):
         if part.area > LEAST_VOID:
-            text = f"{part.area:.2f} m2 of space have no slab below them: a void"
+            text = f"{part.area:.2f} m2 of space without a slab below are a void"
             findings.append(Finding("left out", text, name, place_of(part)))
             plan = cut(plan, part)
     return plan
 
 
 def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:
-    """Return name and plan of each space, no name twice."""
+    """Return the name and plan of each space; repeated names are numbered."""
     rooms: dict[str, BaseGeometry] = {}
     for body, plan, _ in sorted(height.spaces, key=lambda one: one[0].name):
         name, number = body.name, 2
@@ -186,7 +188,7 @@ def _rooms(height: _Height) -> list[tuple[str, BaseGeometry]]:
 
 
 def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Height, furniture: bool) -> BaseGeometry:
-    """Return ground without walls, columns, furniture, and what fills openings in walls."""
+    """Return the ground without walls, columns, furniture and the fillings of openings in walls."""
     away = []
     for body in bodies:
         if body.z_max <= height.z + CUTS[0] or body.z_min >= height.z + CUTS[-1]:
@@ -204,7 +206,7 @@ def _without_bodies(ground: BaseGeometry, bodies: Sequence[Body], height: _Heigh
 
 
 def _drop_slivers(floor: Floor, findings: list[Finding]) -> None:
-    """Leave out parts of a floor in which nobody can stand."""
+    """Drop the parts of a floor that are too narrow to stand in."""
     kept = without_slivers(floor.ground, NARROWEST)
     dropped = [part for part in shapely.get_parts(cut(floor.ground, kept)) if part.area > 1e-3]
     if dropped:

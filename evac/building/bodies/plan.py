@@ -1,4 +1,4 @@
-"""Bodies of a building model to a plan: storeys, doors, exits, stairs, and what cannot be walked."""
+"""Convert the bodies of a building model to a plan: storeys, doors, exits, stairs and obstacles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ from evac.building.findings import Finding
 from evac.building.plan import Plan
 from evac.building.shapes import common, cut, place_of, united
 
-#: What a body can be. Openings are holes in walls, whether doors or windows fill them.
+#: Kinds of bodies. Openings are holes in walls, with or without a door or window in them.
 KINDS = ("space", "slab", "wall", "column", "opening", "door", "window", "stair", "landing", "furniture")
-#: People start in what is left of a room if it is at least so large [m2].
+#: Minimum area of the remaining part of a room in which people can start [m2].
 LEAST_ROOM = 0.5
-#: Areas reach so far beyond their rooms, less than walls are thick [m].
+#: Distance by which areas extend beyond their rooms, less than the thickness of walls [m].
 BEYOND = 0.02
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What is assumed of a building model; see the parameters of the importer that uses it."""
+    """Assumptions about a building model; see the parameters of the importer that uses them."""
 
     ground: str
     exits: str
@@ -50,15 +50,15 @@ def plan_of_bodies(
     bodies : sequence of Body
         Of the kinds `KINDS`.
     storeys : sequence of (str, float [m])
-        Names and heights; floors are found by the bodies.
+        Names and heights. The floors themselves are found from the bodies.
     rules : Rules
     findings : list of Finding
-        What was found so far; these and more are those of the plan.
+        Findings so far; they become the first findings of the plan.
 
     Raises
     ------
     ValueError
-        There is no ground.
+        The file contains no ground.
     """
     passages, openings = passages_of(bodies)
     solid = [body for body in bodies if body.kind not in ("opening", "door", "window")]
@@ -74,7 +74,7 @@ def plan_of_bodies(
     if not floors:
         kinds = sorted({body.kind for body in bodies})
         raise ValueError(
-            f"there is no ground in it: no space and no slab with a level top, only {', '.join(kinds) or 'nothing'}"
+            f"the file has no ground, neither a space nor a slab with a level top, only {', '.join(kinds) or 'nothing'}"
         )
     ways = doorways_of(passages, floors, findings)
     for floor in floors:
@@ -85,7 +85,7 @@ def plan_of_bodies(
     for floor in floors:
         more = [polygon for stair in stairs for of, polygon in stair.ground if of is floor]
         for polygon in more:
-            text = f"{polygon.area:.3f} m2 of floor added before the end of a stair"
+            text = f"{polygon.area:.3f} m2 of floor added at the end of a stair"
             findings.append(Finding("repaired", text, floor.name, place_of(polygon)))
         floor.ground = meeting(floor, stairs)
         plan.storey(floor.name, floor.ground, floor.z)
@@ -100,14 +100,14 @@ def plan_of_bodies(
 
 
 def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]:
-    """Add the doors; return the floors with exits."""
+    """Add the doors, and return the floors that have exits."""
     outer = [way for way in ways if way.sides == 1]
     floors = list({way.floor.name: way.floor for way in outer}.values())
     if rules.exits == "none":
         floors = []
     elif rules.exits == "ground" and floors:
         floors = [min(floors, key=lambda floor: (abs(floor.z - rules.ground_z), floor.z))]
-        text = "doors with a room on one side only are exits here, not on other storeys (exits, ground_z)"
+        text = "doors with a room on one side only are exits on this storey but not on others (exits, ground_z)"
         plan.note("assumed", text, floors[0].name)
     taken: set[str] = set()
     for way in ways:
@@ -121,32 +121,32 @@ def _add_doors(plan: Plan, ways: Sequence[Doorway], rules: Rules) -> list[Floor]
         elif way.sides == 1:
             plan.opening(way.floor.name, way.segment, name)
         width = float(np.hypot(*(way.segment[1] - way.segment[0])))
-        what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside, no exit,"
+        what = "exit" if is_exit else "door" if way.sides == 2 else "door to the outside (not an exit)"
         plan.note("found", f"{what} {name!r}, {width:.2f} m wide", way.floor.name, middle_of(way))
     return floors
 
 
 def _add_rooms(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair]) -> None:
-    """Add the spaces as areas, where stairs leave some of them."""
+    """Add the spaces as areas, except those that are covered by stairs."""
     away = united([stair.plan for stair in stairs])
     names: set[str] = set()
     for floor in floors:
         taken: list[BaseGeometry] = []
         for room, polygon in floor.rooms:
             if common(cut(polygon, away), floor.ground).area < LEAST_ROOM:
-                text = f"nobody starts in {room!r}: a stair fills it, or it has no floor"
+                text = f"{room!r} is not an area: a stair covers it, or it has no floor"
                 plan.note("left out", text, floor.name, place_of(polygon))
                 continue
             name = room if room not in names else f"{room} of {floor.name}"
             names.add(name)
-            # A little more than the room, so that where it ends at a wall the floor's outline is its outline too.
+            # Slightly larger than the room, so that the outline of the area follows the outline of the floor at walls.
             area = cut(snapped(shapely.buffer(polygon, BEYOND, join_style="mitre")), united(taken))
             taken.append(area)
             plan.area(name, floor.name, area)
 
 
 def _note_unreachable(plan: Plan, floors: Sequence[Floor], stairs: Sequence[Stair], exits: Sequence[Floor]) -> None:
-    """Warn of each storey that no stair joins to one with exits, or to any other if there is no exit."""
+    """Warn of each storey from which no stair leads to an exit, or to any other storey if there is no exit."""
     row = {floor.name: k for k, floor in enumerate(floors)}
     pairs = [(row[stair.floors[0].name], row[floor.name]) for stair in stairs for floor in stair.floors[1:]]
     part = connected_components(len(floors), np.array(pairs, dtype=np.int64).reshape(-1, 2))

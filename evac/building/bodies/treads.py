@@ -1,4 +1,4 @@
-"""The level faces of a stair to runs of treads and landings."""
+"""Convert the level faces of stairs to runs of treads and landings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,30 +11,30 @@ from evac.arrays import FloatArray
 from evac.building.bodies.body import Body, closed
 from evac.building.shapes import united
 
-#: Riser: difference in height of two treads that follow each other [m].
+#: Range of the riser, the difference in height of consecutive treads [m].
 LEAST_RISER, MOST_RISER = 0.05, 0.25
-#: Treads that follow each other are no farther apart in plan [m].
+#: Largest gap in plan between consecutive treads [m].
 APART = 0.1
-#: A level face is a tread if it is at least so large [m2] and so deep [m].
+#: Minimum area [m2] and depth [m] of a tread.
 LEAST_TREAD, LEAST_DEPTH = 0.05, 0.1
-#: A face so many times larger than the median tread is a landing.
+#: A face larger than the median tread by this factor is a landing.
 LANDING = 2.2
-#: A landing between flights in one direction is at least so deep; a shorter one is a deep tread [m].
+#: Minimum depth of a landing between flights in one direction; a shorter one is treated as a deep tread [m].
 SHORT = 1.0
-#: A run turns if its treads follow each other in directions that differ by more [degrees].
+#: A run turns if the directions between its consecutive treads differ by more than this [degrees].
 MOST_TURN = 25.0
 
 
 @dataclass(frozen=True)
 class Run:
-    """Treads that follow each other in one direction.
+    """Consecutive treads in one direction.
 
     Attributes
     ----------
     names : tuple of str
-        Of the bodies that they belong to.
+        Names of the bodies that the treads belong to.
     treads : list of (polygon, float [m])
-        Plan and height of each, upwards.
+        Plan and height of each tread, from bottom to top.
     direction : (2,) float64
         Unit vector uphill.
     riser : float [m]
@@ -46,7 +46,7 @@ class Run:
     riser: float
 
     def edge(self, upper: bool, *, before_last: bool = False) -> FloatArray:
-        """Return the front edge (2, 2) of the first tread, or the back edge of the last one or of the one before it."""
+        """Return the front edge (2, 2) of the first tread, or the back edge of the last or second-to-last tread [m]."""
         across = np.array([-self.direction[1], self.direction[0]])
         sides = [shapely.get_coordinates(plan) @ across for plan, _ in self.treads]
         ends_beside = [float(np.median([find(side) for side in sides])) for find in (np.min, np.max)]
@@ -65,7 +65,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Turning:
-    """Treads that turn: a spiral or winding stair, which is no plane."""
+    """Treads of a spiral or winding stair, which do not lie on one plane."""
 
     names: tuple[str, ...]
     treads: list[tuple[BaseGeometry, float]]
@@ -88,7 +88,7 @@ class Landing:
 
 @dataclass
 class Treads:
-    """What stairs consist of: straight runs, turning ones, landings, short ones within runs, bodies without treads."""
+    """Parts of stairs: straight runs, turning runs, landings, short landings within runs, bodies without treads."""
 
     runs: list[Run] = field(default_factory=list)
     turning: list[Turning] = field(default_factory=list)
@@ -98,7 +98,7 @@ class Treads:
 
 
 def treads_of(bodies: Sequence[Body]) -> Treads:
-    """Return the treads of stairs as a whole, flights and landings."""
+    """Find runs and landings in bodies that are whole stairs, flights or landings."""
     found = Treads()
     for body in bodies:
         faces = _faces(body)
@@ -122,7 +122,7 @@ def treads_of(bodies: Sequence[Body]) -> Treads:
 
 
 def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
-    """Return the level faces of a stair that can be trodden on, upwards; nosings are part of their treads."""
+    """Return the level faces of a stair that people can step on, from bottom to top; nosings belong to their treads."""
     faces = []
     for plan, z in body.tops():
         for part in shapely.get_parts(closed(plan, 0.02)):
@@ -137,13 +137,13 @@ def _faces(body: Body) -> list[tuple[BaseGeometry, float]]:
 
 
 def _depth(plan: BaseGeometry) -> float:
-    """Return the shorter side of the least rectangle around a face [m]."""
+    """Return the shorter side of the minimum rotated rectangle of a face [m]."""
     box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(plan))
     return float(np.hypot(*np.diff(box[:3], axis=0).T).min()) if len(box) == 5 else 0.0
 
 
 def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[BaseGeometry, float]]]:
-    """Return the faces in rows, each one riser above the one before and beside it."""
+    """Chain the faces: each is one riser above the previous one and adjacent to it."""
     chains: list[list[tuple[BaseGeometry, float]]] = []
     for plan, z in faces:
         below = [
@@ -159,7 +159,7 @@ def _chains(faces: Sequence[tuple[BaseGeometry, float]]) -> list[list[tuple[Base
 
 
 def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run | Turning:
-    """Return a chain of treads as a run, if it goes in one direction."""
+    """Return a chain of treads as a run if it has one direction, otherwise as a turning run."""
     middle = np.array([plan.centroid.coords[0] for plan, _ in chain])
     z = np.array([height for _, height in chain])
     steps = np.diff(middle, axis=0)
@@ -173,7 +173,7 @@ def _run(name: str, chain: list[tuple[BaseGeometry, float]]) -> Run | Turning:
 
 
 def _squared(direction: FloatArray, chain: Sequence[tuple[BaseGeometry, float]]) -> FloatArray:
-    """Return the direction at right angles to the longest side of a tread that is about across it."""
+    """Return the direction perpendicular to the longest tread side that is roughly perpendicular to it."""
     best, found = 0.0, direction
     for plan, _ in chain:
         corners = shapely.get_coordinates(plan.exterior)

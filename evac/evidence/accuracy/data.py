@@ -1,4 +1,4 @@
-"""What the parts of the accuracy page share: how variants are drawn, measured orders."""
+"""Common definitions of the accuracy page: plot styles of variants, measured orders of convergence."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from evac.evidence.report import MODEL_COLOURS
 
-#: Where lines lie on each other the first ones show behind the next: marker, its size, width of the line.
+#: Marker, marker size and line width of each line, such that lines on top of each other remain visible.
 STYLES = (("o", 9.0, 4.0), ("s", 6.5, 2.6), ("^", 5.5, 1.8), ("D", 4.0, 1.3), (".", 4.0, 0.8))
 
 

@@ -25,11 +25,11 @@ ORDERS = (1, 2)
 #: Ranges of the distance to the nearest wall [m]: where no body's centre comes, beside walls, elsewhere.
 RANGES = {"below 0.2 m of a wall": (0.0, 0.2), "0.2 to 0.4 m": (0.2, 0.4), "beyond 0.4 m": (0.4, np.inf)}
 
-#: Directions are compared where no other way is shorter than this many cells more, and this far from the exit [m].
+#: Directions are compared where any other path is longer by at least this many cells, and this far from the exit [m].
 CLEAR_CELLS = 3.0
 CLEAR_EXIT = 0.5
 
-#: How far people keep clear of walls here: the greatest radius of the paper's crowds [m].
+#: Clearance from walls: the greatest radius of the paper's crowds [m].
 CLEARANCE = 0.25
 
 WALKED = Route(strategy="shortest")

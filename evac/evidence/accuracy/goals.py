@@ -1,4 +1,4 @@
-"""Accuracy, part a: which solver is the first to a goal, by residual and by true error; what both have in common."""
+"""Accuracy, part a: the fastest solver to a goal, by residual and by true error, and the relation of the two."""
 
 import itertools
 import math
@@ -13,14 +13,14 @@ Row = dict[str, Any]
 
 STARTS = ("cold", "warm")
 
-#: What a solve is judged by: what solvers stop at, and what its user wants small.
+#: Measures of a solve: the residual, on which solvers stop, and the true error.
 MEASURES = ("residual", "error")
 
-#: What the page compares, in the unit of the law.
+#: Goals that the page compares, in the unit of the law.
 GOALS = (1e-4, 1e-6, 1e-10)
 WIN_GOALS = (1e-4, 1e-6, 1e-8)
 
-#: Errors below this multiple of the reference's precision are none of the solver's.
+#: Errors below this multiple of the reference's precision are not attributed to the solver.
 CLEAR = 100.0
 
 #: Name of the reference among the solvers of the rows.
@@ -33,11 +33,11 @@ def solvers_of(rows: Sequence[Row]) -> list[str]:
 
 
 def time_to(rows: Sequence[Row], goal: float, measure: str = "residual", **where: Any) -> float | None:
-    """Return the time [s] after which residual or error is at most a goal, None if it never was.
+    """Return the time [s] after which residual or error is at most a goal, None if it is never reached.
 
-    Rows are solves to ever smaller tolerances. The time at which the goal was passed is interpolated, its
-    logarithm over that of the measure, between the first solve that is beyond the goal and the one before, so that
-    a solver that does more than it is told is neither charged for it nor credited with it.
+    Rows are solves to decreasing tolerances. The time at which the goal was passed is interpolated logarithmically
+    between the first solve beyond the goal and the one before it, so that a solver that iterates beyond its tolerance
+    has neither an advantage nor a disadvantage.
     """
     before: tuple[float, float] | None = None
     for row in rows:
@@ -70,7 +70,7 @@ def lines_of(rows: Sequence[Row], where: dict[str, Any]) -> dict[tuple[str, str]
 
 
 def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
-    """Return a row per problem, start, measure and goal: the first solver there, and the default's time over its."""
+    """Return a row per problem, start, measure and goal: the fastest solver, and the default's time over its time."""
     table = []
     solvers = solvers_of(rows)
     for where in problems_of(rows):
@@ -87,7 +87,7 @@ def race_rows(rows: Sequence[Row], default: str) -> list[Row]:
 
 
 def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> list[Row]:
-    """Return a row per start, measure and goal: how many problems each solver wins, and what the default loses."""
+    """Return a row per start, measure and goal: problems on which each solver is fastest, and the default's loss."""
     table = []
     for start, measure, goal in dict.fromkeys((race["start"], race["by"], race["goal"]) for race in races):
         here = [race for race in races if (race["start"], race["by"], race["goal"]) == (start, measure, goal)]
@@ -109,9 +109,9 @@ def win_rows(races: Sequence[Row], solvers: Sequence[str], default: str) -> list
 
 
 def factor_rows(rows: Sequence[Row], scales: dict[str, float]) -> list[Row]:
-    """Return a row per problem: by what factor the true error is greater than the residual, over all solves.
+    """Return a row per problem: the ratio of the true error to the residual, over all solves.
 
-    ``scales`` are those of the laws: errors that the reference cannot tell are left out.
+    ``scales`` are those of the laws: errors below the precision of the reference are left out.
     """
     table = []
     for where in problems_of(rows):

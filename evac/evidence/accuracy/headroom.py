@@ -1,8 +1,8 @@
-"""Accuracy, part a: how few sweeps any acceleration could need, if it knew beforehand who pushes.
+"""Accuracy, part a: a lower bound for the sweeps of any acceleration of Gauss-Seidel with known active contacts.
 
-On the contacts that push the law is a linear system, A x = y with unit diagonal. Whatever combines what Gauss-Seidel
-sweeps in one order have found, by momentum or otherwise, has after k sweeps a combination of k directions; the one of
-least residual, by root mean square (Saad and Schultz, 1986), is found here, at no account of its cost.
+On the active contacts the law is a linear system, A x = y with unit diagonal. Any method that combines the results of
+Gauss-Seidel sweeps in one order, by momentum or otherwise, has a combination of k directions after k sweeps. The one
+with the least residual, by root mean square (Saad and Schultz, 1986), is computed here, ignoring its cost.
 """
 
 import time
@@ -20,7 +20,7 @@ from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds
 from evac.evidence.report import Evidence
 from evac.physics.percussions import interleaved
 
-#: Residual to which the pushing contacts are found [m/s], and the iterations that it may take.
+#: Residual of the solve that determines the active contacts [m/s], and its greatest number of iterations.
 SURE, ENOUGH = 1e-11, 100_000
 
 #: Sweeps after which the search for the best combination ends.
@@ -63,7 +63,7 @@ def _rows(people: int, crowds: int, first_seed: int) -> list[dict[str, Any]]:
 
 
 def _row(found: Sequence[dict[str, float]], default: str, least: float) -> dict[str, float]:
-    """Return the medians over crowds, and what they say about a target, the least ratio of times."""
+    """Return the medians over crowds, and their relation to a target, the least ratio of times."""
     row = {key: float(np.median([one[key] for one in found])) for key in found[0]}
     best = row[f"{default} [ms]"] * row["best: sweeps"] / row[f"{default}: sweeps"]
     return {
@@ -100,7 +100,7 @@ def _counted(problem: ContactProblem, goal: float, default: str) -> dict[str, fl
 
 
 def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArray, FloatArray]:
-    """Return A (k, k) sparse and y (k,) of the contacts that push, and what turns residuals y - A x into m/s (k,).
+    """Return sparse A (k, k) and y (k,) of the active contacts, and factors (k,) from residuals y - A x to m/s.
 
     They are in the order of sweeps. Rigid contacts obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0, each divided by
     the root of its diagonal.
@@ -126,12 +126,12 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
 
 
 def sweep_order(contacts: int) -> IndexArray:
-    """Return the numbers of so many contacts in the order in which solvers sweep over them."""
+    """Return the indices of contacts in the order in which solvers sweep over them."""
     return np.argsort([interleaved(contact, contacts) for contact in range(contacts)])
 
 
 def least_sweeps(matrix: Any, right: FloatArray, scale: FloatArray, residual: float) -> int:
-    """Return after how many Gauss-Seidel sweeps a combination of them can have this greatest residual [m/s].
+    """Return the least number of Gauss-Seidel sweeps whose best combination has this greatest residual [m/s].
 
     The combination is that of least root mean square, built with directions whose images under A are orthonormal.
     """
@@ -141,7 +141,7 @@ def least_sweeps(matrix: Any, right: FloatArray, scale: FloatArray, residual: fl
     sweeps = 0
     while np.max(np.abs(left) * scale, initial=0.0) > residual and sweeps < LONGEST:
         image = matrix @ lower.solve(left)
-        for _ in range(2):  # once is not enough for rounding
+        for _ in range(2):  # repeated because of rounding errors
             image -= images[:, :sweeps] @ (images[:, :sweeps].T @ image)
         image /= np.linalg.norm(image)
         images[:, sweeps] = image

@@ -1,4 +1,4 @@
-"""Accuracy, part b: what errors over the step say: orders of convergence, which drive is better, charts."""
+"""Accuracy, part b: orders of convergence from errors over the step, comparison of the drives, charts."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ Row = dict[str, Any]
 
 DRIVES = ("exponential", "explicit")
 
-#: Below this an error is that of solver and rounding, not of the step [m].
+#: Errors below this are due to solver and rounding, not to the step [m].
 EXACT = 1e-8
 
 #: Orders that differ by no more than this count as equal.
@@ -54,9 +54,9 @@ def orders_off(table: Sequence[Row]) -> list[Row]:
 
 
 def drives_compared(rows: Sequence[Row]) -> tuple[int, int]:
-    """Return in how many problems and models the exponential drive has the smaller error at the default step.
+    """Return the number of problems and models with a smaller error of the exponential drive at the default step.
 
-    The second number is how many there are whose error depends on the drive.
+    The second number counts all whose error depends on the drive.
     """
     step = min({row["h [s]"] for row in rows}, key=lambda h: abs(h - SimulationSettings().step))
     errors: dict[tuple[str, str], dict[str, float]] = {}
@@ -68,7 +68,7 @@ def drives_compared(rows: Sequence[Row]) -> tuple[int, int]:
 
 
 def differ(pair: dict[str, float]) -> bool:
-    """Say whether both drives were run, and their errors differ by more than rounding."""
+    """Return whether both drives were run, and their errors differ by more than rounding."""
     return len(pair) == 2 and abs(pair["explicit"] - pair["exponential"]) > 1e-3 * max(pair.values()) + 1e-9
 
 

@@ -1,4 +1,4 @@
-"""Accuracy, part c: greatest overlap against run time on one crowd: which model to take."""
+"""Accuracy, part c: greatest overlap over run time for one crowd, to choose a model."""
 
 import itertools
 import math
@@ -17,7 +17,7 @@ from evac.evidence.report import Evidence, new_figure
 from evac.evidence.verdicts import reported
 from evac.physics.contact_model import ContactModel
 
-#: The crowd walks so long from its start against the closed door, then leaves through it for as long again [s].
+#: Time for which the crowd walks against the closed door, and then leaves through it [s].
 CLOSED, OPEN = 3.0, 2.0
 
 #: DEM's step is this share of the limit of a dense packing, h^2 6k/m = 4.
@@ -27,7 +27,7 @@ TICK = 0.1  # s
 
 FINISHED = "run to the end"
 
-#: Overlaps that somebody may allow [mm].
+#: Overlaps that users may tolerate [mm].
 ALLOWED = (100.0, 30.0, 10.0, 3.0, 1.0, 0.1, 0.01)
 
 #: How the names of settings, and of series that share a colour, are drawn: offset and side; fill and line.
@@ -173,7 +173,7 @@ def _places(rows: Sequence[dict[str, Any]]) -> tuple[list[float], list[float]]:
 
 
 def cheapest_rows(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return which setting is the cheapest for each overlap allowed, and each model's least time over its."""
+    """Return the cheapest setting for each tolerated overlap, and the ratio of each model's least time to its time."""
     table = []
     models = list(dict.fromkeys(row["model"] for row in rows))
     for allowed in ALLOWED:

@@ -1,4 +1,4 @@
-"""Accuracy, beside a peer: the projection step of cromosim, where that package is installed."""
+"""Accuracy: comparison with the projection step of cromosim, if that package is installed."""
 
 import importlib.util
 import time
@@ -16,11 +16,11 @@ from evac.evidence.verdicts import at_least
 INERTIAL = Law("NSM1 inertial, equal masses", "nsm1")
 OVERDAMPED = Law("NSM1 overdamped", "nsm1", variant="overdamped")
 
-#: What evac solves to by default [m], and ever finer.
+#: Tolerances of evac [m]: the default and finer ones.
 GOALS = tuple(10.0**-k for k in range(4, 11))
 REPEATS = 9
 
-#: Target: how many times faster than cromosim a step is at least.
+#: Target: least ratio of the time of a step of cromosim to that of evac.
 LEAST_RATIO = 20
 
 #: Residual of the reference [m/s]: the overdamped problems are harder than those of `LAWS`.
@@ -73,7 +73,7 @@ def compare(problem: ContactProblem) -> dict[str, Any]:
     truth = problem.reference(PRECISION)
     c = problem.size
     contacts = problem.contacts
-    # Its unit vectors point to the other person, but away from a wall.
+    # Unit vectors of cromosim point to the other person, but away from a wall.
     towards = np.where(contacts.other[:c, None] >= 0, -contacts.normal[:c], contacts.normal[:c])
     table = np.column_stack([contacts.body[:c], contacts.other[:c], contacts.bias[:c] * STEP, towards])
     discs = np.zeros((len(problem.free), 4))

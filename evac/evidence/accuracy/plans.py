@@ -19,7 +19,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """A building with one way out whose travel times at 1 m/s along the slope are known.
+    """A building with one exit whose travel times at 1 m/s along the slope are known.
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class Plan:
     points : (p, 2) [m]
     time : (p,) [s]
     direction : (p, 2)
-        Unit directions of the shortest ways.
+        Unit directions of the shortest paths.
     lead : (p,) [m]
-        See `evac.evidence.accuracy.reference.geodesics`; inf where there is one way only.
+        See `evac.evidence.accuracy.reference.geodesics`; inf if there is only one path.
     wall_distance : (p,) [m]
     """
 
@@ -47,7 +47,7 @@ class Plan:
 
 
 def l_corner(points: int, generator: np.random.Generator) -> Plan:
-    """Return an L-shaped corridor, turned by no angle, 2 m wide."""
+    """Return an L-shaped corridor along the axes, 2 m wide."""
     outline = shapely.Polygon([(0, 0), (8, 0), (8, 2), (2, 2), (2, 7), (0, 7)])
     return _one_level("L-corner", outline, ((8.0, 0.0), (8.0, 2.0)), points, generator)
 
@@ -62,19 +62,19 @@ def pillar(points: int, generator: np.random.Generator) -> Plan:
 
 
 def school_floor(points: int, generator: np.random.Generator) -> Plan:
-    """Return the upper floor of the shipped school, its way out where the stair begins."""
+    """Return the upper floor of the shipped school, with an exit at the beginning of the stair."""
     case = plugins().get("case", "primary_school")
     building = read_building(Path(case) / "primary_school.msh")
     top = max((level for level in building.levels if level.kind == "floor"), key=lambda level: level.z_max)
     stair = next(portal for portal in building.portals if top.index in portal.levels)
     segment = stair.segments[0] if stair.levels[0] == top.index else stair.segments[0][[2, 3, 0, 1]]
-    # Corners of the mesh on straight walls are none of the outline.
+    # Vertices of the mesh on straight walls are not corners of the outline.
     outline = shapely.normalize(top.polygon).simplify(1e-9)
     return _one_level("school floor", outline, (tuple(segment[:2]), tuple(segment[2:])), points, generator)
 
 
 def stair(points: int, generator: np.random.Generator) -> Plan:
-    """Return a floor, a flight of 32 degrees beside its middle, and a floor below with the way out."""
+    """Return a floor, a flight of 32 degrees beside its middle, and a floor below with the exit."""
     slope = math.radians(32.0)
     levels = (
         _level(0, shapely.box(0, 0, 4, 5)),
@@ -116,7 +116,7 @@ def _level(index: int, polygon: shapely.Polygon, uphill: Point = (0.0, 0.0), slo
 
 
 def _put_together(levels: tuple[Level, ...], portals: tuple[Portal, ...], exits: tuple[Exit, ...]) -> Building:
-    """Return the building; walls are what portals and exits leave of the outlines."""
+    """Return the building; walls are the outlines without portals and exits."""
     walls, wall_level = [], []
     for level in levels:
         outline = level.polygon.boundary

@@ -1,4 +1,4 @@
-"""The contact problems that solvers are compared on: what a model solves in one step of a crowd at a door."""
+"""The contact problems for the comparison of solvers: those of one step of a crowd at a door."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +15,7 @@ from evac.physics.percussions import solve_once
 from evac.physics.rows import INELASTIC
 from evac.physics.state import Contacts, State
 
-#: Steps that a model makes from the snapshot before its contact problem is taken, so that the state is its own.
+#: Steps that a model makes from the snapshot before its contact problem is used, so that the state is typical of it.
 STEPS_BEFORE = 5
 
 #: Steps made with the defaults at the end of a walk that is solved coarsely.
@@ -41,7 +41,7 @@ class Law:
 
     @property
     def scale(self) -> float:
-        """What a residual [m/s] is multiplied by for the error that the model stops at: h for NSM1's gap error [m]."""
+        """Factor from a residual [m/s] to the error on which the model stops: h for NSM1's gap error [m]."""
         return STEP if self.model == "nsm1" else 1.0
 
     @property
@@ -77,7 +77,7 @@ class ContactProblem:
         Of an engine that has just made the step: contacts, masses and free velocities are those of the problem.
         ``contacts.percussion`` is where a solver starts, ``bodies.solved`` where it writes.
     warm : (c,) [N s]
-        Percussions found in the step before, where a contact was there already.
+        Percussions of the previous step for contacts that existed then.
     """
 
     law: Law
@@ -91,7 +91,7 @@ class ContactProblem:
 
     @property
     def contacts(self) -> Contacts:
-        """The contacts; the first `size` rows hold."""
+        """The contacts, in the first `size` rows."""
         return self.state.contacts
 
     @property
@@ -106,14 +106,14 @@ class ContactProblem:
 
     @property
     def velocity(self) -> FloatArray:
-        """Velocities that the last solve has found (n, 2) [m/s]."""
+        """Velocities (n, 2) found by the last solve [m/s]."""
         return self._of_bodies(self.state.bodies.solved)
 
     def _of_bodies(self, array: FloatArray) -> FloatArray:
         return array[: self.state.bodies.inside]
 
     def start(self, is_warm: bool) -> None:
-        """Set the percussions that a solver starts from: the last step's, or zero."""
+        """Set the initial percussions of a solver: those of the last step, or zero."""
         self.contacts.percussion[: self.size] = self.warm if is_warm else 0.0
 
     def solve(self, solver: str, tolerance: float, limit: int) -> tuple[int, float]:
@@ -147,7 +147,7 @@ def run_solver(state: State, solver: int, compliance: float, tolerance: float, l
 
 
 def default_solver() -> str:
-    """Return the solver that NSM1 and NSM2 are shipped with."""
+    """Return the default solver of NSM1 and NSM2."""
     return str(plugins().get("contact_model", "nsm1").declared()["solver"].default)
 
 
@@ -164,23 +164,23 @@ def snapshots(people: int, seed: int) -> dict[str, DoorCrowd]:
 
 
 def contact_problem(snapshot: DoorCrowd, law: Law) -> ContactProblem:
-    """Return the contact problem of a law in the sixth of its steps from a snapshot, as the model itself poses it."""
+    """Return the contact problem of a law in its sixth step from a snapshot, as set up by the model."""
     model = law.make()
     before = _after(snapshot, model, STEPS_BEFORE).contacts
     known = dict(zip(_keys(before), before.percussion[: before.number], strict=True))
-    # An engine of its own: nothing in it can come from the steps that the model has made already.
+    # A separate engine, so that the result does not depend on earlier steps of the model.
     state = _after(snapshot, model, STEPS_BEFORE + 1)
     warm = np.array([known.get(key, 0.0) for key in _keys(state.contacts)], dtype=np.float64)
     return ContactProblem(law, state, warm)
 
 
 def _keys(contacts: Contacts) -> list[tuple[int, int]]:
-    """Return what contacts are known by from step to step: their body, and the other one or the wall."""
+    """Return the keys that identify contacts over steps: the body, and the other body or the wall."""
     return list(zip(contacts.body[: contacts.number].tolist(), contacts.key[: contacts.number].tolist(), strict=True))
 
 
 def _after(snapshot: DoorCrowd, model: ContactModel, steps: int) -> State:
-    """Return the state after some steps made in one tick from a snapshot, which stays as it is."""
+    """Return the state after some steps in one tick from a snapshot, which is not modified."""
     crowd = snapshot.copy()
     crowd.walk(model, steps)
     return crowd.engine.state

@@ -1,6 +1,6 @@
 """Independent references: contact problems by an interior-point solver of a library, geodesics by a visibility graph.
 
-Nothing here shares code with what it judges.
+This module shares no code with the methods that it is compared with.
 """
 
 from collections.abc import Sequence
@@ -20,22 +20,22 @@ if TYPE_CHECKING:
 
 IntArray = NDArray[np.int32]
 
-#: Walls may be touched by this much on the way, so that ways along walls and round corners count as free [m].
+#: Paths may intersect walls by this much, so that paths along walls and around corners count as free [m].
 TOUCH = 1e-7
 
-#: A contact reference must be this precise [m/s]; what Clarabel is asked for in turn: refinements, tolerance.
+#: Required precision of a contact reference [m/s]; successive settings of Clarabel: refinements, tolerance.
 PRECISION = 1e-10
 ATTEMPTS = ((50, 1e-15), (10, 1e-13), (10, 1e-12), (10, 1e-11))
 
-#: Looks at a solution; between two of them the equations of the contacts that push are solved anew, which takes up
-#: what the last time moved from one branch of the law to another.
+#: Number of evaluations of a solution; between two of them the equations of the active contacts are solved again, with
+#: the contacts that have become active or inactive.
 POLISHES = 8
 
-#: Keeps the equations of rows that depend on each other solvable [1/kg]; taken out again by as many refinements.
+#: Regularisation of linearly dependent equations [1/kg], whose effect is removed by this number of refinements.
 REGULAR = 1e-12
 REFINEMENTS = 10
 
-#: A visibility graph is asked for at most so many points at once: memory.
+#: Maximum number of points evaluated in a visibility graph at once, to limit memory.
 BLOCK = 20_000
 
 
@@ -72,7 +72,7 @@ class ContactLaw(NamedTuple):
         return omega, after, self.dissipation * np.maximum(0.0, -0.5 * (after + self.before))
 
     def residual(self, velocity: FloatArray, percussion: FloatArray) -> float:
-        """Return by how much velocities and percussions break the law and the balance of momentum [m/s].
+        """Return the residual of the law and of the balance of momentum [m/s].
 
         The greatest of |v - V - M^-1 G^T P| and of |min(., .)| of the two complementary quantities of each
         contact, percussions turned into velocities by omega.
@@ -83,7 +83,7 @@ class ContactLaw(NamedTuple):
         return float(max(np.abs(balance).max(), np.abs(law).max(initial=0.0)))
 
     def polished(self, velocity: FloatArray, percussion: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return velocities and percussions that solve, by a sparse LU, the equations of the contacts that push.
+        """Return velocities and percussions that solve the equations of the active contacts by a sparse LU.
 
         Rigid ones obey w + b = 0, elastic ones w + w- + (2/K_N) P = 0.
         """
@@ -120,8 +120,8 @@ def solve_contact_qp(
     min 1/2 |v - V|_M^2 + K_N |s|^2   subject to   G v + b >= 0,   s >= -(G v + w-)/2,   s >= 0
 
     whose multipliers are the percussions of NSM1 (K_N = 0, b = max(D, 0)/h) and of NSM2 (b = 0). Solved for
-    M^(1/2) (v - V), which is well scaled; where that is not precise enough, the equations of the contacts found
-    to push are solved directly, and the whole law is looked at again, some times over.
+    M^(1/2) (v - V), which is well scaled; if this is not precise enough, the equations of the active contacts are
+    solved directly and the whole law is evaluated again, repeatedly.
 
     Parameters
     ----------
@@ -132,12 +132,12 @@ def solve_contact_qp(
     dissipation : float
         K_N [kg], finite.
     precision : float
-        Greatest residual of the law that counts as a solution [m/s].
+        Greatest residual of an accepted solution [m/s].
 
     Raises
     ------
     EvacError
-        The solver is not installed, or has not found a solution.
+        The solver is not installed, or does not find a solution.
     """
     c, k = gradient.shape
     unit = float(np.mean(mass))
@@ -199,9 +199,9 @@ def _solved_by_clarabel(quadratic: Any, matrix: Any, bound: FloatArray, refineme
 def geodesics(
     plan: "BaseGeometry", target: FloatArray, points: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return exact lengths of the shortest ways in a plan to a straight line, by its visibility graph.
+    """Return exact lengths of the shortest paths in a plan to a straight line, by its visibility graph.
 
-    A shortest way is straight between reflex corners of the outline; its last piece ends at the nearest
+    A shortest path is straight between reflex corners of the outline; its last segment ends at the nearest
     point of the line, or at one of the line's ends.
 
     Parameters
@@ -216,9 +216,9 @@ def geodesics(
     -------
     length : (p,) [m]
     direction : (p, 2)
-        Unit vector of the way's first piece.
+        Unit vector of the first segment of the path.
     lead : (p,) [m]
-        How much longer the best way with another first corner is: where it is small, the direction jumps nearby.
+        Additional length of the best path with another first corner: if it is small, the direction jumps nearby.
     """
     nodes = np.concatenate([_reflex_corners(plan), target.reshape(2, 2)])
     room = plan.buffer(TOUCH, join_style="mitre")
@@ -230,7 +230,7 @@ def geodesics(
     direct = np.where(_visible(room, nodes, ends), np.hypot(*(nodes - ends).T), np.inf)
     graph = np.zeros((len(nodes) + 1, len(nodes) + 1))
     graph[:-1, :-1] = np.where(between, lengths, 0.0)
-    # The target is the last node; a node on it is a hair away, because a zero is no edge.
+    # The target is the last node; nodes on it get a tiny distance, because zero means no edge.
     graph[-1, :-1] = np.where(np.isfinite(direct), np.maximum(direct, 1e-12), 0.0)
     remaining = dijkstra(sparse.csr_matrix(graph), directed=False, indices=len(nodes))[:-1]
     hops = np.concatenate([nodes, np.full((1, 2), np.nan)])
@@ -260,7 +260,7 @@ def _lead(
     target: FloatArray,
     direction: FloatArray,
 ) -> FloatArray:
-    """Return how much longer the best way that sets off in quite another direction is (by more than 5 degrees)."""
+    """Return the additional length of the best path whose first direction differs by more than 5 degrees."""
     aims = np.repeat(hops[None], len(points), axis=0)
     aims[:, -1] = _nearest_on(target, points)
     away = aims - points[:, None]
@@ -270,7 +270,7 @@ def _lead(
 
 
 def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
-    """Return the corners (k, 2) that a shortest way can bend round: the inside angle is more than 180 degrees."""
+    """Return the corners (k, 2) around which a shortest path can bend: the inside angle is more than 180 degrees."""
     from shapely.geometry.polygon import orient
 
     found: list[FloatArray] = []
@@ -284,11 +284,11 @@ def _reflex_corners(plan: "BaseGeometry") -> FloatArray:
 
 
 def _visible(room: "BaseGeometry", start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
-    """Say of each pair of points (k, 2) whether the straight line between them stays in the room."""
+    """Return for each pair of points (k, 2) whether the straight line between them stays in the room."""
     import shapely
 
     shapely.prepare(room)
-    # Some shapely versions call a line of no length invalid: a hair is added.
+    # Some shapely versions treat a line of zero length as invalid, so a tiny length is added.
     lines = shapely.linestrings(np.stack([start, end + 1e-12], axis=1))
     return np.asarray(shapely.covers(room, lines))
 
@@ -305,9 +305,9 @@ def refracted(
 ) -> tuple[FloatArray, FloatArray]:
     """Return least travel times (p,) through convex plans one after another, each with its slowness [s/m].
 
-    Each seam (4,) is the line between two plans, the last one the target; the way is straight between
-    them, and where it crosses is found by minimising the time, which is convex in the crossing points.
-    Also returns the unit directions (p, 2) of the first pieces.
+    Each seam (4,) is the line between two plans, the last one the target; the path is straight between
+    them, and the crossing points minimise the time, which is a convex function of them.
+    Also returns the unit directions (p, 2) of the first segments.
     """
     from scipy.optimize import minimize
 

@@ -1,4 +1,4 @@
-"""Accuracy, part a: solvers on a crowd in rows, by residual alone: the reference is not precise where rows abound."""
+"""Accuracy, part a: solvers on a crowd in rows, by residual only, since the reference is not precise enough there."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Crowds at a door, arriving or settled against it; made again from a seed.
+"""Crowds at a door, arriving or settled against it, reproducible from a seed.
 
 A square room at 3.5 people per m2, 1 m door in the middle of one wall, directions straight to the door. The
 crowd walks until it is arriving, or is pressed against the closed door until it has settled.
@@ -47,7 +47,7 @@ class DoorCrowd:
     step: int = 0
 
     def copy(self, kind: str = "") -> "DoorCrowd":
-        """Return a copy that walks on by itself, with a door of its own and an engine that has made no step."""
+        """Return an independent copy, with its own door and a new engine."""
         world, crowd = self.engine.state.world, copy_of(self.crowd)
         own = world.replace(wall_open=world.wall_open.copy(), link_open=world.link_open.copy())
         return DoorCrowd(kind or self.kind, make_engine(own, len(crowd.level)), crowd, self.step)
@@ -57,7 +57,7 @@ class DoorCrowd:
         set_open(self.engine.state.world, 0, is_open)
 
     def walk(self, model: ContactModel, steps: int, step: float = STEP) -> None:
-        """Make so many steps of `step` [s] in one tick."""
+        """Make `steps` steps of `step` [s] in one tick."""
         self.engine.advance(model, self.crowd, self.step, steps, step, False, False)
         self.step += steps
 

@@ -1,8 +1,8 @@
-"""Accuracy, part d: an independent solution of the ways that keep clear of walls, by fast sweeping on a fine grid.
+"""Accuracy, part d: an independent solution for directions with clearance from walls, by fast sweeping on a fine grid.
 
 Solves |grad T| = s for the slowness that `build_fields` states, with the method of Zhao, "A fast sweeping method for
-eikonal equations" (2005), and differentiates T centrally. Nothing but that slowness is shared with what it judges:
-no marching, no grid, no distances, no treatment of walls.
+eikonal equations" (2005), and differentiates T centrally. Only the slowness is shared with the tested code, but not the
+marching, the grid, the distances or the treatment of walls.
 """
 
 import math
@@ -22,23 +22,23 @@ from evac.jit import FloatGrid, kernel
 #: Spacing of the grid [m].
 FINE = 0.00625
 
-#: Sweeps there and back along both axes end when no time changes by more than this [s].
+#: Sweeps in both directions along both axes end when no time changes by more than this [s].
 STILL = 1e-9
 
-#: Where the gradient is shorter than this share of the slowness two ways meet.
+#: Two paths meet where the gradient is smaller than this share of the slowness.
 MEETING = 0.9
 
 
 @dataclass(frozen=True)
 class CleanWays:
-    """Directions and what tells where they are sure.
+    """Directions, and the distance to places where they are ambiguous.
 
     Attributes
     ----------
     direction : (p, 2)
-        Unit vectors of the ways at places.
+        Unit vectors of the directions.
     to_meeting : (p,) [m]
-        Distance to the nearest place where two ways as good as each other meet.
+        Distance to the nearest place where two equally fast paths meet.
     """
 
     direction: FloatArray
@@ -61,7 +61,7 @@ def clean_ways(building: Building, places: FloatArray, clearance: float, spacing
     pace[door] = np.minimum(pace[door], 1.0)
     distance = wall_distances(building.walls, x, y, clearance)
     slowness = pace * (1.0 + BEND * (1.0 - distance / clearance) ** 2)
-    # People are out, whatever is behind, when they are one clearance behind the exit.
+    # People are out one clearance behind the exit, independent of what is there.
     cost = np.where(door & (ahead <= -clearance), 0.0, np.inf)
     sweep(cost, slowness, spacing)
     return _directions(cost, slowness, (places - origin) / spacing, spacing)

@@ -1,4 +1,4 @@
-"""Accuracy, part a: targets of the default solver, on several crowds: one alone is chance by a factor of two."""
+"""Accuracy, part a: targets of the default solver, on several crowds, since single crowds vary by a factor of two."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from evac.evidence.verdicts import MET, all_of, at_least, at_most
 
 PEOPLE = 4_000
 
-#: Crowds, of the seeds from that of the evidence on.
+#: Number of crowds, with consecutive seeds from that of the evidence on.
 CROWDS = 5
 
 #: Under every law, cold, on a kind of crowd to a residual: the least ratio of a solver's time to the default's.
@@ -25,7 +25,7 @@ LEAST_RATIOS = (
 #: And the longest that the default may take to a small residual on a settled crowd [ms].
 SMALL, LONGEST = 1e-10, 300.0
 
-#: A solver is given so long for one solve; one that does not get there counts for as long as it was given [s].
+#: Time limit of one solve, which also counts as the time of a solve that does not reach the goal [s].
 CAP = 5.0
 
 
@@ -33,7 +33,7 @@ SECTION = "Targets of the default solver"
 
 
 def run(evidence: Evidence) -> None:
-    """Add the table to the page; not in a quick run, for it takes minutes."""
+    """Add the table to the page, except in a quick run, since it takes minutes."""
     if evidence.quick:
         return
     rows = evidence.measured("solvers_targets", lambda: _rows(evidence.seed))
@@ -68,7 +68,7 @@ def _rows(first_seed: int) -> list[dict[str, Any]]:
 
 
 def seconds_to(problem: ContactProblem, solver: str, goal: float) -> float:
-    """Return the time of a cold solve to a residual in the unit of the law, or as long as the solver was given [s]."""
+    """Return the time of a cold solve to a residual in the unit of the law, or the time limit [s]."""
     limit = affordable(problem, solver, CAP)
     return median_solve(problem, solver, False, goal / problem.law.scale, limit)[0]
 

@@ -1,4 +1,4 @@
-"""Accuracy, part e: the rule of `evac run --tolerance`, checked on scenes that it was not found on."""
+"""Accuracy, part e: the rule of `evac run --tolerance`, checked on scenes that were not used to derive it."""
 
 import time
 from typing import Any

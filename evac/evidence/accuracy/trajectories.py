@@ -19,7 +19,7 @@ from evac.physics.contact_model import ContactModel
 from evac.physics.state import make_crowd
 from evac.scenario.tolerance import ERROR_PER_PATH
 
-#: Everything is solved as far as it goes: what is left is the error of the step.
+#: Contacts are solved to rounding precision, so that only the error of the step remains.
 SOLVED = {"velocity_tolerance": 1e-11, "iterations": 20_000}
 
 #: Label, plugin and parameters.
@@ -36,9 +36,9 @@ MASS, RADIUS, TAU, SPEED = 80.0, 0.22, 0.5, 1.5
 
 LARGEST = 0.04  # s
 
-#: Each problem is started from so many places (quick, full), as far apart as two people who meet come nearer in a
-#: step [m]: where in a step a contact falls is chance. The places are parts of the golden section: whole parts of the
-#: distance would be whole numbers of small steps, and all starts the same one.
+#: Number of start positions of each problem (quick, full), spread over the distance that two people approach in a
+#: step [m], because the time of a contact within a step is random. Golden section fractions are used, since rational
+#: fractions would be multiples of small steps, so that all starts would be equivalent.
 PHASES = 4, 64
 SPREAD = 2.0 * SPEED * LARGEST
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -48,7 +48,7 @@ BOUNDS = (-8.0, -6.0, 8.0, 6.0)
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem whose solution means something.
+    """A problem with a known or converging solution.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def _rows(shifts: Sequence[float], halvings: int, finest: float) -> list[dict[st
 
 
 def shifts_of(number: int) -> list[float]:
-    """Return so many shifts of the start [m], spread over every step evenly."""
+    """Return shifts of the start [m], evenly spread over every step."""
     return [SPREAD * math.modf(0.5 + k * GOLDEN)[0] for k in range(number)]
 
 
@@ -181,7 +181,7 @@ def walked(problem: Problem, model: ContactModel, shift: float, step: float, dri
     engine.load(model)
     steps = round(problem.duration / step)
     start = time.process_time()
-    # Ticks far apart: a person keeps its place in the list of bodies, and the warm start its memory.
+    # Long ticks, so that the order of bodies does not change and the warm start is kept.
     engine.advance(model, crowd, 0, steps, step, drive == "explicit", False)
     return crowd.position, time.process_time() - start
 
@@ -192,13 +192,13 @@ def _distance(places: FloatArray, truth: FloatArray) -> float:
 
 
 def _fastest(problem: Problem) -> float:
-    """Return the greatest speed that somebody wants or starts with [m/s]."""
+    """Return the greatest desired or initial speed [m/s]."""
     crowd = problem.scene(0.0).crowd
     return float(max(crowd.speed.max(), np.hypot(*crowd.velocity.T).max()))
 
 
 def _scene(position: Any, velocity: Any = 0.0, extra: Any = None, walls: Any = (), **settings: Any) -> Scene:
-    """Return people in a large room who all aim along x, or elsewhere with `extra` directions added."""
+    """Return people in a large room who all head along x, or elsewhere with `extra` directions added."""
     settings = {"mass": MASS, "radius": RADIUS, "tau": TAU, "speed": SPEED, **settings}
     crowd = make_crowd(position, velocity, **settings)
     if extra is not None:

@@ -1,1 +1,1 @@
-"""How sure the results of studies are: what intervals cover, how many runs questions need, what common seeds save."""
+"""Uncertainty of studies: coverage of intervals, required numbers of runs, and the benefit of common seeds."""

@@ -1,4 +1,4 @@
-"""Studies drawn from many runs: how often an interval covers what all of them say."""
+"""Coverage of intervals: studies are drawn from many runs and compared with the statistic of all of them."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ OTHER_RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class Drawn:
-    """Studies to be drawn: a task of one process.
+    """A number of studies to be drawn: a task of one process.
 
     Attributes
     ----------
@@ -29,9 +29,9 @@ class Drawn:
     statistic : str
     studies, seed : int
     runs : int
-        Of each study, where it is fixed.
+        Number of runs of each study, if it is fixed.
     until : float or None
-        What a study stops at.
+        Relative half-width at which a study stops.
     method : str
         `"ours"`, or one of `OTHERS`.
     """
@@ -46,13 +46,13 @@ class Drawn:
 
 
 def truth(times: FloatArray, statistic: str) -> float:
-    """Return the statistic of all runs: what intervals are to cover."""
+    """Return the statistic of all runs, which intervals should cover."""
     of = percentile_of(statistic)
     return float(times[np.isfinite(times)].mean()) if of is None else percentile(times, of)
 
 
 def covered(task: Drawn) -> dict[str, Any]:
-    """Return how often the intervals of studies cover, on which side they miss, and how many runs the studies took."""
+    """Return the coverage of the intervals of studies, the sides on which they miss, and the numbers of runs."""
     wanted = truth(task.times, task.statistic)
     generator = generator_for(task.seed, "certainty", task.statistic, str(task.runs), str(task.until), task.method)
     below = above = none = 0
@@ -97,7 +97,7 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
 
 
 def _plain(task: Drawn, times: FloatArray, least: int) -> tuple[float, float, int]:
-    """Stop where the interval is narrow enough for the first time, looked at after every run."""
+    """Compute the interval after every run, and stop when it is narrow enough for the first time."""
     assert task.until is not None
     for runs in range(least, len(times)):
         found = estimate(task.statistic, times[:runs])

@@ -1,4 +1,4 @@
-"""How sure the results of studies are: true coverage of intervals, runs that questions need, what common seeds save."""
+"""Uncertainty of studies: coverage of intervals, required numbers of runs, and the benefit of common seeds."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,7 @@ CASE = "square_room"
 RUNS = {False: 4000, True: 120}
 STUDIES = {False: 2000, True: 60}
 
-#: Intervals are to cover in so many of a hundred studies.
+#: Range of the required coverage of intervals [%].
 LEAST_COVER, MOST_COVER = 93.0, 97.0
 
 #: Studies with a fixed number of runs, by statistic; below `least_runs` a percentile has no interval.
@@ -43,7 +43,7 @@ STOPPED: Mapping[str, Sequence[float]] = {
     "percentile 95": (0.10, 0.05),
 }
 
-#: What else could be done, for comparison: statistic, runs or precision, method.
+#: Other methods for comparison: statistic, runs or precision, method.
 COMPARED: Sequence[tuple[str, int, float | None, str]] = (
     ("mean", 10, None, "Student's t"),
     ("mean", 10, None, "percentile bootstrap"),
@@ -57,7 +57,7 @@ COMPARED: Sequence[tuple[str, int, float | None, str]] = (
     ("percentile 50", 0, 0.02, "a look after every run from 20 on"),
 )
 
-#: Changes whose effect is asked for, and the runs of each.
+#: Changes of the case whose effect is measured, and the runs of each.
 CHANGES: Sequence[Mapping[str, Any]] = (
     {"people.people.speed": {"uniform": [1.26, 2.1]}},
     {"people.people.number": 22},
@@ -159,7 +159,7 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
 
 
 def report_questions(evidence: Evidence, times: FloatArray) -> None:
-    """Add the numbers of runs that questions need, from the spread of all runs."""
+    """Add the required numbers of runs, from the variance of all runs."""
     finite = times[np.isfinite(times)]
     variation = float(finite.std(ddof=1) / finite.mean())
     rows: list[Row] = []
@@ -184,7 +184,7 @@ def report_questions(evidence: Evidence, times: FloatArray) -> None:
 
 
 def report_seeds(evidence: Evidence) -> None:
-    """Add what the same seeds at all points of a sweep save where points are compared."""
+    """Add the runs saved by the same seeds at all points of a sweep when points are compared."""
     rows = evidence.measured("seeds", lambda: _pairs(evidence))
     evidence.heading(SEEDS)
     evidence.text(
@@ -200,7 +200,7 @@ def report_seeds(evidence: Evidence) -> None:
 
 
 def report_work(evidence: Evidence) -> None:
-    """Add how much of a study's time is the loops."""
+    """Add the share of a study's time that is spent in the loops of its runs."""
     rows = evidence.measured("work", lambda: _work(evidence))
     evidence.heading(WORK)
     evidence.text(
@@ -236,12 +236,12 @@ def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:
 
 
 def _spread_out(count: int) -> FloatArray:
-    """Return the shares of a sample that is as regular as can be."""
+    """Return the quantile levels of a perfectly regular sample."""
     return (np.arange(count) + 0.5) / count
 
 
 def _pairs(evidence: Evidence) -> list[Row]:
-    """Return what each change makes of the evacuation time."""
+    """Return the effect of each change on the evacuation time."""
     points: list[Mapping[str, Any]] = [{"simulation.duration": 300.0}, *CHANGES]
     runs = PAIRS[evidence.quick]
     study = sweep(load_case(CASE), points, runs, workers=1 if evidence.quick else WORKERS)

@@ -1,1 +1,1 @@
-"""Lean: what leaving out saves what a scene does not need."""
+"""Lean: time saved by leaving out parts that a scene does not need."""

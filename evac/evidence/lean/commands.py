@@ -1,9 +1,10 @@
-"""What picture and animation cost, and how long each command takes to start."""
+"""Time of picture and animation, and start-up time of each command."""
 
 import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -26,7 +27,7 @@ FRESH, AGAIN = "fresh process, with imports [ms]", "afterwards [ms]"
 
 
 def report_output(evidence: Evidence, repeats: int) -> None:
-    """Add what picture and animation cost: the first time in a fresh process, and afterwards."""
+    """Add the time of picture and animation: the first in a new process, and repeated."""
     fresh = 1 if evidence.quick else 5
     rows = evidence.measured("output", lambda: _output_rows(fresh, repeats))
     section = "Picture and animation"
@@ -73,12 +74,12 @@ def _again(switches: dict[str, bool]) -> float:
         return run_case(load_case("square_room", switches), Path(folder) / "result").phases["output"]
 
 
-#: Commands whose times stand at the head of the page.
+#: Commands whose times are in the verdicts of the page.
 SHOWN = ("evac --help", "evac check primary_school", "evac run square_room")
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """Return what is timed, in order: arguments of Python, by what the table calls them; results go to a folder."""
+    """Return the timed commands, in order: arguments of Python, by name in the table; results go to a folder."""
     result = str(folder / "result")
     more = {
         "evac --help": [],
@@ -132,7 +133,7 @@ def _command_rows(quick: bool, repeats: int) -> list[dict[str, Any]]:
             if quick and "primary_school" in arguments:
                 continue
             start = partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
-            timing = timed(start, repeats)
+            timing = timed(start, repeats, partial(rmtree, Path(folder) / "new", ignore_errors=True))
             rows.append(
                 {
                     "command": name,

@@ -1,4 +1,4 @@
-"""Which kernels a scene loads, and what compiling them takes where none is on disk."""
+"""The kernels that a scene loads, and the time to compile them if none is on disk."""
 
 import json
 import subprocess
@@ -23,7 +23,7 @@ from evac.evidence.lean.kernels import loaded
 print(json.dumps(loaded(*json.loads(sys.argv[1]))))
 """
 
-#: Simulated time, in which a scene has met what it needs [s].
+#: Simulated time after which a scene has loaded all kernels that it needs [s].
 DURATION = 20.0
 
 SECTION = "Kernels"
@@ -35,15 +35,15 @@ AS_IT_IS, ALL_IN = "as it is", "all in"
 
 @dataclass(frozen=True)
 class KernelCase:
-    """A shipped case under a model, and what it could name without needing it.
+    """A shipped case with a model, and parts that it can name without needing them.
 
     Attributes
     ----------
     scene, model : str
     overrides : mapping
-        What chooses the model.
+        Overrides that choose the model.
     named : mapping
-        Overrides that name forces and behaviours, for the run that has everything forced in.
+        Overrides that name forces and behaviours, for the run with all parts.
     """
 
     scene: str
@@ -53,7 +53,7 @@ class KernelCase:
 
 
 def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
-    """Add which kernels the cases load, and what leaving out saves where none is on disk."""
+    """Add the kernels that the cases load, and the compilation time saved if none is on disk."""
     rows = evidence.measured("kernels", lambda: [row for case in cases for row in kernel_rows(case)])
     table = summary_rows(rows)
     for row in table:
@@ -83,7 +83,7 @@ def report_kernels(evidence: Evidence, cases: Sequence[KernelCase]) -> None:
 
 
 def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
-    """Return a row per kernel that a case loads as it is, and with everything forced in."""
+    """Return a row per kernel that a case loads by default, and with all parts."""
     rows: list[dict[str, Any]] = []
     for variant in (AS_IT_IS, ALL_IN):
         overrides = dict(case.overrides) | (dict(case.named) if variant == ALL_IN else {})
@@ -95,7 +95,7 @@ def kernel_rows(case: KernelCase) -> list[dict[str, Any]]:
 
 
 def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
-    """Run a case, then compile the kernels that it has loaded, those of the labels `first` before the others.
+    """Run a case, then compile the kernels that it has loaded, beginning with those with labels in `first`.
 
     Returns
     -------
@@ -119,10 +119,10 @@ def loaded(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[
 
 
 def _in_fresh_process(name: str, overrides: Mapping[str, Any], full: bool, first: Sequence[str]) -> dict[str, Any]:
-    """Return what `loaded` does in a process of its own, which has compiled nothing before."""
+    """Return the result of `loaded` in a new process, which has compiled no kernels."""
     command = [sys.executable, "-c", PROBE, json.dumps([name, overrides, full, first])]
     found: dict[str, Any] = {"before": 1}
-    while found["before"]:  # kernels that were not on disk are, the next time
+    while found["before"]:  # kernels that were missing are on disk the next time
         found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return found
 

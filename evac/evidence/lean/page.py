@@ -1,4 +1,4 @@
-"""What leaving out saves: each part forced in on scenes that do not need it, and the start-up of each command."""
+"""Time saved by leaving out parts: each is forced in on scenes that do not need it; and start-up times of commands."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -31,21 +31,21 @@ TANGENTIAL = 1.0
 
 @dataclass(frozen=True)
 class Part:
-    """A part that can be left out, and how it is forced in.
+    """An optional part, and how it is forced in.
 
     Attributes
     ----------
     name : str
         As `evac explain` lists it.
     overrides : mapping
-        What names it in a case that does not need it.
+        Overrides that name it in a case that does not need it.
     full : bool
         Whether unused fields, forces and behaviours are forced in (``evac run --full``).
     loop : tuple of str
-        What is forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and
-        ``"tests"``, which makes it do what it need not.
+        Parts forced into the step loop: kernels, by their attributes of `evac.physics.state.Parts`, and
+        ``"tests"``, unnecessary tests.
     base : Part, optional
-        The run that it is compared with, which has everything else; None compares with nothing.
+        The part whose run it is compared with, which has everything else; None for no comparison.
     """
 
     name: str
@@ -58,14 +58,14 @@ class Part:
 LEAN = Part("nothing")
 FIELDS = Part("fields: all unused strategies", full=True, base=LEAN)
 
-#: What `evac explain` says of the kernels that the step loop may not need, by their attributes of `Parts`.
+#: Names in `evac explain` of the optional kernels of the step loop, by their attributes of `Parts`.
 LOOP = {
     "seams": "contacts across portals",
-    "stronger": "which tries again",
+    "stronger": "for solves that fail",
     "separation": "separation of overlaps",
 }
 
-#: What a case can name without needing it.
+#: Parts that a case can name without needing them.
 NAMED = (
     Part("force: social, of strength 0", {"forces.social": {"strength": 0.0}}, full=True, base=FIELDS),
     Part("behaviour: response_time, of 0 s", {"behaviours.response_time": {"time": 0.0}}, full=True, base=FIELDS),
@@ -75,7 +75,7 @@ NAMED = (
 
 
 def parts_of(name: str, model: str, named: Sequence[Part] = NAMED) -> list[Part]:
-    """Return the parts that can be forced into a shipped case under a model, which needs none of them."""
+    """Return the parts that can be forced into a shipped case with a model that needs none of them."""
     simulation = Simulation(load_case(name, model_overrides(model)))
     used = {route.strategy for route in simulation.fields.routes}
     parts = [
@@ -151,9 +151,9 @@ def _kernel_cases(quick: bool) -> list[KernelCase]:
 
 
 def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -> list[dict[str, Any]]:
-    """Return a row for each model and part: what it costs when forced in, and whether every bit is the same.
+    """Return a row for each model and part: its cost when forced in, and whether the results are bitwise the same.
 
-    All variants run in turns, round after round; a cost is the difference to the part's base in the same round.
+    All variants run alternately in rounds; a cost is the difference to the part's base in the same round.
     """
     registry = Registry([unused_route.__file__])
     rows = []
@@ -170,7 +170,7 @@ def scene_rows(name: str, duration: float, named: Sequence[Part], rounds: int) -
 
 
 def _part_row(part: Part, trials: Sequence[Mapping[str, Trial]]) -> dict[str, Any]:
-    """Return what a part has cost over some rounds: median, least and greatest."""
+    """Return the cost of a part over several rounds: median, least and greatest."""
     assert part.base is not None
     pairs = [(one[part.name], one[part.base.name]) for one in trials]
     setup = [1e3 * (forced.setup - base.setup) for forced, base in pairs]
@@ -205,7 +205,7 @@ def trial(case: Any, part: Part) -> Trial:
 
 
 def force(simulation: Simulation, loop: Sequence[str]) -> None:
-    """Load what the scene needs into the step loop, and what is forced in, see `Part`."""
+    """Load the parts of the step loop that the scene needs, and those that are forced in, see `Part`."""
     engine, model = simulation.engine, simulation.contact
     engine.full = False
     engine.load(model)
@@ -220,7 +220,7 @@ def force(simulation: Simulation, loop: Sequence[str]) -> None:
 
 
 def same_bits(one: Trial, other: Trial) -> bool:
-    """Say whether two runs have the same ticks and in each the same arrays, to the last bit."""
+    """Return whether two runs have the same ticks with bitwise the same arrays."""
     return len(one.states) == len(other.states) and all(
         a[name].tobytes() == b[name].tobytes()
         for a, b in zip(one.states, other.states, strict=True)
@@ -229,7 +229,7 @@ def same_bits(one: Trial, other: Trial) -> bool:
 
 
 def _report_parts(evidence: Evidence, rows: list[dict[str, Any]], rounds: str) -> None:
-    """Add what the parts cost."""
+    """Add the costs of the parts."""
     evidence.heading(PARTS)
     evidence.text(
         f"""The same people run with and without each part that `evac explain` lists as out and that can be forced in,

@@ -1,4 +1,4 @@
-"""A behaviour that offers a route and gives it to nobody: what the field of an unused strategy costs."""
+"""A behaviour with a route that nobody takes, to measure the cost of a field for an unused strategy."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,7 @@ class UnusedRoute(Behaviour):
         return (Route((), self.strategy),)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
-        """Say that it has nothing to do."""
+        """Return False."""
         return False
 
 

@@ -1,8 +1,9 @@
-"""Halls for the scaling: a hall with walls and doors, marched directions, a crowd at a given density."""
+"""Halls for the scaling: a hall with walls and doors, its directions, and a crowd with a given density."""
 
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from shapely.geometry import box
@@ -17,6 +18,10 @@ from evac.physics.state import Crowd, make_crowd
 
 #: Bodies fit a hexagonal lattice of 5 per m2, 0.48 m apart [m].
 RADIUS = (0.2, 0.24)
+MASS, TAU, SPEED = (60.0, 100.0), (0.1, 0.5), (1.2, 2.0)  # kg, s, m/s
+
+#: Of a hall that is simulated as a case [people per m2].
+DENSITY = 2.0
 
 #: One door of this width in every stretch of this length of the right wall [m].
 DOOR, STRETCH = 1.2, 10.0
@@ -39,7 +44,7 @@ class Hall:
 def make_hall(people: int, density: float, seed: int, deepest: float = math.inf) -> Hall:
     """Return a hall with `people` at `density` per m2, on a jittered hexagonal lattice, without overlaps.
 
-    It is square, or where that would be deeper than `deepest` [m], as deep as that and longer.
+    It is square, or if that would be deeper than `deepest` [m], as deep as that and longer.
     """
     pitch = math.sqrt(2.0 / (math.sqrt(3.0) * density))
     position, depth, length = _lattice(people, pitch, deepest)
@@ -52,6 +57,25 @@ def make_hall(people: int, density: float, seed: int, deepest: float = math.inf)
     spacing = SPACING if max(depth, length) <= LARGE else COARSE
     fields = build_fields(building, (Route(),), spacing=spacing, clearance=RADIUS[1], speeds=(1.0, 1.0, 1.0))
     return Hall(building, fields, _crowd(position, generator), depth, length)
+
+
+def hall_case(people: int) -> dict[str, Any]:
+    """Return the content of a case: a square hall with `people` at random places, `DENSITY` per m2."""
+    side = math.sqrt(people / DENSITY)
+    low, high = _doors(side)
+    walls = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]]
+    exits = [
+        {"name": f"door {k}", "storey": "hall", "segment": [[side, start], [side, end]]}
+        for k, (start, end) in enumerate(zip(low.tolist(), high.tolist(), strict=True))
+    ]
+    group = {"name": "people", "number": people, "level": "hall", "radius": {"uniform": list(RADIUS)}}
+    group |= {key: {"uniform": list(ends)} for key, ends in (("mass", MASS), ("tau", TAU), ("speed", SPEED))}
+    return {
+        "title": f"A hall of {people:,} people",
+        "building": {"plan": {"storeys": [{"name": "hall", "polygons": [walls]}], "exits": exits}},
+        "directions": {"spacing": SPACING if side <= LARGE else COARSE},
+        "people": [group],
+    }
 
 
 def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, float, float]:
@@ -68,16 +92,14 @@ def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, flo
 
 
 def _building(depth: float, length: float) -> Building:
-    doors = max(1, round(length / STRETCH))
-    middle = length * (np.arange(doors) + 0.5) / doors
-    low, high = middle - 0.5 * DOOR, middle + 0.5 * DOOR
+    low, high = _doors(length)
     walls = [[depth, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, length], [0.0, length, depth, length]]
     edges = [0.0, *np.stack([low, high], axis=1).ravel(), length]
     walls += [[depth, end, depth, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
     level = Level(
         0, "hall", "floor", None, np.zeros((0, 3), np.int32), box(0, 0, depth, length), np.zeros(2), 0.0, 0.0, 0.0
     )
-    exits = tuple(Exit(k, f"door {k}", 0, np.array([[depth, low[k], depth, high[k]]]), DOOR) for k in range(doors))
+    exits = tuple(Exit(k, f"door {k}", 0, np.array([[depth, low[k], depth, high[k]]]), DOOR) for k in range(len(low)))
     return Building(
         source=Path("a hall"),
         vertices=np.array([[0.0, 0.0, 0.0], [depth, 0.0, 0.0], [depth, length, 0.0], [0.0, length, 0.0]]),
@@ -91,12 +113,19 @@ def _building(depth: float, length: float) -> Building:
     )
 
 
+def _doors(length: float) -> tuple[FloatArray, FloatArray]:
+    """Return where the doors in a wall of a length begin and end [m]."""
+    doors = max(1, round(length / STRETCH))
+    middle = length * (np.arange(doors) + 0.5) / doors
+    return middle - 0.5 * DOOR, middle + 0.5 * DOOR
+
+
 def _crowd(position: FloatArray, generator: np.random.Generator) -> Crowd:
     n = len(position)
     return make_crowd(
         position,
         radius=generator.uniform(*RADIUS, n),
-        mass=generator.uniform(60.0, 100.0, n),
-        tau=generator.uniform(0.1, 0.5, n),
-        speed=generator.uniform(1.2, 2.0, n),
+        mass=generator.uniform(*MASS, n),
+        tau=generator.uniform(*TAU, n),
+        speed=generator.uniform(*SPEED, n),
     )

@@ -1,6 +1,5 @@
-"""What keeping one's distance costs, and saves: the same hall without and with the behaviour headway."""
+"""Cost of the behaviour headway: the same hall without and with it."""
 
-import time
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from evac.behaviour import Behaviour, BehaviourScene
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
-from evac.evidence.scaling.walks import TICK, Variant, Walk, make_variant
+from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
 from evac.scene import Scene, make_ground
 
@@ -36,7 +35,8 @@ def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
         rows,
         f"""Nanoseconds of CPU time per person-step in a hall of {people} people, in seconds {WARM * TICK:g} to
         {(WARM + TIMED) * TICK:g} of a walk: the steps without and with the behaviour headway, and the behaviour
-        itself, which acts every {TICK:g} s. Both walk in turns, tick by tick; medians over ticks.""",
+        itself, which acts every {TICK:g} s. Both and the minimal kernel, with the crowd without headway as it stood
+        when the timing began, walk in turns, tick by tick; medians over ticks.""",
         {"start [1/m2]": "g"},
     )
 
@@ -51,7 +51,7 @@ def _rows(people: int, seed: int, models: tuple[str, ...], step: float) -> list[
 
 
 def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
-    """Return the costs of a walk without and with headway, made in turns [ns per person-step]."""
+    """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = plugins().get("behaviour", "headway")()
     scene = BehaviourScene(
@@ -59,25 +59,25 @@ def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     )
     behaviour.prepare(scene)
     costs = []
-    for _ in range(WARM + TIMED):
-        spans = [_timed(lambda: plain.advance(variant.model))]
+    for tick in range(WARM + TIMED):
+        if tick == WARM:
+            minimal = start_minimal(plain.crowd, hall.fields.packed, plain.per_tick, plain.step)
         people = [plain.inside, kept.inside, kept.inside]
+        spans = [cpu_time(lambda: plain.advance(variant.model))]
         kept.crowd.speed_factor[:] = 1.0
         kept.crowd.extra_direction[:] = 0.0
-        decided = _timed(lambda: behaviour.act(kept.crowd, kept.time))
-        spans += [_timed(lambda: kept.advance(variant.model)), decided]
-        costs.append(1e9 * np.array(spans) / plain.per_tick / np.maximum(people, 1))
-    without, steps, itself = np.median(costs[WARM:], axis=0)
+        decided = cpu_time(lambda: behaviour.act(kept.crowd, kept.time))
+        spans += [cpu_time(lambda: kept.advance(variant.model)), decided]
+        if tick >= WARM:
+            least = minimal_cost(minimal, plain.per_tick, plain.step)
+            costs.append(1e9 * np.array([*(np.array(spans) / plain.per_tick / np.maximum(people, 1)), least]))
+    without, steps, itself, least = np.median(costs, axis=0)
     return {
         "without": float(without),
         "with: steps": float(steps),
         "with: headway itself": float(itself),
         "with / without": float((steps + itself) / without),
+        "minimal": float(least),
+        "without / minimal": float(without / least),
+        "with / minimal": float((steps + itself) / least),
     }
-
-
-def _timed(call: Any) -> float:
-    """Return the CPU time of a call [s]."""
-    start = time.process_time()
-    call()
-    return time.process_time() - start

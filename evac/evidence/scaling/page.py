@@ -15,8 +15,9 @@ from evac.errors import SimulationError
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
-from evac.evidence.scaling import headway, phases
+from evac.evidence.scaling import headway, large, peers, phases
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
+from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.walks import (
     JAMMED,
     LONGEST,
@@ -27,6 +28,7 @@ from evac.evidence.scaling.walks import (
     Cost,
     Variant,
     Walk,
+    bytes_of,
     make_variant,
     memory,
     time_ticks,
@@ -40,10 +42,10 @@ DENSITIES = {"free": 2.0, "jammed": 5.0}  # people per m2
 
 STEP = 0.01  # s
 
-#: A crowd that jams is at most so far from the doors [m]: the jam of a deeper hall takes longer to grow.
+#: Greatest depth of the hall of a jammed crowd [m], because the jam in a deeper hall takes longer to develop.
 DEEPEST = 50.0
 
-#: DEM's jam is measured with stiffer contacts too, at a step that they are stable at, up to so many people.
+#: DEM's jam is also measured with stiffer contacts, at a step at which they are stable, up to this number of people.
 STIFFER, FINER, STIFFEST_PEOPLE = 10.0, 4, 10_000
 STIFF_NAME = f"DEM, {STIFFER:g} times stiffer"
 
@@ -70,14 +72,23 @@ def run(evidence: Evidence) -> None:
     for (judge, bound), row in zip(TARGETS, claims, strict=False):
         evidence.verdict(judge(row["what"], row["measured"], bound))
     _judge_halls(evidence, rows)
+    evidence.text(
+        """A minimal kernel walks the same crowds in the same run, tick by tick in turns with evac: DEM with neighbour
+        half lists and bilinear directions, without walls (`evac/evidence/scaling/minimal.py`). It begins with the
+        people as they stand when the timing begins. "Times minimal" is the median over ticks of evac's time for a
+        person-step over that of the minimal kernel, whatever the contact model of evac; of memory, it is the bytes of
+        the arrays over those of the minimal kernel. The rows on the school have no minimal kernel beside them."""
+    )
     _report_halls(evidence, rows, sizes)
     _report_shares(evidence, [row for row in rows if row["ns per person-step"] is not None])
+    large.run(evidence)
     headway.run(evidence, MODELS, STEP)
+    peers.run(evidence, STEP)
     evidence.data("claims", claims, "Medians of what has a target")
     evidence.write_page(
         "Time and memory against the number of people",
-        "Examined: time and memory of a step per person in halls from small to large, where the time goes, and the"
-        " whole command on the shipped school.",
+        "Examined: time and memory of a step per person in halls from small to large, beside those of a minimal"
+        " kernel, where the time goes, the set-up of large halls, and the whole command on the shipped school.",
     )
 
 
@@ -92,7 +103,7 @@ def _hall_rows(sizes: dict[int, tuple[int, int]], seed: int) -> list[dict[str, A
 
 
 def _claims(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> list[dict[str, Any]]:
-    """Return what has a target, in the order of `TARGETS`."""
+    """Return the quantities with targets, in the order of `TARGETS`."""
     return [_hall_claim(sizes, seed, repeats), *_school_claims(repeats)]
 
 
@@ -102,12 +113,14 @@ def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
     for state in DENSITIES:
         for name in MODELS:
             costs = {
-                row["people"]: row["ns per person-step"]
+                row["people"]: (row["ns per person-step"], row["times minimal"])
                 for row in rows
                 if (row["state"], row["model"]) == (state, name) and row["ns per person-step"] is not None
             }
-            told = ", ".join(f"{cost:.0f} ({people:,})" for people, cost in list(costs.items())[-3:])
-            evidence.verdict(reported(f"{name}, {state} [ns per person-step] (people)", told or "refused", "-", HALLS))
+            last = list(costs.items())[-3:]
+            told = "; ".join(f"{cost:.0f}, {ratio:.1f} times ({people:,})" for people, (cost, ratio) in last)
+            what = f"{name}, {state} [ns per person-step], times the minimal kernel (people)"
+            evidence.verdict(reported(what, told or "refused", "-", HALLS))
     memory_used = max(row["bytes per person"] for row in rows if row["people"] == largest)
     evidence.verdict(reported(f"Memory, {largest:,} people [bytes per person]", f"{memory_used:.0f}", "-", HALLS))
     walked = sum(row["ns per person-step"] is not None for row in rows)
@@ -115,7 +128,7 @@ def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
 
 
 def _variants(state: str, people: int) -> Iterator[Variant]:
-    """Yield what walks in a hall: the models, and a stiffer DEM where it may have to bear the load of a jam."""
+    """Yield the models for a hall, and a stiffer DEM for jams that may load contacts heavily."""
     for name in MODELS:
         yield make_variant(name, STEP)
         if name == "DEM" and state == "jammed" and people <= STIFFEST_PEOPLE:
@@ -124,11 +137,11 @@ def _variants(state: str, people: int) -> Iterator[Variant]:
 
 
 def phase_times(walk: Walk, variant: Variant, cost: Cost) -> dict[str, float]:
-    """Return the seconds of each phase of a step; ``contact and rest`` is what the others leave of it.
+    """Return the time of each phase of a step [s]; ``contact and rest`` is the remainder.
 
-    Each phase is repeated on the crowd as the last step left it: lists (as often as they were built), search
-    for contacts, drive, move (with the work sums and what is saved for going back), and sorting the people in
-    and out, once a tick, by a tick without steps.
+    Each phase is repeated on the crowd after the last step: lists (as often as they were built), search for
+    contacts, drive, move (with sums of work and copies for undoing the step), and sorting of people, once per tick,
+    by a tick without steps.
     """
     state = walk.engine.state
     found = {
@@ -166,7 +179,7 @@ def _each(call: Callable[[int], Any]) -> float:
 
 
 def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dict[str, Any]:
-    """Return the row of a walk; of one that the model refuses to go on with, without what was not measured."""
+    """Return the row of a walk; if the model refuses to continue, without the quantities not measured."""
     walk = Walk(hall, variant.step)
     cost, pace, walked = None, None, None
     try:
@@ -175,7 +188,7 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
         cost = time_ticks(walk, variant.model, timed)
     except SimulationError as refusal:
         ended = f"refused at {str(refusal).partition(':')[0]}"
-    people = len(walk.crowd.level)
+    people, used = len(walk.crowd.level), memory(walk, variant.model)
     row = {
         "people": people,
         "state": state,
@@ -188,11 +201,14 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
         "median speed [% of desired]": None if pace is None else 100.0 * pace,
         "greatest overlap [m]": walk.engine.report()["greatest_overlap"],
         "ns per person-step": 1e9 * cost.per_person if cost else None,
+        "minimal [ns]": 1e9 * cost.minimal if cost else None,
+        "times minimal": cost.ratio if cost else None,
         "spread": cost.spread if cost else None,
         "ms per step": 1e3 * cost.seconds if cost else None,
         "iterations per step": cost.iterations if cost else None,
         "steps per list": 1.0 / cost.builds if cost and cost.builds else None,
-        "bytes per person": memory(walk, variant.model) / people,
+        "bytes per person": used / people,
+        "bytes, times minimal": used / bytes_of(make_minimal(hall.crowd, hall.fields.packed, walk.step)),
         "grid [MB]": 1e-6
         * sum(array.nbytes for array in (hall.fields.packed.direction, hall.fields.packed.travel_time)),
     }
@@ -202,17 +218,19 @@ def _row(hall: Hall, state: str, variant: Variant, warm: int, timed: int) -> dic
 
 
 def _hall_claim(sizes: dict[int, tuple[int, int]], seed: int, repeats: int) -> dict[str, Any]:
-    """Return the claim on the hall of 10,000, or of the most people that this run has up to that: some walks anew."""
+    """Return the claim on the hall with 10,000 people, or the greatest number up to that in this run."""
     people = max(size for size in sizes if size <= 10_000)
     hall = make_hall(people, DENSITIES["free"], seed)
     warm, timed = sizes[people]
-    measured = []
+    measured, ratios = [], []
     for _ in range(repeats + 1):
         walk, variant = Walk(hall, STEP), make_variant("DEM", STEP)
         walk.freely(variant, warm)
-        measured.append(1e9 * time_ticks(walk, variant.model, timed).per_person)
+        cost = time_ticks(walk, variant.model, timed)
+        measured.append(1e9 * cost.per_person)
+        ratios.append(cost.ratio)
     what = f"Hall of {people:,} people at {DENSITIES['free']:g} per m2, DEM [ns per person-step]"
-    return {"what": what, "measured": _middle(measured)}
+    return {"what": what, "measured": _middle(measured), "times minimal": _middle(ratios)}
 
 
 def _school_claims(repeats: int) -> list[dict[str, Any]]:
@@ -229,15 +247,16 @@ def _school_claims(repeats: int) -> list[dict[str, Any]]:
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "evac", "run", "primary_school", "--out", str(Path(folder) / "result")]
         whole = timed(lambda: subprocess.run(command, check=True, capture_output=True), repeats)
-    return [
-        {"what": "School, simulated time over wall time of the loop", "measured": _middle(speeds)},
-        {"what": "School, share of the loop outside the compiled tick [%]", "measured": _middle(shares)},
-        {"what": "evac run primary_school, whole command [s]", "measured": whole.median},
-    ]
+    found = {
+        "School, simulated time over wall time of the loop": _middle(speeds),
+        "School, share of the loop outside the compiled tick [%]": _middle(shares),
+        "evac run primary_school, whole command [s]": whole.median,
+    }
+    return [{"what": what, "measured": measured, "times minimal": None} for what, measured in found.items()]
 
 
 def _middle(values: list[float]) -> float:
-    """Return the median without the first, which warms up."""
+    """Return the median without the first value, a warm-up."""
     return float(np.median(values[1:]))
 
 
@@ -266,8 +285,9 @@ def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[in
         in the file, which has more columns than the table."""
     )
     columns = ["people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step"]
-    columns += ["spread", "iterations per step", "bytes per person"]
+    columns += ["times minimal", "spread", "iterations per step", "bytes per person", "bytes, times minimal"]
     formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "h [s]": "g"}
+    formats |= {"times minimal": ".1f", "bytes, times minimal": ".1f"}
     evidence.table("scaling", rows, "Time and memory; medians.", formats, columns)
     caption = "Time per person-step against the number of people; a refusal has no point."
     evidence.plot("scaling", lambda: _draw_halls(rows), caption)
@@ -289,7 +309,7 @@ def _draw_halls(rows: list[dict[str, Any]]) -> Any:
 
 
 def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
-    """Add where the time of a step goes, of the walks that were timed."""
+    """Add the shares of the phases in the time of a step, for the timed walks."""
     evidence.heading(SHARES)
     evidence.text(
         """The phases of a compiled step cannot be timed while it runs, so each is repeated alone on the crowd that

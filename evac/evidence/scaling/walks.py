@@ -1,13 +1,16 @@
-"""Crowds walked in a hall: for a time or into a jam, and what a person-step then costs."""
+"""Crowds walking in a hall, for a time or into a jam, and the cost of a person-step."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from evac.directions.fields import PackedFields
 from evac.evidence.models import COARSE, make_engine, make_model
 from evac.evidence.scaling.halls import Hall
+from evac.evidence.scaling.minimal import Minimal, make_minimal, walk_minimal
 from evac.jit import Struct
 from evac.physics.contact_model import ContactModel
 from evac.physics.state import Crowd, copy_of
@@ -18,29 +21,29 @@ TICK = 0.1  # s
 #: A crowd is jammed when the median of speed over desired speed has fallen below this.
 JAMMED = 0.25
 
-#: It starts from rest, so it is no jam before [s].
+#: Least time of a jam, since crowds start from rest [s].
 STARTED = 1.0
 
-#: A crowd that has not jammed by then has walked long enough [s]; so has one of which this share is out.
+#: The walk of a crowd without a jam ends after this time [s], or when this share of the people is out.
 LONGEST = 8.0
 WALKED_OUT = 0.5
 
-#: Ticks walked with the model as it is shipped between the jam and the timing.
+#: Ticks with the default model between the jam and the timing.
 SETTLING = 2
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A contact model as it is walked.
+    """A contact model with the settings of a walk.
 
     Attributes
     ----------
     name : str
-        Under which the tables show it.
+        Name in the tables.
     model : ContactModel
-        As it is timed.
+        The model that is timed.
     rough : ContactModel
-        As it walks to the jam: NSM1, whose solve is the dearest, with a coarse tolerance.
+        The model for the walk into the jam: NSM1, whose solve is the most expensive, with a coarse tolerance.
     step : float [s]
     """
 
@@ -59,7 +62,7 @@ def make_variant(name: str, step: float, label: str = "", **parameters: Any) -> 
 
 
 class Walk:
-    """A copy of a hall's crowd on its way, tick by tick."""
+    """A walk of a copy of a hall's crowd, tick by tick."""
 
     def __init__(self, hall: Hall, step: float) -> None:
         self.crowd: Crowd = copy_of(hall.crowd)
@@ -100,7 +103,7 @@ class Walk:
             self.made += self.per_tick
 
     def freely(self, variant: Variant, ticks: int) -> str:
-        """Walk for a time; return what ended the walk.
+        """Walk for a time; return why the walk ended.
 
         Raises
         ------
@@ -111,7 +114,7 @@ class Walk:
         return "time"
 
     def into_a_jam(self, variant: Variant) -> str:
-        """Walk until the crowd is jammed, and on until it has settled; return what ended the walk.
+        """Walk until the crowd is jammed and has settled; return why the walk ended.
 
         Raises
         ------
@@ -134,49 +137,72 @@ class Walk:
 
 @dataclass(frozen=True)
 class Cost:
-    """What the timed ticks of a walk have cost."""
+    """Cost of the timed ticks of a walk."""
 
     seconds: float  # median of a step
     per_person: float  # median of a person-step [s]
+    minimal: float  # median of a person-step of the minimal kernel [s]
+    ratio: float  # median of person-steps over those of the minimal kernel beside them
     spread: float  # greatest over least
     builds: float  # of the lists, per step
     iterations: float  # per step
 
 
 def time_ticks(walk: Walk, model: ContactModel, ticks: int) -> Cost:
-    """Take the CPU time of some ticks of a walk, Python's part included.
+    """Take the CPU time of some ticks of a walk, Python's part included, in turns with the minimal kernel.
 
     Raises
     ------
     SimulationError
         The model cannot make a step.
     """
-    spans, per_person = [], []
+    minimal = start_minimal(walk.crowd, walk.engine.state.world.fields, walk.per_tick, walk.step)
     before = walk.engine.report()
+    inside, spans, least = [], [], []
     for _ in range(ticks):
-        inside = walk.inside
-        start = time.process_time()
-        walk.advance(model)
-        spans.append((time.process_time() - start) / walk.per_tick)
-        per_person.append(spans[-1] / max(inside, 1))
+        inside.append(max(walk.inside, 1))
+        spans.append(cpu_time(lambda: walk.advance(model)) / walk.per_tick)
+        least.append(minimal_cost(minimal, walk.per_tick, walk.step))
     after = walk.engine.report()
     steps = ticks * walk.per_tick
+    per_person = np.array(spans) / inside
     return Cost(
         float(np.median(spans)),
         float(np.median(per_person)),
+        float(np.median(least)),
+        float(np.median(per_person / least)),
         max(spans) / min(spans),
         (after["list_builds"] - before["list_builds"]) / steps,
         (after["iterations"] - before["iterations"]) / steps,
     )
 
 
+def start_minimal(crowd: Crowd, fields: PackedFields, steps: int, step: float) -> Minimal:
+    """Return a crowd as it stands for the minimal kernel, which has made so many steps of a length [s] with it."""
+    minimal = make_minimal(crowd, fields, step)
+    walk_minimal(minimal, steps, step)
+    return minimal
+
+
+def minimal_cost(minimal: Minimal, steps: int, step: float) -> float:
+    """Make so many steps of a length [s] with the minimal kernel; return the CPU time of a person-step [s]."""
+    return cpu_time(lambda: walk_minimal(minimal, steps, step)) / steps / len(minimal.radius)
+
+
+def cpu_time(call: Callable[[], Any]) -> float:
+    """Return the CPU time of a call [s]."""
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
 def memory(walk: Walk, model: ContactModel) -> int:
-    """Return the bytes of all arrays that grow with the people, those of the model's law among them."""
+    """Return the bytes of all arrays whose size grows with the number of people, including those of the model."""
     state, people = walk.engine.state, len(walk.crowd.level)
     growing = (state.bodies, state.lists, state.contacts, state.warm_start, state.problem, state.events)
-    return sum(map(_bytes, (walk.crowd, *growing, model.own(people, state.world))))
+    return sum(map(bytes_of, (walk.crowd, *growing, model.own(people, state.world))))
 
 
-def _bytes(struct: Struct) -> int:
-    """Return the bytes of all arrays in a struct."""
+def bytes_of(struct: Struct) -> int:
+    """Return the bytes of all arrays in a struct, those of structs in it apart."""
     return sum(value.nbytes for value in struct.values().values() if isinstance(value, np.ndarray))

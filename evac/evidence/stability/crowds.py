@@ -34,7 +34,7 @@ from evac.physics.state import Crowd, make_crowd
 #: Greatest speed of a crowd that stands [m/s].
 STANDS = 0.005
 
-#: An error of velocities that counts as right: twice the solvers' tolerance [m/s].
+#: Error of velocities that counts as correct: twice the solvers' tolerance [m/s].
 SMALL_SPEED = 1e-3
 
 #: How fast the standing crowd wants to walk, tau = 0.5 s [m/s].
@@ -98,7 +98,7 @@ def restitution(dissipation: float, mass: float) -> float:
 
 
 def _without_walking(bounds: Bounds, position: ArrayLike, velocity: ArrayLike, **of: Any) -> Scene:
-    """Return people whom nothing drives: they keep their velocity until they touch."""
+    """Return people without driving force, who keep their velocity until they touch."""
     crowd = make_crowd(position, velocity, tau=1e12, **of)
     return Scene(bounds, scenes.room(bounds), scenes.one_direction(bounds), crowd)
 
@@ -112,7 +112,7 @@ def squeeze() -> Scene:
 
 
 def _try_squeeze(model: ContactModel) -> dict[str, Any]:
-    """Return what a squeeze between two walls comes to."""
+    """Return the result of a squeeze between two walls."""
     scene = squeeze()
     start = deepest_overlap(scene, scene.crowd.position)
     engine, crowd = scene.start()
@@ -223,9 +223,9 @@ def try_standing(variant: str, solver: str, explicit: bool, step: float) -> Verd
 def tolerable_jitter(variant: str, step: float) -> float:
     """Return the speed [m/s] at which a standing crowd may jitter by the model's theory.
 
-    Solvers leave at most their tolerance at each contact, which adds up over the columns of the crowd. NSM2 finds out
-    only after a step that the drive closed a gap: h v / tau at K_N = 0; with restitution each push comes back, up to
-    the walking speed. DEM has none of it.
+    Solvers leave at most their tolerance at each contact, which adds up over the columns of the crowd. NSM2 detects
+    only after a step that the drive closed a gap: h v / tau at K_N = 0; with restitution each push is returned, up to
+    the walking speed. DEM has neither.
     """
     if variant == "DEM":
         return STANDS

@@ -17,7 +17,7 @@ from evac.physics.state import Crowd, make_crowd
 
 DRIVES = {"explicit drive": True, "exponential drive": False}
 
-#: A pressed crowd at rest gets random velocities of this size; what differs then must not become so much larger.
+#: Magnitude of random velocities given to a pressed crowd at rest, and greatest allowed growth of the perturbation.
 NUDGE = 1e-6  # m/s
 GROWTH = 100.0
 STEPS = 400
@@ -57,7 +57,7 @@ def ring_around_big() -> Scene:
 
 
 def settled(scene: Scene, stiffness: float) -> Scene:
-    """Return the scene pressed to rest, the load m v / tau unchanged, with a tau that damps its slowest waves."""
+    """Return the scene pressed to rest, with unchanged load m v / tau and a tau that damps its slowest waves."""
     crowd = scene.crowd
     period = float(np.sqrt(crowd.mass.min() / stiffness))
     tau = 8.0 * period
@@ -135,7 +135,7 @@ SECTION = "DEM: stiffness and step"
 
 
 def network_limits(evidence: Evidence) -> list[str]:
-    """Tabulate the limit of several networks: theory, what the model lets pass, and where a nudge begins to grow."""
+    """Tabulate the limit of several networks: theory, limit of the model's check, and onset of growth of a nudge."""
     rows = evidence.measured("dem_networks", lambda: _network_rows(evidence))
     safe = sum(
         min(row[key] or np.inf for key in ("a run cuts beyond [s]", "a run refuses beyond [s]"))

@@ -1,4 +1,4 @@
-"""The extreme scenes, each for every contact model, and what came of them."""
+"""The extreme scenes for every contact model, and their verdicts."""
 
 import tempfile
 from collections.abc import Callable
@@ -45,7 +45,7 @@ PRESSED = 12.0
 
 @dataclass(frozen=True)
 class Extreme:
-    """An extreme scene, and by what it is judged."""
+    """An extreme scene with its criterion."""
 
     words: str
     make: Callable[[], Scene]
@@ -111,7 +111,7 @@ def far_from_origin(gap: float, east: float = 5e5, north: float = 5e6) -> Scene:
 
 
 def standing_room() -> Scene:
-    """Return 20 people who walk against a wall for as long as they are let."""
+    """Return 20 people who walk against a wall without limit of time."""
     return _in_room((0.0, 0.0, 6.0, 1.8), scenes.packed(20, 4, 0.2, 5.9, 0.0, 0.0), speed=1.5)
 
 
@@ -174,7 +174,7 @@ def _bounded(
 
 
 def _overlap_to_remove(make: Callable[[], Scene], duration: float) -> Extreme:
-    """Return the extreme of a start with overlaps, which a model may leave as they are by its theory, and say so."""
+    """Return the extreme of a start with overlaps, which the theory of a model may allow to remain if reported."""
     scene = make()
     start = deepest_overlap(scene, scene.crowd.position)
     words = f"overlap left after {duration:g} s, right up to {SMALL_OVERLAP:g} m; {start:.3g} m at the start"

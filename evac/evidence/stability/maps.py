@@ -1,4 +1,4 @@
-"""The maps: what each contact model makes of a plane of two numbers, cell by cell, beside its theory."""
+"""Maps of verdicts on each contact model over two parameters, cell by cell, with curves of the theory."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of the theory: points (x, y), straight between them in logarithms, and what they are.
+    """A labelled curve of the theory: points (x, y), connected by straight lines in logarithms.
 
     The same label has the same style in all panels.
     """
@@ -170,7 +170,7 @@ def _draw_panel(axis: Any, cells: Sequence[Cell], curves: Sequence[Curve], style
 
 
 def _met_a_wall(cell: Cell) -> bool:
-    """Say whether a trial was stopped because somebody would have been pressed through a wall."""
+    """Return whether a trial was stopped because a person would have been pressed through a wall."""
     return cell.verdict.kind == REFUSED and "wall" in cell.verdict.words
 
 

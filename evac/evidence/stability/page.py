@@ -1,4 +1,4 @@
-"""Stability: what every contact model makes of stiff and extreme cases, cell by cell, beside the theory."""
+"""Stability of every contact model in stiff and extreme cases, compared with the theory."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""What theory allows: the step at which DEM turns unstable, the error of a free walk, overlaps of each model."""
+"""Theory: the step at which DEM becomes unstable, the error of a free walk, overlaps of each model."""
 
 import numpy as np
 from scipy.integrate import quad
@@ -93,9 +93,9 @@ def spring_forces(scene: Scene, position: FloatArray, stiffness: float) -> Float
 
 
 def uncut_speed(scene: Scene, stiffness: float, step: float, explicit: bool, steps: int) -> float:
-    """Return the greatest speed [m/s] after so many plain steps of DEM (eq. 17), however long they are.
+    """Return the greatest speed [m/s] after `steps` plain steps of DEM (eq. 17) without limit of their length.
 
-    The scene stands in balance with what drives it, up to its velocities.
+    Except for its velocities, the scene is in equilibrium with the driving forces.
     """
     crowd = scene.crowd
     kept = (1.0 - step / crowd.tau if explicit else np.exp(-step / crowd.tau))[:, None]

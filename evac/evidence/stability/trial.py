@@ -47,17 +47,17 @@ VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "NSM2 K_N = inf": ("NSM2", {"normal_dissipation": np.inf}),
 }
 
-#: DEM's stiffness in all of them but those over it [kg/s2].
+#: DEM's stiffness in all trials except those that vary it [kg/s2].
 STIFFNESS = 1.2e5
 
-#: NSM1 promises no overlap beyond its tolerance; for the others one per cent of a body is right [m].
+#: Overlap that counts as correct [m]: for NSM1 its tolerance, for the others one per cent of a body.
 GAP_TOLERANCE = 1e-4
 SMALL_OVERLAP = 2e-3
 
-#: Counts that are part of every run, and say nothing of how a step was got through.
+#: Counts that are part of every run, and contain no information on difficulties in steps.
 ORDINARY = MEASURES | {"steps", "sub_steps", "list_builds", "contacts", "overlaps", "solves", "iterations"}
 
-#: Counts that tell of steps which did not come out as they should; the others tell of what was mended.
+#: Counts of steps that failed; the other counts are of corrections.
 FAILURES = (
     "unconverged_steps",
     "failed_position_corrections",
@@ -69,20 +69,20 @@ FAILURES = (
 #: A centre may lie this far beyond a wall by rounding alone, in relation to the size of the coordinates.
 ROUNDING = 1e-12
 
-#: An overlap so much greater than the one reported is concealed [m].
+#: Least difference by which an overlap must exceed the reported one to count as concealed [m].
 CONCEALED = 1e-4
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of a run.
+    """The outcome of a run.
 
     Attributes
     ----------
     model : ContactModel
     scene : Scene
     message : str
-        Why it was refused or stopped; empty if it ran to its end.
+        Why the run was refused or stopped; empty if it is complete.
     time, position, velocity : (f,), (f, n, 2), (f, n, 2)
         Frames, the first at the start [s], [m], [m/s]; the velocity is the contact model's own.
     crowd : Crowd
@@ -104,7 +104,7 @@ class Trial:
     report: Mapping[str, float]
 
     def is_finite(self) -> bool:
-        """Say whether every number of every frame is one."""
+        """Return whether all numbers of all frames are finite."""
         return bool(np.isfinite(self.position).all() and np.isfinite(self.velocity).all())
 
     def speed(self) -> FloatArray:
@@ -112,20 +112,20 @@ class Trial:
         return np.asarray(np.hypot(self.velocity[..., 0], self.velocity[..., 1]))
 
     def handling(self) -> str:
-        """Say what the engine counted while it got through, or nothing."""
+        """Return the engine's counts of corrections and failures as text; empty if there are none."""
         counted = {key.replace("_", " "): count for key, count in self.report.items() if key not in ORDINARY}
         told = [f"{count:.0f} {words}" for words, count in counted.items() if count]
         extra = self.report["sub_steps"] - self.report["steps"]
         return ", ".join([*told, *([f"{extra:.0f} more sub-steps"] if extra > 0 else [])])
 
     def has_failures(self) -> bool:
-        """Say whether the engine counted steps that did not come out as they should."""
+        """Return whether the engine counted failed steps."""
         return any(self.report.get(key, 0.0) for key in FAILURES)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a trial amounts to."""
+    """The verdict on a trial."""
 
     kind: str  # one of VERDICTS
     error: float  # in the unit of the bound; NaN if refused
@@ -133,7 +133,7 @@ class Verdict:
 
 
 def make_model(variant: str, **parameters: Any) -> ContactModel:
-    """Return a contact model by its name in `VARIANTS`, with more parameters or others."""
+    """Return a contact model by its name in `VARIANTS`, with additional or changed parameters."""
     name, given = VARIANTS[variant]
     return models.make_model(name, **{**given, **parameters})
 
@@ -148,7 +148,7 @@ def attempt(
     every: float = 0.1,
     checked: bool = True,
 ) -> Trial:
-    """Run a scene as a simulation does: border check first, then ticks.
+    """Run a scene like a simulation: first the check of the step, then ticks.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def judge(
     measure : callable
         The error of a trial that ran to its end.
     right : float
-        Greatest error that counts as right.
+        Greatest error that counts as correct.
     tolerable : float
         Greatest error that the method's own theory allows.
     unit : str
@@ -255,8 +255,8 @@ def deepest_overlap(scene: Scene, position: FloatArray) -> float:
 def greatest_overlap(trial: Trial) -> float:
     """Return the greatest overlap [m] of all frames, infinite if the engine's report conceals it.
 
-    The engine tells of an overlap when a step starts from it, so the last frame may know of a deeper one; one that
-    was removed at once is told of by the count of position corrections.
+    The engine reports an overlap when a step starts from it, so the last frame may contain a deeper one; one that
+    was removed immediately is reported by the count of position corrections.
     """
     frames = [deepest_overlap(trial.scene, position) for position in trial.position]
     told = trial.report["greatest_overlap"]

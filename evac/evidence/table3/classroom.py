@@ -29,7 +29,7 @@ MOMENTS = (5.0, 10.0, 15.0, 20.0)
 #: Confidence of the intervals of shares.
 CONFIDENCE = 0.95
 
-#: What the paper says of each model, without numbers.
+#: Statements of the paper on each model, without numbers.
 PUBLISHED: Mapping[str, str] = {
     "DEM": "without problem",
     "NSM1 inertial": "often blocks",
@@ -47,7 +47,7 @@ class ClassTask:
 
 
 def run_class(task: ClassTask) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return exit times (runs, pupils) [s], NaN for who stayed inside, and whether each run blocked (runs,)."""
+    """Return exit times (runs, pupils) [s], NaN for pupils left inside, and whether each run blocked (runs,)."""
     case = load_case("classroom", model_overrides(task.model))
     times, blocked = [], []
     for seed in task.seeds:
@@ -110,7 +110,7 @@ def report_classroom(evidence: Evidence) -> None:
 
 
 def falls_of(desks: Sequence[Row], model: str) -> int:
-    """Return how often the mean time falls from a desk to the one behind it in its column."""
+    """Return how often the mean time decreases from a desk to the one behind it in its column."""
     return sum(
         near["column"] == far["column"] and (near[f"{model} [s]"] or 0.0) > (far[f"{model} [s]"] or np.inf)
         for near, far in itertools.pairwise(desks)
@@ -133,7 +133,7 @@ def _blocked_rows(found: ClassRuns) -> list[Row]:
 
 
 def _all_rows(found: ClassRuns) -> list[Row]:
-    """Return what compares the models on all runs, blocked ones included."""
+    """Return rows that compare the models over all runs, including blocked ones."""
     rows = []
     for name, times in found.times.items():
         middle = median_last(times)
@@ -147,12 +147,12 @@ def _all_rows(found: ClassRuns) -> list[Row]:
 
 
 def median_last(times: FloatArray) -> float:
-    """Return the median over runs (runs, pupils) of the last exit time [s]; a run with people left is endless."""
+    """Return the median over runs (runs, pupils) of the last exit time [s]; infinite for a run with people left."""
     return float(np.median(np.nan_to_num(times, nan=np.inf).max(axis=1)))
 
 
 def share_interval(count: int, runs: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the Clopper-Pearson interval of a share of which `count` of `runs` were seen."""
+    """Return the Clopper-Pearson interval of a share observed in `count` of `runs`."""
     from scipy.stats import beta
 
     tail = 0.5 * (1.0 - confidence)
@@ -200,7 +200,7 @@ def _desk_rows(found: ClassRuns) -> list[Row]:
 
 
 def _standard_error(values: NDArray[Any]) -> float | None:
-    """Return the standard error of a mean, None of fewer than two values."""
+    """Return the standard error of a mean, None for fewer than two values."""
     return float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
 
 

@@ -1,4 +1,4 @@
-"""Figures 2 and 3 of the paper drawn again: a disc that hits the ground, two people who walk into each other."""
+"""Figures 2 and 3 of the paper reproduced: a disc that hits the ground, two people who walk into each other."""
 
 from functools import cache
 from pathlib import Path
@@ -129,7 +129,7 @@ def _figure_3() -> tuple[list[dict[str, Any]], Any]:
 
 
 def _jump(name: str) -> Any:
-    """Return where between two steps a model's velocity changes, as matplotlib says it."""
+    """Return where between two steps a model's velocity changes, as a draw style of matplotlib."""
     return "mid" if name == "NSM2" else "pre"
 
 

@@ -37,7 +37,7 @@ WEIDMANN = 1.22
 FULL_RUNS = {0.1: (20, 10), 5e-2: (20, 10), 2e-2: (20, 10), 1e-2: (20, 50), 1e-3: (20, 50), 1e-4: (20, 10)}
 QUICK_RUNS = {1e-1: (2, 2), 1e-2: (4, 5), 1e-3: (4, 1), 1e-4: (2, 1)}
 
-#: The default step [s] is justified where the flow at it is shown to be this near to that at the finest step [%].
+#: The default step is justified if the flow differs from that at the finest step by at most this [%].
 DEFAULT = SimulationSettings().step
 LITTLE = 5.0
 
@@ -102,7 +102,7 @@ def report_flow(evidence: Evidence) -> None:
 
 
 def _judge_flows(evidence: Evidence, rows: Sequence[Row], changes: Sequence[Row]) -> None:
-    """Add the verdicts: published flows in the intervals of both definitions, and what the default step changes."""
+    """Add the verdicts: published flows in the intervals of both definitions, and the effect of the default step."""
     for row in rows:
         if row["h [s]"] == DEFAULT:
             for kind, low, high in (("pooled", "from", "to"), ("of runs", "of runs, from", "of runs, to")):
@@ -166,7 +166,7 @@ def _row(name: str, step: float, sets: int, found: Flow) -> Row:
 
 
 def _change_rows(changes: FlowTable) -> list[Row]:
-    """Return how the flow changes with the step, on the runs that both steps have."""
+    """Return the change of the flow with the step, over the runs available at both steps."""
     return [
         {
             "model": name,

@@ -14,14 +14,14 @@ from evac.evidence.verdicts import reported
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
 
-#: The two variants, and what each changes in the shipped case.
+#: The two variants, and their changes of the shipped case.
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "following a teacher": {},
     "everybody alone": {"behaviours.teacher_following": False},
 }
 COLOURS = {"following a teacher": "#0072B2", "everybody alone": "#D55E00"}
 
-#: The exercise's curve stalled between these times, says the paper [s].
+#: Times between which the curve of the exercise stalled, according to the paper [s].
 STALL = (38.0, 48.0)
 
 
@@ -35,7 +35,7 @@ class SchoolTask:
 
 @dataclass(frozen=True)
 class SchoolRuns:
-    """Exit times (runs, people) [s], NaN for who stayed inside; storey (people,) and group names."""
+    """Exit times (runs, people) [s], NaN for people left inside; storey (people,) and group names."""
 
     times: FloatArray
     storey: NDArray[np.int64]
@@ -106,8 +106,8 @@ def longest_pause(times: FloatArray) -> FloatArray:
 
 
 def school_row(name: str, runs: SchoolRuns) -> dict[str, Any]:
-    """Return means and extremes over runs; a run with people left counts as endless."""
-    times = np.nan_to_num(runs.times, nan=np.inf)  # who is left counts as endless
+    """Return means and extremes over runs; the time of a run with people left is infinite."""
+    times = np.nan_to_num(runs.times, nan=np.inf)  # infinite for people left inside
     last = times.max(axis=1)
     row: dict[str, Any] = {
         "variant": name,

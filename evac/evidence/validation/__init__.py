@@ -1,1 +1,1 @@
-"""Validation: the standard tests of the field, put to every contact model."""
+"""Validation: the standard tests of the field for every contact model."""

@@ -1,7 +1,7 @@
 """Buildings of the standard tests, drawn as bare OBJ meshes, and cases that run people through them.
 
-Every building is written to a file and read back with the case that names it: what is validated is the whole way
-from a mesh to the table of people.
+Every building is written to a file and read back with the case that names it, so that the whole process from a mesh to
+the table of people is validated.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -51,7 +51,7 @@ def write_case(
     faces : iterable of faces
     exits : iterable of (name, segment [m], z [m])
     people : iterable of tables
-        The groups; who is given no name is called after the place in the list.
+        The groups; a group without name is named by its index.
     areas : iterable of (name, (x1, y1, x2, y2) [m], z [m])
         Rectangles in which people start.
     sections : mapping, optional

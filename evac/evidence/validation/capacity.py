@@ -1,4 +1,4 @@
-"""Two surveys that several tests draw on: flow and speed on stairs, and doors that block for good."""
+"""Two surveys used by several tests: flow and speed on stairs, and doors that block permanently."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ LABORATORY = {
     1.2: (2.03, 2.75),
 }
 
-#: Who is faster than so many times the own stair speed is pushed [-].
+#: People faster than this factor times their own stair speed count as pushed [-].
 PUSHED = 1.2
 
 
@@ -83,7 +83,7 @@ def _on_the_flight(outcome: Outcome, way: str) -> tuple[float, FloatArray]:
 
 
 def stair_row(stair: Stair) -> dict[str, Any]:
-    """Return what the page tells of a stair."""
+    """Return the row of a stair on the page."""
     flows = stair.flows / stair.width
     low, high = mean_interval(flows) or (None, None)
     return {
@@ -144,7 +144,7 @@ def door_checks(doors: Sequence[Door]) -> list[Check]:
 
 
 def door_row(door: Door) -> dict[str, Any]:
-    """Return what the page tells of a door."""
+    """Return the row of a door on the page."""
     free = door.flows[~np.isnan(door.flows)]
     low, high = mean_interval(free) or (None, None)
     return {

@@ -1,4 +1,4 @@
-"""Tests of where people go and which of two ways takes longer: exits, routes, rooms in a row."""
+"""Tests of route and exit choice, and of relative evacuation times: exits, routes, rooms in a row."""
 
 import numpy as np
 

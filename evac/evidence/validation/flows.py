@@ -13,7 +13,7 @@ from evac.output.flows import steady_flow
 #: Densities of the fundamental diagram [1/m2]; bodies of the greatest radius do not fit at RiMEA's 5 and 6.
 DENSITIES = (0.5, 1.0, 2.0, 3.0)
 
-#: How far from Weidmann's curve is still on it: one standard deviation of the free speed, 0.26 of 1.34 m/s.
+#: Accepted deviation from Weidmann's curve: one standard deviation of the free speed, 0.26 of 1.34 m/s.
 WEIDMANN_BAND = 0.26 / 1.34
 
 #: The corridor: filled from x1 to x2, seen in [x1, x2] from t1 to t2, free at its end; nothing from its ends arrives.

@@ -1,7 +1,7 @@
-"""Tests of people who walk alone or out of each other's way: times, speeds, response times, walls.
+"""Tests of people who walk alone or without interaction: times, speeds, response times, walls.
 
-Whoever starts from rest towards a speed v takes it up as v (1 - exp(-t / tau)) (eq. 33 of the paper), so L metres
-take L / v + tau once exp(-t / tau) has died out.
+A person who starts from rest with desired speed v accelerates as v (1 - exp(-t / tau)) (eq. 33 of the paper), so that
+L metres take L / v + tau once exp(-t / tau) has decayed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,10 @@ from evac.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, corner, rectangle, straight_stair
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial
 
-#: Body, mass and relaxation of who is timed by hand.
+#: Radius, mass and relaxation time of people with known travel times.
 ONE = {"radius": 0.2, "mass": 80.0, "tau": 0.5}
 
-#: A body that moved by more than this has set off, or was pushed [m].
+#: A displacement of more than this counts as a start or a push [m].
 MOVED = 1e-2
 
 #: Mean walking speed by age [years -> m/s] and its standard deviation: the curve of RiMEA 7.
@@ -25,10 +25,10 @@ SPEED_BY_AGE = {20: 1.61, 30: 1.54, 40: 1.48, 50: 1.41, 60: 1.27, 70: 1.07}
 DEVIATION = 0.31
 PER_AGE = 50
 
-#: So far apart nobody minds the other, with headway neither [m].
+#: Distance at which people do not interact, also with headway [m].
 LANE = 1.2
 
-#: Response times of NIST test 1.1 and ISO test 1, with the distribution they are held against.
+#: Response times of NIST test 1.1 and ISO test 1, with the distribution they are compared with.
 RESPONSES = {
     "uniform": ({"uniform": [10.0, 100.0]}, stats.uniform(10.0, 90.0)),
     "normal": ({"normal": [60.0, 20.0], "minimum": 0.0}, stats.truncnorm(-3.0, np.inf, 60.0, 20.0)),
@@ -132,7 +132,7 @@ def _lag(outcome: Outcome) -> float:
 
 
 def _way_before_response(outcome: Outcome) -> float:
-    """Return the greatest way that anybody is moved before the own response [m]."""
+    """Return the greatest displacement of a person before its response [m]."""
     waits = outcome.trajectory.time[:, None] < outcome.numbers("response_time")
     return float(np.where(waits, np.nan_to_num(_ways(outcome)), 0.0).max())
 

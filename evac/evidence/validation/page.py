@@ -1,6 +1,6 @@
-"""Validation: the standard tests of the field, put to every contact model without and with headway.
+"""Validation: the standard tests of the field for every contact model without and with headway.
 
-Each test goes all the way from a mesh file to the table of people.
+Each test covers the whole process from a mesh file to the table of people.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ from evac.evidence.verdicts import all_of, at_most, reported
 
 Row = Mapping[str, Any]
 
-#: What is put to the tests: models, NSM1 as it is by default, without and with headway.
+#: The tested models, NSM1 with its defaults, without and with headway.
 SUBJECTS = tuple(Trial(model, (), headway) for headway in (False, True) for model in ("DEM", "NSM1 inertial", "NSM2"))
 QUICK_SUBJECTS = tuple(Trial("NSM2", (), headway) for headway in (False, True))
 
@@ -54,7 +54,7 @@ QUICK_RUNS = 2
 QUICK_STAIRS = capacity.STAIR_WIDTHS[:2]
 QUICK_DOORS = (0.8, capacity.IMO_DOOR)
 
-#: What the tests' names mean, and at which hand they were read: their originals were not all at hand.
+#: The documents of the tests, and the sources in which they were read, since not all originals were available.
 SOURCES = (
     {
         "name": "RiMEA",
@@ -102,7 +102,7 @@ SOURCES = (
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work of one process: a call with a trial."""
+    """A task of one process: a call with a trial."""
 
     call: Callable[[Trial], Any]
     subject: Trial
@@ -111,12 +111,12 @@ class Job:
 
     @property
     def trial(self) -> Trial:
-        """The trial it is made with."""
+        """The trial of the job."""
         return replace(self.subject, seeds=tuple(range(self.seed, self.seed + self.runs)))
 
 
 def carry_out(job: Job) -> Any:
-    """Do a job."""
+    """Execute a job."""
     return job.call(job.trial)
 
 
@@ -134,7 +134,7 @@ RELY, STAIRS, DOORS = "What to rely on", "Flow and speed on stairs", "Doors that
 
 
 def run(evidence: Evidence) -> None:
-    """Put every model to every test and write the page."""
+    """Run every test with every model and write the page."""
 
     @cache
     def surveyed() -> Surveyed:
@@ -183,7 +183,7 @@ def survey_doors(evidence: Evidence, subjects: Sequence[Trial]) -> list[capacity
 
 
 def check_row(check: Check) -> dict[str, Any]:
-    """Return what the page tells of a check."""
+    """Return the row of a check on the page."""
     low, high = check.interval or (None, None)
     return {
         "test": check.criterion.test,

@@ -1,4 +1,4 @@
-"""What a validation test is made of: a model that is put to it, runs, and values held against a criterion."""
+"""Parts of a validation test: the tested model, its runs, and values compared with a criterion."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,24 +20,24 @@ from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
 from evac.scenario.case import Case
 
-#: Of the interval of a mean over runs.
+#: Confidence level of the interval of a mean over runs.
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """What a test asks: a quantity, the band it must lie in, and who says so.
+    """The criterion of a test: a quantity, the range in which it must lie, and the source.
 
     Attributes
     ----------
     test : str
-        As the field calls it, "RiMEA 2".
+        Common name of the test, such as "RiMEA 2".
     quantity : str
-        What is measured, with its unit.
+        The measured quantity, with its unit.
     source : str
-        Where the band comes from.
+        Source of the range.
     low, high : float
-        The band; infinite where it is open.
+        The range; infinite if it is open.
     """
 
     test: str
@@ -58,7 +58,7 @@ class Criterion:
         return f"{self.low:.4g} to {self.high:.4g}"
 
     def holds(self, value: float) -> bool:
-        """Say whether a value lies in the band."""
+        """Return whether a value lies in the range."""
         return self.low <= value <= self.high
 
     @property
@@ -70,7 +70,7 @@ class Criterion:
 
 @dataclass(frozen=True)
 class Check:
-    """What a trial's `name` made of a criterion: one value of each run, NaN of a run that blocked for good."""
+    """The result of the trial `name` for a criterion: one value per run, NaN for a blocked run."""
 
     criterion: Criterion
     model: str
@@ -93,7 +93,7 @@ class Check:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Interval of the mean (Student's t); None of fewer than two values."""
+        """Interval of the mean (Student's t); None for fewer than two values."""
         return mean_interval(self.found)
 
     @property
@@ -109,7 +109,7 @@ class Check:
 
     @property
     def verdict(self) -> str:
-        """Whether it is passed, and if not, by how much it is missed."""
+        """Whether the criterion is met, and if not, the deviation."""
         if self.is_passed:
             return "yes" if self.is_certain else f"yes, not certain: {self.mean:.3g}"
         if self.mean is None or self.blocked:
@@ -121,7 +121,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run as its result folder tells it: people.csv, the trajectory, and the results themselves."""
+    """A run read from its result folder: people.csv, the trajectory, and the results."""
 
     results: Results
     people: Sequence[Mapping[str, str]]
@@ -167,12 +167,12 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """What tables and plots call what is under test."""
+        """Name in tables and plots."""
         return f"{self.model}, headway" if self.headway else self.model
 
     @property
     def overrides(self) -> dict[str, Any]:
-        """Keys of a case that make it so; headway comes behind the behaviours that the case names."""
+        """Overrides of a case for this trial; headway is appended to the behaviours of the case."""
         return model_overrides(self.model) | ({"behaviours.headway": {}} if self.headway else {})
 
     def runs(
@@ -194,12 +194,12 @@ class Trial:
         return [conduct(case.change({**quiet, "simulation.seed": seed})) for seed in self.seeds]
 
     def check(self, criterion: Criterion, values: Iterable[float]) -> Check:
-        """Hold one value of each run against a criterion."""
+        """Compare one value of each run with a criterion."""
         return Check(criterion, self.name, tuple(float(value) for value in values))
 
 
 def conduct(case: Case) -> Outcome:
-    """Run a case into a folder and read back what the folder holds."""
+    """Run a case with a result folder and read the folder."""
     with TemporaryDirectory() as place:
         results = run(case, place)
         with (Path(place) / "people.csv").open(newline="", encoding="utf-8") as file:
@@ -208,7 +208,7 @@ def conduct(case: Case) -> Outcome:
 
 
 def mean_interval(values: FloatArray) -> tuple[float, float] | None:
-    """Return the interval of the mean of `values` (Student's t); None of fewer than two."""
+    """Return the interval of the mean of `values` (Student's t); None for fewer than two."""
     if len(values) < 2:
         return None
     half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))

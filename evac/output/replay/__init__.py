@@ -1,1 +1,1 @@
-"""The replay: a run as one page that opens from disk in any browser and needs nothing else."""
+"""The replay: a run as a single self-contained HTML page."""

@@ -1,4 +1,4 @@
-"""What the page says of a run beside its motion: who everybody is, how it was run, how it ended, what to doubt."""
+"""Data on the replay page other than the motion: people, settings, outcome and warnings of the run."""
 
 import csv
 import json
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Account:
-    """What is told of a run; of a killed one less is known than of one that ended.
+    """Description of a run; incomplete for a killed run.
 
     Attributes
     ----------
     title : str
     facts : sequence of (str, str)
-        Name and value, in the order in which they are shown.
+        Names and values, in the order in which they are shown.
     warnings, quality_warnings : sequence of str
     banner : (str, str) or None
-        ``"error"`` or ``"notice"``, and a text, of runs that did not end with everybody out.
+        ``"error"`` or ``"notice"``, and a text, for runs that did not end with everybody out.
     groups : sequence of str
     group : (n,) int32
-        Row of ``groups`` of each person, -1 for none.
+        Index in ``groups`` of each person, -1 for none.
     radius : (n,) float64 [m]
     speed : (n,) float64 [m/s] or None
         Desired speed on the flat.
     response_time : (n,) float64 [s] or None
     exit_used : (n,) int32 or None
-        Row of the building's exits, -1 of people who are inside.
+        Index of the exit, -1 for people who are inside.
     exit_time : (n,) float64 [s] or None
-        NaN of people who are inside.
+        NaN for people who are inside.
     """
 
     title: str
@@ -60,14 +60,14 @@ class Account:
 
 
 def account_of_run(results: "Results", error: BaseException | None = None) -> Account:
-    """Return the account of a run that has just ended.
+    """Return the account of a run from its results.
 
     Parameters
     ----------
     results : Results
-        Of a run that failed, what it had come to.
+        For a failed run, the results until the failure.
     error : BaseException, optional
-        Why it failed.
+        The error with which the run failed.
     """
     summary = results.summary() | ({} if error is None else {"ended": FAILED})
     crowd = results.crowd
@@ -92,12 +92,12 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
     Parameters
     ----------
     trajectory : Trajectory
-        Beside its file, ``summary.json`` and ``people.csv`` tell more; of a killed run they are not there.
+        ``summary.json`` and ``people.csv`` in the same folder are used if they exist; a killed run has none.
 
     Raises
     ------
     ResultError
-        ``summary.json`` or ``people.csv`` cannot be read, or is of another run.
+        ``summary.json`` or ``people.csv`` cannot be read, or belongs to another run.
     """
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
@@ -105,13 +105,13 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
         if summary["seed"] != header.get("seed") or summary["people"] != trajectory.number_of_people:
-            raise ResultError(f"{path}: of another run than {trajectory.path.name}; remove it, or run the case again")
+            raise ResultError(f"{path}: not of the run of {trajectory.path.name}; remove it, or run the case again")
         account = Account(**_of_summary(summary, None), **known)
     except FileNotFoundError:
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (
-            f"The run was killed, or has not ended: what was recorded ends at t = {trajectory.time[-1]:g} s. "
-            "Times of leaving are those of the recorded states."
+            f"The run was killed or has not ended: the recorded states end at t = {trajectory.time[-1]:g} s. "
+            "Exit times are rounded to recorded states."
         )
         account = Account(str(header.get("title", "")), facts, (), (), ("error", text), **known)
     except (OSError, ValueError, TypeError, KeyError) as error:
@@ -120,7 +120,7 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
 
 
 def _with_people(account: Account, path: Path, building: Building) -> Account:
-    """Return an account with what the table of people tells, if it is there."""
+    """Return an account with the data of the table of people, if it exists."""
     exits = {exit_.name: exit_.index for exit_ in building.exits}
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -141,7 +141,7 @@ def _with_people(account: Account, path: Path, building: Building) -> Account:
 
 
 def _of_summary(summary: Mapping[str, Any], error: str | None) -> dict[str, Any]:
-    """Return what ``summary.json`` has for an account."""
+    """Return the fields of an account from the content of ``summary.json``."""
     case, contact = summary["case"], summary["contact"]
     settings = case.get("simulation", {})
     parameters = case.get("contact", {}).get(contact["model"], {})
@@ -176,7 +176,7 @@ def _banner(ended: str, time: float, left: int, people: int, error: str | None) 
     if ended == INTERRUPTED:
         return "error", f"This run was interrupted at t = {time:.2f} s, when {inside}"
     if ended == NO_PROGRESS:
-        return "notice", f"The run ended at t = {time:.2f} s because nobody made progress any more: {inside}"
+        return "notice", f"The run ended at t = {time:.2f} s because nobody made progress: {inside}"
     if ended == DURATION_OVER:
         return "notice", f"The duration of the run was over at t = {time:.2f} s: {inside}"
     return None

@@ -1,4 +1,4 @@
-"""The building as the page draws it: whole centimetres, counted from the origin of the replay."""
+"""The building for the replay page, in whole centimetres from the origin of the replay."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -17,18 +17,18 @@ FURNITURE = 4.0
 
 
 def building_for_page(building: Building, origin: FloatArray) -> dict[str, Any]:
-    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and words.
+    """Return levels, walls, furniture, portals, exits and stairs as lists of numbers and strings.
 
     Parameters
     ----------
     building : Building
     origin : (2,) float64 [m]
-        Plan point that positions count from.
+        Origin of positions in plan.
 
     Returns
     -------
     dict
-        ``vertices`` [x, y, z, ...] and everything else in centimetres; ``triangles`` of a level count vertices.
+        ``vertices`` [x, y, z, ...] and all other lengths in centimetres; ``triangles`` of a level are vertex indices.
         Planes z = c + a x + b y are in metres. ``segments`` are [x1, y1, z1, x2, y2, z2, ...].
     """
     return {
@@ -108,7 +108,7 @@ def _holes(polygon: shapely.Geometry) -> Iterable[shapely.Polygon]:
 
 
 def _grains(points: FloatArray, origin: FloatArray) -> NDArray[np.int64]:
-    """Return points (n, 2 or 3) counted from the origin in plan, in whole centimetres."""
+    """Return points (n, 2 or 3) relative to the origin in plan, in whole centimetres."""
     zero = np.zeros(points.shape[1])
     zero[:2] = origin
     return np.rint((points - zero) / GRAIN).astype(np.int64)

@@ -1,20 +1,20 @@
-"""Where everybody was, packed frame by frame: quantised, as second differences, compressed.
+"""The motion of all people for the replay page: quantised, as second differences, compressed frame by frame.
 
-The page takes the streams apart again (page/motion.js). All numbers are little-endian:
+The page decodes the streams (page/motion.js). All numbers are little-endian:
 
 - ``times``: float64, the time of each frame [s].
-- ``events``: int32. For each frame the number of people who were not in the frame before, then their persons and
-  their levels; the number who are no longer there, and these; the number who have changed the level, these and their
-  levels.
+- ``events``: int32. For each frame the number of people who were not in the previous frame, then their indices and
+  their levels; the number of people who have left, and their indices; the number of people who have changed the level,
+  their indices and their levels.
 - ``steps``: bytes. For each frame x, then y, of everybody inside by ascending person: second differences in
-  centimetres. Positions before a person's first are taken to be zero, that before its second to be the first one.
+  centimetres. Before a person's first frame its positions count as zero, for its second frame as the first one.
 - ``heights``: bytes. For each frame, of everybody on an uneven level, the height above the level's plane [cm].
-- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the frame before: 0 below
+- ``forces``: bytes. For each frame, of everybody inside, the change of the force's code since the last frame: 0 below
   `LEAST_FORCE`, else 1 + `PER_OCTAVE` log2(force / `LEAST_FORCE`), rounded.
-- ``wide``: int32. What has no room in a byte.
+- ``wide``: int32. Numbers that do not fit in a byte.
 
-A byte b of ``steps``, ``heights`` and ``forces`` stands for the number b / 2 if b is even and -(b + 1) / 2 if it is
-odd; 255 stands for the next number of ``wide``.
+A byte b of ``steps``, ``heights`` and ``forces`` encodes the number b / 2 if b is even and -(b + 1) / 2 if it is odd;
+255 encodes the next number of ``wide``.
 """
 
 import zlib
@@ -28,26 +28,26 @@ from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import PLANE, elevation
 from evac.building.model import Building, Level
 
-#: Positions are kept to this [m].
+#: Resolution of positions [m].
 GRAIN = 0.01
 
-#: Contact forces below this count as none [N]; above, they are kept to 26 %.
+#: Contact forces below this are stored as 0 [N]; above, their resolution is 26 %.
 LEAST_FORCE = 10.0
 
-#: Codes of a force for each doubling.
+#: Number of force codes per factor of two.
 PER_OCTAVE = 1.5
 _ESCAPE = 255
-#: Arrays that go from one frame to the next.
+#: Arrays that encoding of the next frame depends on.
 _STATE = ("level", "seen", "last", "before", "force")
 
 STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
 
 
 class _Stream:
-    """Bytes that are compressed as they come."""
+    """A byte stream that is compressed incrementally."""
 
     def __init__(self, packed: bytes = b"") -> None:
-        # Few bytes come again in the same order, but some are much more frequent than others.
+        # Sequences rarely repeat, but some bytes are much more frequent than others.
         self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
         self._ready = bytearray()
         if packed:
@@ -57,19 +57,19 @@ class _Stream:
         self._ready += self._compressor.compress(data)
 
     def packed(self) -> bytes:
-        """Return all that was written, compressed; writing can go on."""
+        """Return all data written so far, compressed; writing can continue."""
         return bytes(self._ready) + self._compressor.copy().flush()
 
 
 class MotionPacker:
-    """Packs one frame after the other; what it keeps is compressed already.
+    """Encodes and compresses one frame after the other, so that little memory is needed.
 
     Parameters
     ----------
     people : int
     building : Building
     origin : (2,) float64 [m]
-        Plan point that positions count from.
+        Origin of positions in plan.
     """
 
     def __init__(self, people: int, building: Building, origin: FloatArray) -> None:
@@ -78,24 +78,24 @@ class MotionPacker:
         self._building = building
         self._planes = [level_plane(building, level) for level in building.levels]
         self._uneven = np.array([not is_even(building, level) for level in building.levels])
-        self._level = np.full(people, -1, np.int32)  # in the frame before
+        self._level = np.full(people, -1, np.int32)  # in the previous frame
         self._seen = np.zeros(people, np.int32)  # frames of each person so far
-        self._last = np.zeros((people, 2), np.int64)  # positions in the frame before and in the one before that
+        self._last = np.zeros((people, 2), np.int64)  # positions in the last two frames
         self._before = np.zeros((people, 2), np.int64)
-        self._force = np.zeros(people, np.int64)  # codes in the frame before
+        self._force = np.zeros(people, np.int64)  # codes in the previous frame
         self._streams = {name: _Stream() for name in STREAMS}
 
     def add(
         self, time: float, person: IntArray, level: IntArray, position: FloatArray, contact_force: FloatArray
     ) -> None:
-        """Pack everybody who is inside at one time.
+        """Add a frame with all people who are inside at one time.
 
         Parameters
         ----------
         time : float [s]
-            Later than that of the frame before.
+            Later than that of the previous frame.
         person : (c,) int32
-            Ascending.
+            Ascending indices.
         level : (c,) int32
         position : (c, 2) float64 [m]
         contact_force : (c,) float64 [N]
@@ -122,20 +122,20 @@ class MotionPacker:
         return {name: stream.packed() for name, stream in self._streams.items()}
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of everything that packing needs to go on to the same bytes."""
+        """Return copies of all data needed to continue with the same bytes."""
         state: dict[str, NDArray[Any]] = {name: getattr(self, f"_{name}").copy() for name in _STATE}
         state["frames"] = np.array([self.frames])
         return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned, in a packer of the same people and building."""
+        """Restore the arrays that `state` returned in a packer for the same people and building."""
         for name in _STATE:
             getattr(self, f"_{name}")[:] = state[name]
         self.frames = int(state["frames"][0])
         self._streams = {name: _Stream(state[f"stream.{name}"].tobytes()) for name in STREAMS}
 
     def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
-        """Return who is new, who has gone, and who has changed the level since the frame before."""
+        """Return the people who are new, have left, or have changed the level since the previous frame."""
         now = np.full(len(self._level), -1, np.int32)
         now[person] = level
         new = np.flatnonzero((self._level < 0) & (now >= 0))
@@ -153,7 +153,7 @@ class MotionPacker:
         return off
 
     def _numbers(self, name: str, values: NDArray[np.int64]) -> None:
-        """Write whole numbers as bytes, and those that are too great to ``wide``."""
+        """Write whole numbers as bytes, and those that do not fit to ``wide``."""
         folded = np.where(values < 0, -2 * values - 1, 2 * values)
         self._write(name, np.minimum(folded, _ESCAPE).astype(np.uint8))
         self._write("wide", values[folded >= _ESCAPE].astype("<i4"))
@@ -170,7 +170,7 @@ def level_plane(building: Building, level: Level) -> tuple[float, float, float]:
 
 
 def is_even(building: Building, level: Level) -> bool:
-    """Return whether a level is one plane, to the precision that heights are computed with."""
+    """Return whether a level is a plane up to rounding errors of heights."""
     own = building.vertices[np.unique(level.triangles)]
     c, a, b = level_plane(building, level)
     return bool(np.abs(own[:, 2] - c - own[:, :2] @ [a, b]).max() <= max(PLANE, 0.5 * GRAIN))

@@ -1,4 +1,4 @@
-"""The file replay.html: page, style, scripts and data in one, as it is written."""
+"""Writing of replay.html: page, style, scripts and data in one file."""
 
 import base64
 import html
@@ -21,13 +21,16 @@ from evac.output.replay.geometry import building_for_page
 from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
 from evac.output.trajectory import Trajectory
 
+#: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
+LARGEST = 1e9
+
 #: Template, style and scripts.
 PAGE = Path(__file__).with_name("page")
 
-#: Inflates and runs the others.
+#: Script that decompresses and runs the others.
 LOADER = "loader.js"
 
-#: In the order in which they are run; one function has them all, so that no name is seen from outside.
+#: Scripts in the order in which they are run, within one function so that they define no global names.
 SCRIPTS = (
     "colours.js",
     "motion.js",
@@ -35,6 +38,7 @@ SCRIPTS = (
     "series.js",
     "layout.js",
     "density.js",
+    "maps.js",
     "shaders.js",
     "meshes.js",
     "stage.js",
@@ -49,13 +53,13 @@ SCRIPTS = (
 
 
 class ReplayWriter:
-    """Takes one state after the other, and writes the page in the end.
+    """Collects the states of a run, and writes the page at the end.
 
     Parameters
     ----------
     people : int
     building : Building
-        With the portals and exits that are closed at the start.
+        Building with the portals and exits that are closed at the start.
     """
 
     def __init__(self, people: int, building: Building) -> None:
@@ -79,27 +83,27 @@ class ReplayWriter:
         contact_force: FloatArray,
         closed: frozenset[int],
     ) -> None:
-        """Take the state at one time.
+        """Add the state at one time.
 
         Parameters
         ----------
         time, person, level, position, contact_force
-            Of everybody inside, as `MotionPacker.add` takes them.
+            As for `MotionPacker.add`.
         closed : frozenset of int
-            Links that are closed.
+            Indices of the closed links.
         """
         if not self._closed or self._closed[-1][1] != sorted(closed):
             self._closed.append((time, sorted(closed)))
         self._motion.add(time, person, level, position, contact_force)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return copies of everything that it needs to go on."""
+        """Return copies of all data needed to continue."""
         links = self._building.n_links
         rows = [[time, *np.isin(np.arange(links), closed)] for time, closed in self._closed]
         return {"closed": np.array(rows, np.float64).reshape(-1, 1 + links)} | self._motion.state()
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore what `state` returned, in a writer of the same people and building."""
+        """Restore the arrays that `state` returned in a writer for the same people and building."""
         self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in state["closed"]]
         self._motion.restore(state)
 
@@ -109,7 +113,7 @@ class ReplayWriter:
         Raises
         ------
         ResultError
-            There is no state, or the file cannot be written.
+            No state was added, or the file cannot be written.
         """
         if not self.frames:
             raise ResultError(f"{path}: nothing to replay; the run ended before its first output")
@@ -140,11 +144,11 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
     Parameters
     ----------
     trajectory : Trajectory
-        What else is known of the run is read from the files beside it.
+        Further data of the run are read from the files in the same folder.
     path : Path
         The page.
     every : float, optional
-        Time between two states [s], at least; by default all that were recorded.
+        Least time between two states [s]; by default all recorded states are used.
 
     Returns
     -------
@@ -159,7 +163,7 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to replay; the run ended before its first output")
     if every is not None and not 0.0 < every < np.inf:
-        raise ResultError(f"the time between two states must be greater than 0, got {every:g}")
+        raise ResultError(f"every: the time between two states must be greater than 0, got {every:g}")
     writer = ReplayWriter(trajectory.number_of_people, trajectory.building)
     for k in _chosen(trajectory.time, every):
         frame = trajectory[k]
@@ -176,7 +180,7 @@ def replay_trajectory(trajectory: Trajectory, path: Path, every: float | None = 
 
 
 def _chosen(time: FloatArray, every: float | None) -> list[int]:
-    """Return the frames to show: the first, the last, and in between those nearest to the multiples of `every`."""
+    """Return the frames to show: the first, the last, and those nearest to the multiples of `every`."""
     if every is None:
         return list(range(len(time)))
     wanted = np.arange(time[0], time[-1], every)
@@ -192,7 +196,7 @@ def _about(account: Account) -> dict[str, Any]:
     def whole(values: FloatArray | None, scale: float) -> list[int] | None:
         if values is None:
             return None
-        scaled = np.where(np.isfinite(values), np.rint(np.nan_to_num(values) * scale), -1)
+        scaled = np.where(np.isfinite(values), np.rint(np.minimum(np.nan_to_num(values), LARGEST) * scale), -1)
         return [int(value) for value in scaled.tolist()]
 
     return {

@@ -12,13 +12,14 @@ def building_section(run: Run | None) -> Section:
     """Return the section on the building that a run recorded; without one, what the author has to add."""
     if run is None or run.trajectory is None:
         missing = (
-            "No trajectory was recorded, and the building is part of that file: the plans and tables of levels, exits"
-            " and portals are missing here, and the author has to add them."
+            "No trajectory was recorded, and the building is part of that file. The plans and tables of levels, exits"
+            " and portals are therefore missing here and must be added by the author."
         )
         if run is None:
             missing = (
-                "A study keeps no plan of its building. With the option --run RESULT, the result of one of its runs,"
-                " this report has the plans, the times of levels and stairs, congestion and maps of that run."
+                "A study does not store the plan of its building. With the option --run RESULT, where RESULT is the"
+                " result of one of its runs, this report contains the plans, the times of levels and stairs, congestion"
+                " and maps of that run."
             )
         return Section("building", "Building", (paragraph(missing),), is_missing=True)
     building = run.trajectory.building
@@ -45,13 +46,23 @@ def building_section(run: Run | None) -> Section:
             for p in portals
         ]
         parts.append(table("Portals between levels", ("portal", "from", "to", "clear width [m]", "state"), rows))
+    if building.doors:
+        rows = [(door.name, levels[door.level].name, fixed(door.width, 2)) for door in building.doors]
+        parts.append(table("Doors between rooms, with clear widths", ("door", "level", "clear width [m]"), rows))
+    else:
+        parts.append(
+            paragraph(
+                "The building file names no doors between rooms. If there are any, their clear widths must be added by"
+                " the author."
+            )
+        )
     if building.areas:
         rows = [(area.name, levels[area.level].name, fixed(area.polygon.area, 1)) for area in building.areas]
         parts.append(table("Areas in which people can start", ("area", "level", "area [m²]"), rows))
     if run.case["building"].get("closed"):
         closed = ", ".join(map(str, run.case["building"]["closed"]))
         parts += [heading("Closed during the whole run"), paragraph(closed)]
-    return Section("building", "Building", tuple(parts))
+    return Section("building", "Building", tuple(parts), lacks=() if building.doors else ("doors",))
 
 
 def _levels(building: Building) -> Html:

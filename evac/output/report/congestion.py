@@ -28,7 +28,9 @@ def congestion_sections(
         Names of `evac.output.maps.QUANTITIES`, in order.
     """
     if run.trajectory is None or not len(run.trajectory):
-        missing = paragraph("No motion was recorded, so congestion cannot be told; the author has to look at it.")
+        missing = paragraph(
+            "No motion was recorded. Congestion cannot be evaluated and must be assessed by the author."
+        )
         return (Section("congestion", "Congestion", (missing,), is_missing=True),)
     if least_time is None:
         least_time = SHARE * (
@@ -40,7 +42,7 @@ def congestion_sections(
         run.trajectory,
         "max_density",
         computed,
-        "Greatest density at any recorded time"
+        "Maximum density at any recorded time"
         + (", with the numbers of the congested places of the table." if found.places else "."),
         found.places,
     )
@@ -52,8 +54,8 @@ def congestion_sections(
     sections = [Section("congestion", "Congestion", (*_told(run, found), places))]
     if pictures:
         words = paragraph(
-            "Means over time follow the trapezoidal rule over the recorded times. Who is slower than 0.2 m/s waits;"
-            " people who have not started yet wait too."
+            "Time averages use the trapezoidal rule over the recorded times. People slower than 0.2 m/s count as"
+            " waiting, also those who have not started yet."
         )
         sections.append(Section("maps", "Maps", (words, *pictures)))
     return tuple(sections)
@@ -63,24 +65,24 @@ def _told(run: Run, found: Congestion) -> list[Html]:
     assert run.trajectory is not None
     parts = [
         paragraph(
-            f"A place counts as congested where the density exceeds {found.density:g} people per m² for longer than"
-            f" {found.least_time:.1f} s in all. The density of a person is a Gaussian kernel of radius"
-            f" {KERNEL_RADIUS:g} m, of which what lies off the floor is added to the rest; single people have about"
-            f" 0.65 per m² at their centre. {len(run.trajectory)} recorded times were looked at, from"
-            f" {run.trajectory.time[0]:g} to {run.trajectory.time[-1]:g} s."
+            f"A place is congested if the density exceeds {found.density:g} people per m² for longer than"
+            f" {found.least_time:.1f} s in total. The density of a person is a Gaussian kernel of radius"
+            f" {KERNEL_RADIUS:g} m, normalised by its part on the floor; a single person causes about 0.65 people per"
+            f" m² at the centre. {len(run.trajectory)} recorded times from {run.trajectory.time[0]:g} to"
+            f" {run.trajectory.time[-1]:g} s were evaluated."
         ),
         paragraph(
-            "Threshold and time are options of the report. Unless others are given they are those of MSC.1/Circ.1533 of"
-            " the IMO for advanced analyses: 4 people per m² for more than 10 % of the evacuation time.",
+            "Threshold and duration are options of the report. The defaults are those of IMO MSC.1/Circ.1533 for"
+            " advanced analyses: 4 people per m² for more than 10 % of the evacuation time.",
             class_="small",
         ),
         paragraph(
-            f"The greatest density was {found.greatest_density:.2f} people per m². The longest time for which"
-            f" {found.density:g} per m² were exceeded in one place was {found.longest:.1f} s."
+            f"The maximum density was {found.greatest_density:.2f} people per m². The longest time for which"
+            f" {found.density:g} people per m² were exceeded at one place was {found.longest:.1f} s."
         ),
     ]
     if not found.places:
-        return [*parts, paragraph("So there was no significant congestion by this measure.")]
+        return [*parts, paragraph("There was no significant congestion by this criterion.")]
     rows = [
         (
             str(number),
@@ -101,9 +103,9 @@ def _told(run: Run, found: Congestion) -> list[Html]:
         "nearest portal or exit",
         "x, y [m]",
         "area [m²]",
-        "greatest density [1/m²]",
+        "maximum density [1/m²]",
         "from, to [s]",
-        "in all [s]",
-        "without a break [s]",
+        "total time [s]",
+        "longest period [s]",
     )
-    return [*parts, table("Significant congestion: where and for how long", columns, rows)]
+    return [*parts, table("Significant congestion: places and durations", columns, rows)]

@@ -42,7 +42,7 @@ def plans(building: Building) -> Html:
     caption = (
         "Plans of the storeys at one scale, with coordinates [m]. Green: exits with their names and clear widths;"
         " dashed lines: portals between levels with their clear widths; violet: areas in which people can start."
-        " Flights, with an arrow up, and landings are drawn with the floor below them. Red: closed."
+        " Flights, with an arrow that points upwards, and landings are drawn with the floor below them. Red: closed."
     )
     return drawing(figure, caption, "plans of the storeys")
 
@@ -66,7 +66,10 @@ def egress(people: int, end: float, everybody: Curve, groups: Mapping[str, Curve
                 color=palette.TEXT,
                 bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
             )
-    caption = "People out over time: of everybody, and of each group of several people. The dotted line is all people."
+    caption = (
+        "Number of people out over time: all people, and each group of several people. The dotted line is the total"
+        " number of people."
+    )
     return drawing(figure, caption, "egress curve")
 
 

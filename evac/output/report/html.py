@@ -36,12 +36,15 @@ class Section:
         What is below the title.
     is_missing : bool
         Whether it only says that what belongs there is not known.
+    lacks : tuple of str
+        Contents that it lacks although it is not missing, such as ``"doors"``.
     """
 
     id: str
     title: str
     parts: tuple[Html, ...]
     is_missing: bool = False
+    lacks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

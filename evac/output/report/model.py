@@ -15,12 +15,12 @@ WORDS = {
     "step": "time step [s]",
     "tick": "time between decisions of behaviours [s]",
     "duration": "longest simulated time [s]",
-    "driving": "update of the drive",
-    "no_progress": "a run ends without progress for [s]",
-    "spacing": "distance of grid nodes [m]",
-    "clearance": "width kept clear of walls [m]",
-    "stairs_up": "reference speed up stairs over that on the flat",
-    "stairs_down": "reference speed down stairs over that on the flat",
+    "driving": "update of the driving force",
+    "no_progress": "time without progress after which the run ends [s]",
+    "spacing": "spacing of grid nodes [m]",
+    "clearance": "distance kept from walls [m]",
+    "stairs_up": "ratio of the reference speeds up stairs and on the flat",
+    "stairs_down": "ratio of the reference speeds down stairs and on the flat",
     "comfort": "weight of stairs on comfortable routes",
     "order": "order of fast marching",
 }
@@ -46,10 +46,11 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
     forces = {name: told(values) for name, values in case.forces.items() if values is not False}
     parts = [
         paragraph(
-            "evac moves people as discs in the plan of each level, one by one. Everybody heads for the exit or exits of"
-            " the own group in the direction of least travel time, which fast marching computes for each level and"
-            " route, and takes up the desired velocity within the relaxation time. A contact model keeps bodies apart."
-            " Equations and sources are in docs/physics.md of evac."
+            "evac is a microscopic model: each person is a disc that moves in the plan of its level. People walk"
+            " towards the exits of their group in the direction of least travel time, which is computed by fast"
+            " marching for each level and route, and approach their desired velocity within the relaxation time. A"
+            " contact model computes the forces between bodies that touch. Equations and sources are in"
+            " docs/physics.md of evac."
         ),
         facts(
             {
@@ -69,16 +70,16 @@ def model_section(case: CaseTable, versions: Mapping[str, str], plugins: list[st
             "Travel times and directions", {_named(key): told(value) for key, value in case.directions.items()}
         ),
         facts(versions, "Versions"),
-        paragraph("Plugins with a part in it: ", ", ".join(plugins), "."),
-        heading("To repeat it"),
+        paragraph("Plugins used: ", ", ".join(plugins), "."),
+        heading("How to repeat the analysis"),
         paragraph(
             "Save the case of ",
             element("a", "the appendix", href="#case"),
-            f" as case.toml beside {case.building.get('mesh', 'the building')}, and run",
+            f" as case.toml in the folder of {case.building.get('mesh', 'the building')}, and run",
         ),
         element("pre", command),
         paragraph(
-            "With the versions above and on the same kind of processor the results are the same to the last bit.",
+            "With the versions above and on the same kind of processor, the results are identical to the last bit.",
             class_="small",
         ),
     ]

@@ -25,14 +25,14 @@ def occupants_section(case: CaseTable, run: Run | None) -> Section:
     total = sum(_number(group) for group in case.people)
     parts = [
         paragraph(
-            f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. All start at time zero, the"
-            " time of the alarm."
+            f"{counted(total, 'person', 'people')} in {counted(len(case.people), 'group')}. The simulation starts at"
+            " time zero, the time of the alarm."
         ),
         _groups(case, run),
         heading("Characteristics"),
         paragraph(
-            "Each value is drawn once for each person, from the distribution that is set."
-            + (" The other columns are the values that were drawn in this run." if run else "")
+            "Each value is drawn once for each person, from the distribution of the case."
+            + (" The other columns show the values that were drawn in this run." if run else "")
         ),
         *_characteristics(case, run),
         heading("Response times and behaviours"),
@@ -82,7 +82,7 @@ def _groups(case: CaseTable, run: Run | None) -> Html:
         return group.name, number, where, density, heads, group.strategy
 
     columns = ("group", "people", "start", "people per m² of the area", "exits", "route")
-    return table("Groups, where they start and where they head for", columns, [row(group) for group in case.people])
+    return table("Groups, their start areas, exits and routes", columns, [row(group) for group in case.people])
 
 
 def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
@@ -99,11 +99,11 @@ def _characteristics(case: CaseTable, run: Run | None) -> Iterator[Html]:
             (what, unit, told(given.get(name)), *_drawn(run, groups, name, digits))
             for name, (what, unit, digits) in QUANTITIES.items()
         ]
-        columns = ("quantity", "unit", "as set", *(("least", "mean", "greatest") if run else ()))
+        columns = ("quantity", "unit", "distribution", *(("minimum", "mean", "maximum") if run else ()))
         people = counted(sum(map(_number, groups)), "person", "people")
         yield table(f"{people}: {names}", columns, rows)
         if given.get("limit_stair_speeds"):
-            yield paragraph("Nobody is faster on stairs than on the flat.", class_="small")
+            yield paragraph("Desired speeds on stairs are limited to the desired speed on the flat.", class_="small")
 
 
 def _drawn(run: Run | None, groups: list[GroupTable], column: str, digits: int) -> tuple[str | None, ...]:
@@ -134,12 +134,12 @@ def _behaviours(case: CaseTable, run: Run | None) -> Iterator[Html]:
         if own:
             yield table("Settings of single groups", ("group", "behaviour", "parameters"), own)
     else:
-        yield paragraph("No behaviour is in use: everybody starts at once and walks the own route.")
+        yield paragraph("No behaviour is in use: all people start at time zero and follow their routes.")
     if run is not None and len(run.people["group"]):
         drawn: list[tuple[str | None, ...]] = []
         for group in case.people:
             times = run.numbers("response_time")[run.rows_of(group.name)]
             if len(times):
                 drawn.append((group.name, *(fixed(number, 1) for number in _least_mean_greatest(times))))
-        columns = ("group", "least [s]", "mean [s]", "greatest [s]")
-        yield table("Response times drawn: until then a person wants to stand", columns, drawn)
+        columns = ("group", "minimum [s]", "mean [s]", "maximum [s]")
+        yield table("Response times drawn in this run: people start to walk at these times", columns, drawn)

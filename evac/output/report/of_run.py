@@ -12,7 +12,7 @@ from evac.output.report.occupants import occupants_section
 from evac.output.report.page import BLANK, Head, Labels, assessment_section, files_section, page
 from evac.output.report.source import Run, read_run
 from evac.output.report.times import times_section
-from evac.output.report.verification import verification_section
+from evac.output.report.verification import evidence_section, verification_section
 
 #: Ends of a run that it did not come to by itself.
 STOPPED = ("interrupted", "failed")
@@ -60,6 +60,7 @@ def run_report(
         warnings_section(quality_of(run), summary.warnings),
         assessment_section(),
         limits_section(is_study=False),
+        evidence_section(),
         case_section(run.case),
         files_section(run.files),
     ]
@@ -76,10 +77,11 @@ def main_results(run: Run) -> dict[str, object]:
         "People": str(summary.people),
         "Out": f"{summary.evacuated} of {summary.people}",
         "Last person out": last,
-        "Ended": f"{summary.ended}, after {summary.simulated_time:.1f} s simulated in {summary.steps} steps",
-        "Number of runs": f"1, with seed {summary.seed}: it does not say how much times vary",
+        "End of the run": f"{summary.ended}, after {summary.simulated_time:.1f} s of simulated time"
+        f" ({summary.steps} steps)",
+        "Number of runs": f"1, with seed {summary.seed}; a single run does not show the variation of times",
         "Quality warnings": str(len(summary.quality_warnings)),
-        "Warnings of building and people": str(len(summary.warnings)),
+        "Warnings about building and people": str(len(summary.warnings)),
     }
 
 
@@ -90,23 +92,23 @@ def banner(run: Run) -> str:
     inside = f"{left} of {summary.people} people were still inside after {summary.simulated_time:.1f} s."
     if summary.ended in STOPPED:
         return f"This run was stopped before its end ({summary.ended}); its results are incomplete. {inside}"
-    return f"Not everybody got out ({summary.ended}): {inside}" if left else ""
+    return f"Not everybody left the building ({summary.ended}): {inside}" if left else ""
 
 
 def quality_of(run: Run) -> list[str]:
-    """Return the quality warnings of a run, and what else speaks against it."""
+    """Return the quality warnings of a run, and warnings about its records."""
     lines = list(run.summary.quality_warnings)
     if run.trajectory is not None:
         lines += run.trajectory.warnings
         if len(run.trajectory) and run.trajectory.time[0] > 0.0:
             lines.append(
-                f"The recorded motion begins at {run.trajectory.time[0]:g} s: maps and congestion do not show what was"
-                " before."
+                f"The recorded motion begins at {run.trajectory.time[0]:g} s: maps and congestion do not include"
+                " earlier times."
             )
     for resumed in run.summary.resumed:
         if resumed.get("differences") or resumed.get("changes"):
             lines.append(
-                f"The run went on from a checkpoint at {resumed.get('time')} s with changes: {resumed.get('changes')}"
-                f" {resumed.get('differences')}"
+                f"The run was resumed from a checkpoint at {resumed.get('time')} s with changes:"
+                f" {resumed.get('changes')} {resumed.get('differences')}"
             )
     return lines

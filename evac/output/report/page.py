@@ -77,7 +77,8 @@ def page(head: Head, labels: Labels, sections: Iterable[Section], generator: str
     numbers = {"project": "head"} | {one.id: str(number) for number, one in enumerate(body, 1)}
     numbers |= {one.id: chr(ord("A") + index) for index, one in enumerate(appendices)}
     missing = {one.id for one in given if one.is_missing}
-    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing})
+    lacking = {content for one in given for content in one.lacks}
+    checklist = checklist_section({name: number for name, number in numbers.items() if name not in missing}, lacking)
     numbers[checklist.id] = str(len(body) + 1)
     everything = [*body, checklist, *appendices]
     contents = (element("li", f"{numbers[one.id]} ", link(one.id, one.title)) for one in everything)
@@ -124,12 +125,12 @@ def files_section(found: Iterable[tuple[str, int, str]]) -> Section:
     """Return the appendix with the files that a report was made of."""
     rows = [(name, f"{length}", element("code", digest)) for name, length, digest in found]
     columns = ("file", "bytes", "SHA-256")
-    return Section("files", "Appendix: files", (table("The files that this report was made of", columns, rows),))
+    return Section("files", "Appendix: files", (table("The files from which this report was made", columns, rows),))
 
 
 def _purpose() -> Section:
     words = paragraph(
-        "To be written by the author: purpose, protection goals, scenario, plans that the building follows."
+        "To be written by the author: purpose, protection goals, scenario, plans on which the building is based."
     )
     return Section("purpose", "Project and purpose", (words, to_fill_in("purpose", class_="box")))
 

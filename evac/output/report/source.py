@@ -250,7 +250,8 @@ def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
         with path.open(newline="", encoding="utf-8") as file:
             head, *rows = list(csv.reader(file)) or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ResultError(f"{path}: cannot be read: {error}; run the case again") from error
+        why = getattr(error, "strerror", None) or error
+        raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
     missing = [name for name in wanted if name not in head]
     if missing:
         raise ResultError(f"{path}: column {missing[0]!r} is missing; run the case again")

@@ -32,7 +32,7 @@ from evac.output.report.study_files import (
     read_study,
 )
 from evac.output.report.times import place_tables
-from evac.output.report.verification import verification_section
+from evac.output.report.verification import evidence_section, verification_section
 
 #: Percentiles over runs of what exits have [%].
 PERCENTILES = (5, 50, 95)
@@ -97,6 +97,7 @@ def study_report(
         assessment_section(),
         limits_section(is_study=True),
         _runs(study),
+        evidence_section(),
         case_section(study.case),
         files_section(digests(folder, (SUMMARY_NAME, STATISTICS_NAME, RUNS_NAME, EGRESS_NAME))),
     ]
@@ -131,7 +132,9 @@ def _command(summary: StudySummary) -> str:
 def _banner(summary: StudySummary) -> str:
     if not summary.blocked:
         return ""
-    return f"In {summary.blocked} of {summary.runs} runs people were left inside; they count as endless."
+    return (
+        f"{summary.blocked} of {summary.runs} runs ended with people inside; their evacuation time counts as infinite."
+    )
 
 
 def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
@@ -150,7 +153,7 @@ def _results(study: StudyFiles) -> dict[str, object]:
     summary = study.summary
     results: dict[str, object] = {"Number of runs": str(summary.runs)}
     if len(summary.points) > 1:
-        results["Points"] = f"{len(summary.points)}, see below"
+        results["Variants"] = f"{len(summary.points)}, see below"
     else:
         one = summary.points[0].statistics
         results |= {
@@ -186,9 +189,11 @@ def _points(study: StudyFiles) -> Iterator[Section]:
     ]
     names = [one.name for one in points[0].statistics.percentiles]
     columns = ("point", *keys, "runs", "blocked", "mean [s]", *names)
-    words = paragraph("Keys of the case that differ from point to point; all points have the same seeds.")
+    words = paragraph(
+        "Each variant (point) of the study has other values of the keys below; all points have the same seeds."
+    )
     found = table("Evacuation time at each point", columns, rows)
-    file = paragraph("The file points.csv of the command that repeats the study:")
+    file = paragraph("Content of points.csv for the command that repeats the study:")
     yield Section("points", "Variants", (words, found, file, element("pre", points_file(keys, points))))
 
 
@@ -207,9 +212,9 @@ def _statistics(study: StudyFiles) -> Section:
     """Return the section on evacuation times over runs."""
     parts: list[Html] = [
         paragraph(
-            "The evacuation time of a run is when the last person leaves. All statistics here are over runs, none over"
-            " people. A run in which people are left counts as endless; the mean is that of the other runs. Intervals"
-            " are those of 95 %."
+            "The evacuation time of a run is the time at which the last person leaves. All statistics are over runs,"
+            " not over people. The time of a run that ends with people inside counts as infinite; the mean is that of"
+            " the other runs. Intervals have a confidence level of 95 %."
         )
     ]
     is_single = len(study.summary.points) == 1
@@ -221,10 +226,10 @@ def _statistics(study: StudyFiles) -> Section:
         if point.settled:
             settled = [(name, runs) for name, runs in point.settled.items()]
             caption = (
-                "Convergence after Ronchi, Reneke and Peacock (2014): number of runs from which a measure stayed below"
-                " its bound ten times in a row; a dash where it has not"
+                "Convergence after Ronchi, Reneke and Peacock (2014): number of runs after which a measure stayed below"
+                " its bound ten times in a row; a dash if it has not converged"
             )
-            parts.append(table(caption, ("measure", "settled after runs"), settled))
+            parts.append(table(caption, ("measure", "converged after runs"), settled))
     return Section("statistics", "Evacuation times over runs", tuple(parts))
 
 
@@ -234,7 +239,7 @@ def _statistics_table(one: StatisticsTable) -> Html:
     rows: list[tuple[object, ...]] = [
         ("runs", one.runs, None, None),
         ("blocked runs", one.blocked, blocked, "interval of the share"),
-        ("least [s]", fixed(one.least, 1), None, None),
+        ("minimum [s]", fixed(one.least, 1), None, None),
     ]
     for estimate in (one.mean, *one.percentiles):
         bounds = [fixed(bound, 1) or "open" for bound in (estimate.low, estimate.high)]
@@ -242,7 +247,7 @@ def _statistics_table(one: StatisticsTable) -> Html:
         value = fixed(estimate.value, 1) or ("not reached" if one.blocked else None)
         rows.append((f"{estimate.name} [s]", value, interval, estimate.note))
     rows += [
-        ("greatest [s]", greatest, None, None),
+        ("maximum [s]", greatest, None, None),
         ("standard deviation of complete runs [s]", fixed(one.standard_deviation, 2), None, None),
     ]
     return table("Evacuation time", ("statistic", "value", "interval", "remark"), rows)
@@ -256,7 +261,8 @@ def _egress(study: StudyFiles, point: int) -> Html:
         columns = {name: column[here] for name, column in columns.items()}
     people = max((int(study.runs["people"][row]) for row in study.rows(point)), default=0)
     caption = (
-        "People out over time: mean, median and percentiles over runs at each time. The dotted line is all people."
+        "Number of people out over time: mean, median and percentiles over runs at each time. The dotted line is the"
+        " total number of people."
     )
     return figures.egress_over_runs(people, columns, caption)
 
@@ -286,11 +292,11 @@ def _exits(study: StudyFiles) -> Section:
         )
         where = "" if len(study.summary.points) == 1 else f", point {point}"
         parts.append(
-            table(f"When the last person of a run left by each exit, over the runs that used it{where}", columns, rows)
+            table(f"Time at which the last person left by each exit, over the runs that used it{where}", columns, rows)
         )
     parts.append(
         paragraph(
-            "Times of levels and stairs are not kept by a study; they are those of the single runs shown, if any."
+            "A study does not store times of levels and stairs; they are given for single runs, if the report has any."
         )
     )
     return Section("exits", "Exits over runs", tuple(parts))
@@ -301,7 +307,7 @@ def _of_run(run: Run, number: int, density: float, least_time: float | None, map
     name = f"Run with seed {run.summary.seed}"
     suffix = "" if number == 1 else f"-{number}"
     last = fixed(run.summary.last_out, 1)
-    words = paragraph(f"{run.summary.evacuated} of {run.summary.people} people out, the last of them after {last} s.")
+    words = paragraph(f"{run.summary.evacuated} of {run.summary.people} people left, the last of them after {last} s.")
     yield Section(f"places{suffix}", f"{name}: levels and stairs", (words, *place_tables(run)))
     for section in congestion_sections(run, density, least_time, maps):
         yield Section(f"{section.id}{suffix}", f"{name}: {section.title.lower()}", section.parts)
@@ -316,10 +322,10 @@ def _warnings(study: StudyFiles) -> Section:
     lines = []
     for found in alike.values():
         seed, text = found[0]
-        others = f", and like it in {len(found) - 1} more (seeds {_listed([s for s, _ in found[1:]])})"
+        others = f", and similar ones in {len(found) - 1} more (seeds {_listed([s for s, _ in found[1:]])})"
         lines.append(f"run with seed {seed}{others if len(found) > 1 else ''}: {text}")
     section = warnings_section(lines, ())
-    told_of = paragraph("Warnings of building and people are not kept by a study; evac check CASE shows them.")
+    told_of = paragraph("A study does not store warnings about building and people; evac check CASE shows them.")
     return Section(section.id, section.title, (*section.parts[:-1], told_of))
 
 

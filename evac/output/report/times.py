@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from evac.arrays import FloatArray
+from evac.errors import counted
 from evac.output.report import figures
 from evac.output.report.html import Html, Section, fixed, heading, paragraph, table
 from evac.output.report.source import PlaceUse, Run
@@ -43,7 +44,7 @@ def times_section(run: Run) -> Section:
         heading("Egress curve"),
         figures.egress(summary.people, summary.simulated_time, figures.curve_of(exit_time), curves, sizes),
         table(
-            "When so many of all people were out; a share is reached with the first person that completes it",
+            "Times at which a share of all people was out; it is reached with the first person that completes it",
             ("share", "people", "time [s]"),
             shares,
         ),
@@ -56,15 +57,15 @@ def times_section(run: Run) -> Section:
     if summary.left_by_other_exits:
         parts.append(
             paragraph(
-                f"{summary.left_by_other_exits} people left by another exit than their route leads to, as when pushed"
-                " across its line."
+                f"{counted(summary.left_by_other_exits, 'person', 'people')} left by an exit that does not belong to "
+                "the route, for example after being pushed across its line."
             )
         )
     if summary.stuck:
         places = [(p.person, p.level, fixed(p.x, 2), fixed(p.y, 2)) for p in summary.stuck]
         parts += [
             heading("People who no longer made progress at the end"),
-            table("Where they were", ("person", "level", "x [m]", "y [m]"), places),
+            table("Their positions", ("person", "level", "x [m]", "y [m]"), places),
         ]
     if summary.metrics:
         from evac.output.report.occupants import told
@@ -118,7 +119,9 @@ def _exits(run: Run) -> Html:
         first = fixed(float(times.min()), 1) if times.size else None
         flows = fixed(use.width, 2), fixed(use.flow, 2), fixed(use.flow_per_metre, 2)
         lines.append((name, use.people, first, fixed(use.last_out, 1), *flows))
-    caption = "Exits; the flow is that between the first and the last fifth of the people, if 20 or more left there"
+    caption = (
+        "Exits; the flow is that between the first and the last fifth of the people, if 20 or more left by the exit"
+    )
     columns = ("exit", "people", "first [s]", "last [s]", "width [m]", "flow [1/s]", "per metre [1/(m s)]")
     return table(caption, columns, lines)
 
@@ -133,5 +136,5 @@ def _places(what: str, places: dict[str, PlaceUse]) -> Html:
         )
         for name, use in places.items()
     ]
-    columns = (what, "people who were there", "greatest number at once", "last left [s]")
-    return table("Use, and when the last person left", columns, rows)
+    columns = (what, "people who used it", "maximum number at one time", "last left [s]")
+    return table("Use, and time at which the last person left", columns, rows)

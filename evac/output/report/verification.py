@@ -6,11 +6,14 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from evac.output.report.html import Cell, Html, Section, heading, note, paragraph, table
+from evac.output.report.html import Cell, Html, Section, heading, link, note, paragraph, table
 from evac.output.report.source import CaseTable
 
 #: Verdicts of docs/evidence, as `evac evidence` writes them beside this module.
 EVIDENCE_NAME = "evidence.json"
+
+#: Identifier of the appendix.
+EVIDENCE = "evidence"
 
 #: Columns of the standard tests that are not those of a model.
 TEST_COLUMNS = ("test", "measured", "expected", "by")
@@ -50,33 +53,41 @@ def verification_section(case: CaseTable) -> Section:
     found = evidence()
     return Section(
         "verification",
-        "Verification and validation: what passed and what failed",
+        "Verification and validation: passed and failed tests",
         (
             paragraph(
-                "These are the verdicts of the evidence that is kept with evac (docs/evidence), measured once by the"
-                " commands named below, not for this building. Nothing was tuned to pass a test."
+                "These are the verdicts of the evidence that is distributed with evac (docs/evidence). They were"
+                " measured once by the commands named below, not for this building. Nothing was tuned to pass a test."
+                " A verdict is followed by the measured value where it fails, and where its 95 % confidence interval"
+                " extends over the bound (not certain)."
             ),
             *_tests(case, found["tests"], found["kinds"]["validation"]),
             heading("All kinds of evidence"),
+            paragraph("The verdicts that are not met or undecided are listed in ", link(EVIDENCE, "the appendix"), "."),
             _kinds(found["kinds"]),
-            heading("All that was not met, or is undecided"),
-            _failures(found["kinds"]),
         ),
     )
+
+
+def evidence_section() -> Section:
+    """Return the appendix with the verdicts of all kinds of evidence that are not met or undecided."""
+    words = paragraph("They concern the numerical methods of evac and its models in general, not this building.")
+    kinds = evidence()["kinds"]
+    return Section(EVIDENCE, "Appendix: verdicts of the evidence that are not met", (words, _failures(kinds)))
 
 
 def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str]) -> list[Html]:
     """Return the standard tests, as the model of a case has fared, or all models where it was not put to them."""
     subjects = [column for column in rows[0] if column not in TEST_COLUMNS]
     subject = subject_like(case, subjects)
-    parts = [heading("Standard tests of the field (RiMEA, IMO, NIST, ISO)")]
+    parts = [heading("Standard tests (RiMEA, IMO, NIST, ISO)")]
     if subject is None:
         parts.append(
             note(
                 "bad",
                 paragraph(
-                    f"The contact model of this case, {case.model}, was not put to the standard tests with these"
-                    " parameters. The author has to show how it fares. The table has the models that were."
+                    f"The contact model of this case, {case.model}, has not been tested with these parameters in the"
+                    " standard tests. The author must provide such tests. The table shows the models that were tested."
                 ),
             )
         )
@@ -92,7 +103,7 @@ def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str])
             )
         )
         shown = [subject]
-    head = (*TEST_COLUMNS, *("met" if subject else name for name in shown))
+    head = ("test", "quantity", "expected", "source of the test", *("met" if subject else name for name in shown))
     lines = [
         [*(row[column] for column in TEST_COLUMNS), *(Cell(row[name], _kind_of_test(row[name])) for name in shown)]
         for row in rows

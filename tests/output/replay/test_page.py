@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from PIL import Image
+from shapely import box
 
+import evac
 from evac.building.elevation import elevation
+from evac.output.maps import level_maps
 from evac.output.palette import group_colours
 from evac.output.replay.account import account_of_run
 from evac.output.replay.motion import GRAIN, PER_OCTAVE
@@ -102,6 +105,19 @@ def test_counts_and_curves_are_those_of_the_run(browser, room):
     heights = browser.run("[...document.querySelector('#chart .total').points].map((point) => [point.x, point.y])")
     assert len({y for _, y in heights}) > 15
     assert browser.run("document.title") == results.case.title
+
+
+def test_a_closed_exit_is_marked_in_the_table(browser, tmp_path):
+    plan = evac.Plan()
+    plan.storey("hall", box(0, 0, 6, 4))
+    plan.exit("front", "hall", [(0, 1), (0, 3)])
+    plan.exit("back", "hall", [(6, 1), (6, 3)])
+    people = [{"name": "people", "level": "hall", "number": 2}]
+    case = {"building": {"plan": plan, "closed": ["back"]}, "people": people, "contact": {"model": "nsm2"}}
+    evac.run(evac.load(case, {"simulation.duration": 1.0}), tmp_path / "result")
+    browser.open(tmp_path / "result" / "replay.html")
+    rows = browser.run("[...document.querySelectorAll('#exits tbody tr')].map((row) => [row.innerText, row.className])")
+    assert {name.split()[0]: mark for name, mark in rows} == {"front": "", "back": "closed"}
 
 
 def test_people_are_drawn_in_the_colour_of_their_group_at_their_place(browser, storeys):
@@ -237,6 +253,88 @@ def test_density_is_a_number_of_people_and_lies_on_the_floor(browser, room):
              return [sum * density.cell ** 2, replay.record.now.count]; })()"""
     )
     assert 0.75 * people[1] < people[0] <= 1.01 * people[1]  # what of the kernel lies beyond the walls is missing
+
+
+def show_map(browser, name):
+    """Choose a map of the floors and wait until it is there."""
+    browser.run(f"replay.act.layer({json.dumps(name)})")
+    browser.wait("replay.state.isLayered")
+    browser.settle()
+
+
+def on_floors(browser, name):
+    """Values of a map at the nodes on the floors, and the area of a node."""
+    values, cell = browser.run(
+        f"""(() => {{ const {{ density, maps }} = replay, values = maps.values[{json.dumps(name)}];
+              return [Array.from(values.filter((_, k) => density.inside[k])), density.cell]; }})()"""
+    )
+    return np.array(values), cell**2
+
+
+def test_flights_are_seen_from_their_upper_side_in_the_first_view(browser, storeys):
+    page, _ = storeys
+    browser.open(page)
+    seen = browser.run(
+        """(() => { const { camera, record, state } = replay;
+             return record.building.levels.filter(({ kind }) => kind === "flight").map(({ plane: [, a, b] }) => {
+               const normal = [-a * state.spread, -b * state.spread, 1];
+               return camera.toward.reduce((sum, value, i) => sum + value * normal[i], 0) / Math.hypot(...normal);
+             }); })()"""
+    )
+    assert len(seen) > 1
+    assert min(seen) >= 0.3 - 1e-6
+
+
+def person_seconds_below(speed_limit, trajectory):
+    """Time that people are slower [s], by differences of recorded positions: the page has no other speeds."""
+    time, total = trajectory.time, 0.0
+    for person in range(trajectory.number_of_people):
+        position = trajectory.position[:, person]
+        position = position[np.isfinite(position[:, 0])]
+        last = len(position) - 1
+        for k in range(last + 1):
+            a, b = max(0, k - 1), min(last, k + 1)
+            speed = np.linalg.norm(position[b] - position[a]) / (time[b] - time[a]) if b > a else 0.0
+            total += (speed < speed_limit) * 0.5 * (time[min(len(time) - 1, k + 1)] - time[a])
+    return total
+
+
+def test_maps_of_the_run_are_those_of_evac_map(browser, room):
+    folder, _ = room
+    trajectory = read_trajectory(folder)
+    (maps,) = level_maps(trajectory).values()
+    show(browser, folder)
+    show_map(browser, "mean density")
+    values, area = on_floors(browser, "mean density")
+    assert values.sum() * area == pytest.approx(np.nansum(maps.density) * maps.spacing**2, rel=0.08)
+    values, area = on_floors(browser, "waiting")
+    waited = [person_seconds_below(0.2 + GRAIN * sign, trajectory) for sign in (-1, 1)]  # positions are rounded
+    assert waited[0] - 1e-3 <= values.sum() * area <= waited[1] + 1e-3
+    clear, _ = on_floors(browser, "time to clear")
+    assert clear.max() == pytest.approx(np.nanmax(maps.time_to_clear[np.isfinite(maps.time_to_clear)]), abs=0.5)
+    usage, _ = on_floors(browser, "usage")
+    assert usage.max() == pytest.approx(np.nanmax(maps.usage), abs=1)
+    pressure, _ = on_floors(browser, "contact pressure")
+    assert pressure.max() == pytest.approx(np.nanmax(maps.contact_pressure), rel=2 ** (1 / PER_OCTAVE) - 1)
+    smooth = {"mean speed": maps.speed, "specific flow": maps.flow, "maximum density": maps.max_density}
+    for name, array in smooth.items():
+        values, _ = on_floors(browser, name)
+        assert np.quantile(values[values > 0], 0.9) == pytest.approx(np.nanquantile(array[array > 0], 0.9), rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["density now", "mean speed", "time to clear", "contact pressure", "usage"])
+def test_a_map_is_drawn_on_the_floor_with_its_scale(browser, room, name):
+    folder, _ = room
+    show(browser, folder)
+    browser.run("replay.act.view(true); replay.act.seek(3.0)")
+    browser.settle()
+    before = pixels(browser)
+    show_map(browser, name)
+    assert (np.abs(pixels(browser) - before).max(axis=2) > 40).sum() > 2000
+    assert name.split()[0] in browser.text("#layer-legend").lower()
+    browser.run("replay.act.layer('plain')")
+    browser.settle()
+    assert np.abs(pixels(browser) - before)[:, :900].max() == 0
 
 
 def test_dark_and_narrow_pages_have_all_controls_in_sight(browser, room):

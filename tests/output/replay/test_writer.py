@@ -7,6 +7,7 @@ import zlib
 import numpy as np
 import pytest
 
+import evac
 from evac.errors import ResultError
 from evac.output.palette import group_colours
 from evac.output.replay.motion import STREAMS, MotionPacker
@@ -89,3 +90,9 @@ def test_tables_of_another_run_are_refused_by_name(descent, name, text):
 def test_groups_keep_their_colours_when_there_are_more():
     assert group_colours(30)[:7] == group_colours(7)[:7]
     assert len(set(group_colours(18))) == 19  # and that of people of no group
+
+
+def test_a_response_time_as_large_as_a_float_can_be_is_written(tmp_path):
+    changes = {"behaviours.response_time.time": 1e308, "simulation.duration": 0.2, "people.people.number": 2}
+    evac.run(evac.load("square_room", changes | {"output.picture": False, "output.animation": False}), tmp_path / "r")
+    assert (tmp_path / "r" / "replay.html").is_file()

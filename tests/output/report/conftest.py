@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import evac
+from evac.output.report.checklist import POINTS
 from evac.scenario.loading import load_case
 
 #: What a page must not turn into markup.
@@ -57,6 +58,12 @@ class Page(HTMLParser):
         """Return the rows, the head among them, of the table whose caption holds some words."""
         (found,) = [table["rows"] for table in self.tables if words in table["caption"]]
         return found
+
+    def lacks(self, *sections):
+        """Return whether the checklist says that the points which exactly these sections have are not provided."""
+        rows = {row[1]: row[2] for row in self.table("Numbers of sections")[1:]}
+        (lacking,) = {rows[point.words] == "not provided" for point in POINTS if point.sections == sections}
+        return lacking
 
     def fact(self, name):
         """Return the value beside a name."""

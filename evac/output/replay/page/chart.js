@@ -43,7 +43,8 @@ class Chart {
     }
     ticks(end - begin, 5).forEach((tick, k, all) => {
       const text = k + 1 < all.length ? begin + tick : `${begin + tick} s`;
-      parts.push(`<text x="${Math.min(CHART.width - 12, this.x(begin + tick))}" y="${CHART.height - 7}" text-anchor="middle">${text}</text>`);
+      const isLast = this.x(begin + tick) > CHART.width - 24;  // Its unit would be cut off.
+      parts.push(`<text x="${isLast ? CHART.width : this.x(begin + tick)}" y="${CHART.height - 7}" text-anchor="${isLast ? "end" : "middle"}">${text}</text>`);
     });
     curves.forEach((curve, index) => {
       const points = times.map((time, k) => `${this.x(time).toFixed(1)},${y(values[index][k]).toFixed(1)}`);

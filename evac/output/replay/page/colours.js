@@ -14,11 +14,12 @@ function ramp(stops) {
   });
 }
 
-// The same map for a layer on a floor, which shows through where there is little.
+// The same map for a layer on a floor, which shows through where there is nothing, or little.
 const veil = (share) => 0.92 * Math.min(1, share / 0.4) ** 0.8;
-const veiled = (colours) => colours.map((colour, k) => (colour & 0xffffff | Math.round(255 * veil(k / 255)) << 24) >>> 0);
-const onFloor = (stops, floor) => Array.from({ length: 17 }, (_, k) => {
-  const colour = ramp(stops)[Math.round(255 * k / 16)], share = veil(k / 16);
+const cover = (share) => share > 0 ? 0.92 : 0;
+const layered = (colours, isVeiled) => colours.map((colour, k) => (colour & 0xffffff | Math.round(255 * (isVeiled ? veil : cover)(k / 255)) << 24) >>> 0);
+const onFloor = (stops, floor, isVeiled) => Array.from({ length: 17 }, (_, k) => {
+  const colour = ramp(stops)[Math.round(255 * k / 16)], share = (isVeiled ? veil : cover)(k / 16 + (isVeiled ? 0 : 1e-3));
   return `rgb(${[0, 8, 16].map((bits, i) => Math.round(share * (colour >> bits & 255) + (1 - share) * 255 * floor[i]))})`;
 });
 

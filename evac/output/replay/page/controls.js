@@ -10,7 +10,7 @@ const KEYS = [
   ["P", "plan or 3D"],
   ["Page up, Page down", "next level up or down; all levels beyond the last"],
   ["C", "next colour of people"],
-  ["L", "density layer on the floors"],
+  ["L", "next map on the floors"],
   ["F, 0", "show everything; back to how it opened"],
   ["+ −", "zoom"],
   ["W A S D", "move"],
@@ -72,7 +72,7 @@ function listenToKeys(camera, act) {
   const keys = {
     " ": act.toggle, k: act.toggle, home: () => act.seek(-Infinity), end: () => act.seek(Infinity),
     "[": () => act.faster(-1), "]": () => act.faster(1), p: act.plan, pageup: () => act.climb(1), pagedown: () => act.climb(-1),
-    c: act.recolour, l: act.layer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
+    c: act.recolour, l: act.nextLayer, f: act.fit, i: () => by("info").showModal(), t: act.theme, "?": () => by("help").showModal(),
     escape: act.deselect, "0": act.restart, "+": view(() => camera.zoom(0.8)), "=": view(() => camera.zoom(0.8)), "-": view(() => camera.zoom(1.25)),
     w: view(() => camera.pan(0, -0.1)), s: view(() => camera.pan(0, 0.1)), a: view(() => camera.pan(0.1, 0)), d: view(() => camera.pan(-0.1, 0)),
     q: view(() => camera.orbit(0.12, 0)), e: view(() => camera.orbit(-0.12, 0)), r: view(() => camera.orbit(0, 0.1)), v: view(() => camera.orbit(0, -0.1)),

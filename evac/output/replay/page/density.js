@@ -1,6 +1,6 @@
-// Density: people per square metre, with a Gaussian kernel, corrected where the kernel reaches beyond the level.
+// Grids on all levels. Density: people per square metre, with a Gaussian kernel, corrected where it reaches beyond the level.
 
-const BANDWIDTH = 0.5;  // Standard deviation of the kernel [m].
+const BANDWIDTH = 0.7 / Math.SQRT2;  // Standard deviation of the kernel [m], as in evac/output/maps.py.
 const MOST_CELLS = 300000;
 const ATLAS_WIDTH = 1024;
 
@@ -12,6 +12,8 @@ class Density {
     this.cell = Math.max(0.25, Math.sqrt(area / MOST_CELLS), ...this.boxes.map((box) => (box[2] - box[0]) / (ATLAS_WIDTH - 4)));
     this.reach = Math.max(1, Math.ceil(3 * BANDWIDTH / this.cell));
     this.pack();
+    this.weights = Array.from({ length: 2 * this.reach + 1 }, (_, k) => Math.exp(-0.5 * ((k - this.reach) * this.cell / BANDWIDTH) ** 2));
+    this.inside = new Uint8Array(this.width * this.height);  // Nodes on floors.
     this.cover = this.coverage(building, grain);
     this.bytes = new Uint8Array(this.width * this.height);
     this.sums = new Float32Array(this.width * this.height);
@@ -51,20 +53,54 @@ class Density {
         });
         fillTriangle(corner, inside, nx, ny);
       }
-      const weights = Array.from({ length: 2 * this.reach + 1 }, (_, k) => Math.exp(-0.5 * ((k - this.reach) * this.cell / BANDWIDTH) ** 2));
-      const total = weights.reduce((a, b) => a + b);
-      const across = blur(inside, nx, ny, 1, nx, weights, total);
-      const both = blur(across, ny, nx, nx, 1, weights, total);
+      const both = this.blurred(inside, nx, ny);
       for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
+        this.inside[(y + j) * this.width + x + i] = inside[j * nx + i];
         cover[(y + j) * this.width + x + i] = Math.max(0.15, both[j * nx + i]);
       }
     });
     return cover;
   }
 
-  // Adds everybody up; `bytes` are from 0 to 255 for 0 to the greatest density of the scale.
+  blurred(values, nx, ny) {
+    const total = this.weights.reduce((a, b) => a + b);
+    return blur(blur(values, nx, ny, 1, nx, this.weights, total), ny, nx, nx, 1, this.weights, total);
+  }
+
+  // Smooths numbers at the nodes of all levels to numbers per square metre.
+  smooth(values) {
+    for (const { x, y, nx, ny } of this.grids) {
+      const rows = Array.from({ length: ny }, (_, j) => values.subarray((y + j) * this.width + x, (y + j) * this.width + x + nx));
+      const part = new Float32Array(nx * ny);
+      rows.forEach((row, j) => part.set(row, j * nx));
+      const both = this.blurred(part, nx, ny).map((value) => value / this.cell ** 2);
+      rows.forEach((row, j) => row.set(both.subarray(j * nx, (j + 1) * nx)));
+    }
+  }
+
+  // Calls `visit` with the node nearest to a point, and with those on the floor within a radius of it.
+  covered(level, x, y, radius, visit) {
+    const { x: left, y: low, nx, ny, box } = this.grids[level], own = this.node(level, x, y);
+    const gx = (x - box[0]) / this.cell, gy = (y - box[1]) / this.cell, reach = radius / this.cell;
+    for (let j = Math.max(0, Math.ceil(gy - reach)); j <= Math.min(ny - 1, gy + reach); j++) {
+      for (let i = Math.max(0, Math.ceil(gx - reach)); i <= Math.min(nx - 1, gx + reach); i++) {
+        const node = (low + j) * this.width + left + i;
+        if (node !== own && this.inside[node] && (i - gx) ** 2 + (j - gy) ** 2 <= reach ** 2) visit(node);
+      }
+    }
+    visit(own);
+  }
+
+  // Finds the density of people; `bytes` are from 0 to 255 for 0 to the greatest density of the scale.
   update(now) {
-    const { sums, cell, reach, width } = this;
+    this.sum(now, this.sums);
+    const scale = 255 / this.greatest;
+    for (let k = 0; k < this.sums.length; k++) this.bytes[k] = Math.min(255, scale * this.sums[k]);
+  }
+
+  // Adds everybody up, [1/m²].
+  sum(now, sums) {
+    const { cell, reach, width } = this;
     sums.fill(0);
     const peak = 1 / (2 * Math.PI * BANDWIDTH ** 2);
     const across = new Float32Array(2 * reach + 1);
@@ -81,19 +117,15 @@ class Density {
         }
       }
     }
-    const scale = 255 / this.greatest;
-    for (let k = 0; k < sums.length; k++) {
-      if (sums[k] > 0) sums[k] /= this.cover[k];
-      this.bytes[k] = Math.min(255, scale * sums[k]);
-    }
+    for (let k = 0; k < sums.length; k++) if (sums[k] > 0) sums[k] /= this.cover[k];
   }
 
-  // Density at a person of the last update [1/m2].
-  of(level, x, y) {
+  // The node nearest to a point of a level.
+  node(level, x, y) {
     const grid = this.grids[level];
     const i = Math.max(0, Math.min(grid.nx - 1, Math.round((x - grid.box[0]) / this.cell)));
     const j = Math.max(0, Math.min(grid.ny - 1, Math.round((y - grid.box[1]) / this.cell)));
-    return this.sums[(grid.y + j) * this.width + grid.x + i];
+    return (grid.y + j) * this.width + grid.x + i;
   }
 }
 

@@ -1,6 +1,7 @@
 // Puts everything together, and shows the time that is to be shown.
 
-const TILT = 0.72;  // Of the first view [rad].
+const TILT = 0.72, TURN = 0.35;  // Of the first view [rad].
+const WELL_SEEN = 0.3;  // Share of the area of a flight that is seen.
 const MOST_PIXELS = 2;  // Of the screen to one of the page, at most.
 const BAR = 56;  // Height of the tools over the picture.
 const LEAST_PIXELS = 0.6;
@@ -16,6 +17,7 @@ async function start() {
   const storeys = findStoreys(about.building.levels);
   const layout = new Layout(about.building, about.grain, storeys);
   const density = new Density(layout, QUANTITIES.density.greatest);
+  const maps = new Maps(record, density), layers = ["plain", "density now", ...Object.keys(MAPS)];
   const series = new Series(record, storeys);
   const people = new People(record, density);
   const canvas = by("view"), camera = new Camera(), stage = new Stage(canvas, record.people);
@@ -23,7 +25,7 @@ async function start() {
   const panel = new Panel(record, series, layout, people);
   const state = {
     time: record.begin, isPlaying: false, speed: 1, quantity: "group", isPlan: false, storey: -1, spread: layout.clearSpread(TILT),
-    layer: false, selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
+    layer: "plain", selected: null, highlighted: null, pixels: MOST_PIXELS, took: 0,
   };
   const chart = new Chart(by("chart"), record, series, (time) => act.seek(time));
   let look = {}, closed = [], isStale = true, isBuilt = false, last = null, told = 0, felt = 0;
@@ -66,9 +68,24 @@ async function start() {
   function recolour() {
     by("colour").value = state.quantity;
     panel.showLegend(state.quantity, state.highlighted, (index) => { state.highlighted = index; recolour(); });
-    by("layer").setAttribute("aria-pressed", state.layer);
-    by("layer-legend").hidden = !state.layer;
-    by("layer-legend").innerHTML = `<div class="ends"><span>Density on the floors</span></div>${bar(onFloor(about.colours.maps.density, look.floors[0]), density.greatest, "1/m²")}`;
+    redraw();
+  }
+
+  // Shows a map on the floors; those of the whole run are computed when the first of them is chosen.
+  function showLayer() {
+    const { layer } = state, isNow = layer === "density now", map = isNow ? MAPS["mean density"] : MAPS[layer];
+    by("layer").value = layer;
+    by("layer-legend").hidden = !map;
+    state.isLayered = Boolean(map) && (isNow || maps.share === 1);
+    if (map && !isNow) maps.find(showLayer);
+    if (state.isLayered) {
+      stage.setScale(layered(people.ramps[map.colours], map.isVeiled));
+      stage.setLayer(density, isNow ? density.bytes : maps.bytes(layer), map.isVeiled);
+      const stops = onFloor(about.colours.maps[map.colours], look.floors[0], map.isVeiled);
+      const [name, most] = isNow ? ["Density", density.greatest] : [layer[0].toUpperCase() + layer.slice(1), maps.ends[layer]];
+      by("layer-legend").innerHTML = `<div class="ends"><span>${name} on the floors</span></div>${bar(stops, most, map.unit)}`;
+    } else by("layer-legend").innerHTML = `<div class="ends"><span>Computing maps: ${Math.round(100 * maps.share)} %</span></div>`;
+    felt = 0;
     redraw();
   }
 
@@ -105,13 +122,14 @@ async function start() {
     }
     const now = record.at(state.time);
     const isLate = began - felt > TELL_EVERY || !state.isPlaying || now.count < SHADOWED;
-    if (isLate && (state.layer || state.quantity === "density")) {
+    const isNow = state.layer === "density now";
+    if (isLate && (isNow || state.quantity === "density")) {
       felt = began;
       density.update(now);
-      stage.setDensity(density);
+      if (isNow) stage.setLayer(density, density.bytes, true);
     }
     people.update(now, layout, state.quantity, state.highlighted, state.selected);
-    stage.draw(camera, people, { ...look, layer: state.layer, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
+    stage.draw(camera, people, { ...look, layer: state.isLayered, shadows: people.count <= SHADOWED || state.selected !== null, widen: people.count <= SHADOWED ? 1 : 0.8 });
     labels.update(camera, closed, selectedPlace(now));
     updateScale(camera, canvas.clientHeight);
     if (!state.isPlaying || began - told > TELL_EVERY) tell(now);
@@ -156,11 +174,12 @@ async function start() {
     look: redraw,
     restart() {
       pause();
-      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: false, highlighted: null });
+      Object.assign(state, { time: record.begin, speed: 1, quantity: "group", isPlan: false, storey: -1, layer: "plain", highlighted: null });
       for (const dialog of document.querySelectorAll("dialog[open]")) dialog.close();
       act.speed(1);
       select(null);
       recolour();
+      showLayer();
       turnBack();
       arrange();
       fit();
@@ -196,11 +215,13 @@ async function start() {
     spread(spread) { state.spread = spread; arrange(); fit(); },
     recolour() { const all = Object.keys(QUANTITIES); act.colour(all[(all.indexOf(state.quantity) + 1) % all.length]); },
     colour(quantity) { state.quantity = quantity; recolour(); },
-    layer() { state.layer = !state.layer; recolour(); },
+    nextLayer() { act.layer(layers[(layers.indexOf(state.layer) + 1) % layers.length]); },
+    layer(layer) { state.layer = layer; showLayer(); },
     theme() {
       document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
       applyTheme();
       recolour();
+      showLayer();
       if (state.selected !== null) select(state.selected);
     },
     select,
@@ -211,8 +232,6 @@ async function start() {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const follow = () => { document.documentElement.dataset.theme = dark.matches ? "dark" : "light"; applyTheme(); };
   dark.addEventListener("change", follow);
-  stage.setScale(veiled(people.ramps.density));
-  stage.setDensity(density);
   fillChoices();
   listen();
   isStale = false;
@@ -220,11 +239,23 @@ async function start() {
   act.restart();
   by("loading").hidden = true;
   new ResizeObserver(redraw).observe(canvas);
-  return { record, layout, density, series, people, camera, state, act, stage, drawn };
+  return { record, layout, density, maps, series, people, camera, state, act, stage, drawn };
 
   function turnBack() {
     camera.tilt = storeys.length > 1 ? TILT : 0.95;
-    camera.azimuth = camera.turned = layout.extent[0] >= layout.extent[1] ? 0.35 : 0.35 - Math.PI / 2;
+    camera.azimuth = camera.turned = firstTurn();
+  }
+
+  // The longer side is across; of its four views, the first one in which every flight is seen well, or the best one.
+  function firstTurn() {
+    const side = layout.extent[0] >= layout.extent[1] ? 0 : -Math.PI / 2, [flat, up] = [Math.cos(camera.tilt), Math.sin(camera.tilt)];
+    const flights = about.building.levels.filter(({ kind }) => kind === "flight");
+    const seen = (turn) => Math.min(WELL_SEEN, ...flights.map(({ plane: [, a, b] }) => {
+      const normal = [-a * state.spread, -b * state.spread, 1];
+      return dot([flat * Math.sin(turn), -flat * Math.cos(turn), up], normal) / Math.hypot(...normal);
+    }));
+    const turns = [TURN, -TURN, Math.PI + TURN, Math.PI - TURN].map((turn) => side + turn);
+    return turns.reduce((best, turn) => seen(turn) > seen(best) + 1e-9 ? turn : best);
   }
 
   function fillChoices() {
@@ -234,6 +265,7 @@ async function start() {
     options("storey", [[-1, "all"], ...storeys.map((storey, index) => [index, storey.name])]);
     by("storey-tool").hidden = storeys.length < 2;
     options("colour", Object.entries(QUANTITIES).map(([name, { label }]) => [name, label]));
+    options("layer", layers.map((name) => [name, name]));
     options("curve", Object.keys(chart.curves).map((name) => [name, name]));
     options("speed", SPEEDS.map((speed) => [speed, `${speed}×`]));
     by("speed").value = state.speed;
@@ -253,7 +285,7 @@ async function start() {
     on("view-plan", "click", () => act.view(true));
     on("storey", "change", () => act.storey(Number(by("storey").value)));
     on("spread", "input", () => act.spread(Number(by("spread").value)));
-    on("layer", "click", act.layer);
+    on("layer", "change", () => act.layer(by("layer").value));
     on("fit", "click", fit);
     on("colour", "change", () => act.colour(by("colour").value));
     on("curve", "change", () => {

@@ -71,7 +71,9 @@ class Panel {
     const out = countUpTo(series.out, time);
     by("inside").textContent = now.count;
     by("outside").textContent = out;
+    const closed = record.closedAt(time), { portals } = record.building;
     series.exits.forEach(({ times }, index) => {
+      this.exits[index][0].parentElement.classList.toggle("closed", closed.includes(portals.length + index));
       this.exits[index][0].textContent = countUpTo(times, time);
       this.exits[index][1].textContent = flowAt(times, time, record.begin).toFixed(1);
     });

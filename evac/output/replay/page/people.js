@@ -40,8 +40,7 @@ class People {
     const sorted = peaks.filter((value) => value > 0).sort();
     let most = sorted.length ? sorted[Math.floor(0.99 * (sorted.length - 1))] : 1;
     if (!values) most = sorted.length ? record.forceOfCode(most) : 100;
-    const power = 10 ** Math.floor(Math.log10(most));
-    this.greatest[quantity] = [1, 2, 5, 10].find((k) => k * power >= most * 0.999) * power;
+    this.greatest[quantity] = roundUp(most);
     return this.greatest[quantity];
   }
 
@@ -49,7 +48,7 @@ class People {
   valueOf(quantity, now, i) {
     const { record } = this;
     if (quantity === "speed") return record.speeds(now.frame)[now.row[i] - record.motion.first[now.frame]];
-    if (quantity === "density") return this.density.of(now.level[i], now.x[i], now.y[i]);
+    if (quantity === "density") return this.density.sums[this.density.node(now.level[i], now.x[i], now.y[i])];
     if (quantity === "contact force") return record.forceOf(now.row[i]);
     return record.waiting()[now.row[i]];
   }
@@ -88,6 +87,12 @@ class People {
     }
     return found < 0 ? -1 : this.record.now.person[found];
   }
+}
+
+// The end of a scale: a round number.
+function roundUp(most) {
+  const power = 10 ** Math.floor(Math.log10(most));
+  return Number(([1, 1.5, 2, 3, 4, 5, 6, 8, 10].find((k) => k * power >= most * 0.999) * power).toPrecision(2));
 }
 
 // How far along a ray an upright capsule is, infinite where it is missed.

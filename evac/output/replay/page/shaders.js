@@ -34,7 +34,7 @@ void main() {
   gl_Position = view * vec4(place, 1.0);
 }`, HEAD + `
 uniform vec3 floors[3];
-uniform sampler2D density, scale;
+uniform sampler2D values, scale;
 uniform float layer;
 in vec2 cell;
 in vec2 shade;
@@ -48,7 +48,7 @@ void main() {
     base *= mix(mix(0.80, 1.0, edge), 0.95, clamp(1.6 * wide - 0.3, 0.0, 1.0));
   }
   if (layer > 0.5) {
-    vec4 heat = texture(scale, vec2(texture(density, cell).r * 0.996 + 0.002, 0.5));
+    vec4 heat = texture(scale, vec2(texture(values, cell).r * 0.996 + 0.002, 0.5));
     base = mix(base, heat.rgb, heat.a);
   }
   colour = vec4(base, 1.0);

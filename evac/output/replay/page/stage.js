@@ -100,14 +100,17 @@ class Stage {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(colours.buffer));
   }
 
-  setDensity(density) {
-    const { gl } = this;
+  // Hands over what the layer on the floors shows: bytes at the nodes of the grids, between which it may be smooth.
+  setLayer({ width, height }, bytes, isSmooth) {
+    const { gl } = this, filter = isSmooth ? gl.LINEAR : gl.NEAREST;
     gl.bindTexture(gl.TEXTURE_2D, this.atlas);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, density.width, density.height, 0, gl.RED, gl.UNSIGNED_BYTE, density.bytes);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, width, height, 0, gl.RED, gl.UNSIGNED_BYTE, bytes);
   }
 
-  // `look` has the colours of the theme, whether the density layer is on, and whether there are shadows.
+  // `look` has the colours of the theme, whether there is a layer on the floors, and whether there are shadows.
   draw(camera, people, look) {
     const { gl, canvas } = this;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -121,7 +124,7 @@ class Stage {
     gl.bindTexture(gl.TEXTURE_2D, this.scale);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.atlas);
-    gl.uniform1i(this.floor.places.density, 0);
+    gl.uniform1i(this.floor.places.values, 0);
     gl.uniform1i(this.floor.places.scale, 1);
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);

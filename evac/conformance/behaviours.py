@@ -1,0 +1,167 @@
+"""Checks of behaviours: declared arrays, in all branches that a case or an artificial scene reaches."""
+
+import ast
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
+
+import numpy as np
+
+from evac.behaviour import Behaviour, BehaviourScene
+from evac.errors import ConformanceWarning, PluginError
+from evac.physics.state import Crowd
+from evac.scenario.case import Case
+from evac.simulation import Simulation
+
+#: Maximum number of ticks of a case, while lines of the behaviour have not been executed.
+MOST_TICKS = 1000
+
+#: Contact force on each person in an artificial crush [N].
+CRUSH = 5000.0
+
+
+def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
+    """Check that a behaviour reads and writes only the arrays that it declares, in all branches of its code.
+
+    The case runs until all lines of `act`, and of what it calls in the same file, have been executed, or to its end.
+    For the remaining lines artificial scenes are tried: a closed exit, a crush, the last person inside.
+    """
+    seen: set[str] = set()
+    simulation, behaviour, scene = _prepared(case, name, seen)
+    lines = _Lines(behaviour)
+    for tick in range(MOST_TICKS):
+        if simulation.ended or (tick >= ticks and not lines.missing()):
+            break
+        _act(behaviour, scene, simulation, lines, f"t = {simulation.time:.1f} s of {case.title!r}")
+        simulation.advance_tick()
+    if lines.missing():
+        simulation, behaviour, scene = _prepared(case, name, seen)
+        for title, time in _made_scenes(simulation):
+            _act(behaviour, scene, simulation, lines, f"{title} in {case.title!r}", time)
+    if undeclared := sorted(seen - {*behaviour.reads, *behaviour.writes}):
+        names = ", ".join(undeclared)
+        raise PluginError(f"{case.title!r}: reads {names} without declaring it; add it to `reads`")
+    if missing := lines.missing():
+        warnings.warn(
+            f"{name}: check_declared_arrays: {missing} not executed in {case.title!r} and therefore not checked;"
+            f" give a case that executes them: check_plugin({type(behaviour).__name__}, case)",
+            ConformanceWarning,
+            stacklevel=3,
+        )
+
+
+def _prepared(case: Case, name: str, seen: set[str]) -> tuple[Simulation, Behaviour, BehaviourScene]:
+    """Return a simulation, and a prepared behaviour with its scene; the arrays that it reads are added to `seen`."""
+    simulation = Simulation(case, full=True)
+    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
+    if found is None:
+        raise PluginError(f"{case.title!r}: the case does not use behaviour {name!r}; give a case that does")
+    behaviour, scene = found
+    scene.crowd = _WatchedCrowd(**scene.crowd.values())
+    scene.crowd.__dict__["noted"] = seen
+    behaviour.prepare(scene)
+    return simulation, behaviour, scene
+
+
+def _act(
+    behaviour: Behaviour,
+    scene: BehaviourScene,
+    simulation: Simulation,
+    lines: "_Lines",
+    what: str,
+    time: float | None = None,
+) -> None:
+    """Call `act` once, and refuse writes to arrays that are not declared."""
+    crowd = simulation.population.crowd
+    before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
+    try:
+        with lines.noted():
+            behaviour.act(scene.crowd, simulation.time if time is None else time)
+    except ValueError as error:
+        if "read-only" not in str(error):
+            raise
+        raise PluginError(f"{what}: writes an array without declaring it in `writes`: {error}") from error
+    for key, array in before.items():
+        if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
+            raise PluginError(f"{what}: writes {key!r} without declaring it; add it to `writes`")
+
+
+def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:
+    """Change a simulation to artificial scenes, one after the other; yield the name and the time [s] of each."""
+    crowd, end = simulation.population.crowd, simulation.case.simulation.duration
+    inside = np.flatnonzero(crowd.level >= 0)
+    if simulation.building.exits and len(simulation.building.exits) > 1:
+        simulation.scene.set_open(simulation.building.exits[0].name, False)
+        yield "a closed exit", simulation.time
+    crowd.velocity[:] = 0.0
+    crowd.contact_force[:] = CRUSH
+    crowd.position[inside] = crowd.position[inside[0]] + 1e-3 * np.arange(len(inside))[:, None]
+    crowd.level[inside] = crowd.level[inside[0]]
+    yield "a crush", simulation.time
+    yield "a crush at the end of the run", end
+    crowd.contact_force[:] = 0.0
+    crowd.level[inside[1:]] = -1
+    yield "the last person inside", end
+
+
+class _Lines:
+    """The executed lines of the file of a behaviour."""
+
+    def __init__(self, behaviour: Behaviour) -> None:
+        code = getattr(type(behaviour).act, "__code__", None)
+        self._file = code.co_filename if isinstance(code, CodeType) else ""
+        self._seen: dict[CodeType, set[int]] = {}
+        self._exempt = _raising(self._file)
+
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Record the lines that are executed in the block."""
+        before = sys.gettrace()
+        sys.settrace(self._enter)
+        try:
+            yield
+        finally:
+            sys.settrace(before)
+
+    def _enter(self, frame: FrameType, event: str, argument: Any) -> Any:
+        if frame.f_code.co_filename != self._file:
+            return None
+        self._seen.setdefault(frame.f_code, set())
+        return self._note
+
+    def _note(self, frame: FrameType, event: str, argument: Any) -> Any:
+        self._seen[frame.f_code].add(frame.f_lineno)
+        return self._note
+
+    def missing(self) -> str:
+        """Describe the lines not executed in functions that were; empty if there are none. `raise` is exempt."""
+        lines = set()
+        for code, seen in self._seen.items():
+            own = {line for *_, line in code.co_lines() if line} - {code.co_firstlineno}
+            lines |= own - seen - self._exempt
+        if not lines:
+            return ""
+        return f"lines {', '.join(map(str, sorted(lines)))} of {Path(self._file).name} are"
+
+
+def _raising(file: str) -> set[int]:
+    """Return the lines of the `raise` statements of a file; none if its source cannot be read."""
+    try:
+        tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, ValueError):
+        return set()
+    spans = [(node.lineno, node.end_lineno or node.lineno) for node in ast.walk(tree) if isinstance(node, ast.Raise)]
+    return {line for first, last in spans for line in range(first, last + 1)}
+
+
+class _WatchedCrowd(Crowd):
+    """A crowd that records which arrays are accessed."""
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in Crowd.kinds:
+            self.__dict__.setdefault("noted", set()).add(name)
+        return super().__getattribute__(name)

@@ -1,0 +1,167 @@
+"""Lengths of paths, flat, up and down: computed on request, since few runs need them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.arrays import FloatArray, IndexArray
+from evac.building.model import FLAT, Building, Exit
+from evac.directions.descent import Ways, add_lengths, find_lowest
+from evac.directions.grids import OWN, BuildingGrids, LevelGrid, build_grids, use_towards
+from evac.directions.routes import Route
+
+#: Nodes that are looked at together where that takes much memory for each.
+CHUNK = 2**17
+
+
+@dataclass(frozen=True)
+class Marched:
+    """Data that lengths are computed from, in addition to the travel times.
+
+    Attributes
+    ----------
+    building : Building
+        With the portals and exits that were closed.
+    spacing, clearance : float
+        Of the grids [m].
+    rates : tuple of (3,) float64
+        Cost of a metre along the slope in each use, for each route [s/m].
+    nodes : (k,) int64
+        Packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from marching.
+    costs : tuple of (k,) float64
+        Marched travel times of these nodes, for each route [s].
+    """
+
+    building: Building
+    spacing: float
+    clearance: float
+    rates: tuple[FloatArray, ...]
+    nodes: IndexArray
+    costs: tuple[FloatArray, ...]
+
+
+def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
+    """Return the packed indices of the nodes in halos and of those excluded from marching."""
+    found = [np.zeros(0, np.int64)]
+    for grid in grids.levels:
+        is_halo = (grid.sheet > OWN) & (grid.sheet <= len(grids.building.portals))
+        found += [grid.offset + np.flatnonzero(is_halo), grid.stands_for[0]]
+    return np.concatenate(found)
+
+
+def exits_of_route(building: Building, route: Route) -> list[Exit]:
+    """Return the open exits that a route may end at."""
+    return [exit_ for exit_ in building.exits if route.leads_to(exit_.name) and building.is_open(exit_)]
+
+
+def find_lengths(
+    marched: Marched, routes: tuple[Route, ...], field_of: NDArray[np.int32], travel_time: FloatArray
+) -> FloatArray:
+    """Return the flat, up and down lengths (nodes, 3) of the path from each node of packed fields [m].
+
+    Parameters
+    ----------
+    marched : Marched
+    routes : tuple of Route
+    field_of : (levels, routes) int32
+    travel_time : (nodes,) float64
+        Of `PackedFields`.
+    """
+    grids = build_grids(marched.building, marched.spacing, marched.clearance)
+    found = [np.zeros((0, 3))]
+    first = 0
+    for index, route in enumerate(routes):
+        cost = np.full(grids.size, math.inf)
+        reaching = [grid for grid in grids.levels if field_of[grid.level, index] >= 0]
+        for grid in reaching:
+            cost[grid.packed] = travel_time[first : first + grid.sheet.size]
+            first += grid.sheet.size
+        cost[marched.nodes] = marched.costs[index]
+        lengths = _lengths(grids, cost, exits_of_route(marched.building, route), marched.rates[index])
+        found += [lengths[grid.packed] for grid in reaching]
+    return np.concatenate(found)
+
+
+def take_halos(grids: BuildingGrids, values: FloatArray) -> None:
+    """Fill the halos of packed values from the neighbouring levels."""
+    for grid in grids.levels:
+        halo = (grid.sheet > OWN) & (grid.source >= 0)
+        values[grid.packed][halo.ravel()] = values[grid.source[halo]]
+
+
+def continue_values(grids: BuildingGrids, values: FloatArray) -> None:
+    """Extrapolate packed values linearly to nodes that are excluded from marching."""
+    left_out, stand_in, next_one = np.concatenate([grid.stands_for for grid in grids.levels], axis=1)
+    with np.errstate(invalid="ignore"):  # infinite costs
+        rise = values[stand_in] - values[next_one]
+    values[left_out] = values[stand_in] + np.where(np.isfinite(rise), rise, 0.0)
+
+
+def strips_of(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
+    """Return the flat indices of the nodes behind each exit of a level, by index of the exit."""
+    nodes = np.flatnonzero(grid.sheet > len(grids.building.portals))
+    links = grid.sheet.ravel()[nodes] - 1
+    return {exit_.index: nodes[links == grids.building.link_of(exit_)] for exit_ in grids.building.exits_of(grid.level)}
+
+
+def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray) -> FloatArray:
+    """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]."""
+    building = grids.building
+    lengths = np.full((grids.size, 3), math.inf)
+    strips = {level: strips_of(grids, grids.levels[level]) for level in {exit_.level for exit_ in exits}}
+    for exit_ in exits:
+        behind = grids.levels[exit_.level].offset + strips[exit_.level][exit_.index]
+        use = use_towards(building.levels[exit_.level], exit_.segments)
+        lengths[behind] = 0.0
+        lengths[behind, use] = cost[behind] / rates[use]
+    own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
+    node = np.flatnonzero(own & np.isfinite(cost))
+    node = node[np.argsort(cost[node], kind="stable")]
+    ways = _ways(grids, cost)
+    add_lengths(node, ways, lengths)
+    # Paths also end at nodes without a lower neighbour, in front of an exit without a strip and occasionally beside its
+    # ends. The node with the lowest cost among those without lengths is one of them.
+    uses = {exit_.level: use_towards(building.levels[exit_.level], exit_.segments) for exit_ in exits}
+    while (without := node[np.isinf(lengths[node, 0])]).size:
+        is_lowest = np.zeros(without.size, np.uint8)
+        find_lowest(without, ways, is_lowest)
+        begins = without[is_lowest == 1]
+        begins = begins if begins.size else without[:1]
+        towards = np.array([uses.get(level, FLAT) for level in ways.level_of[begins].tolist()])
+        lengths[begins] = 0.0
+        lengths[begins, towards] = cost[begins] / rates[towards]
+        add_lengths(node, ways, lengths)
+    # Lengths are of first order, the cost of second; scale the lengths so that they sum up to the cost.
+    for first in range(0, len(node), CHUNK):
+        some = node[first : first + CHUNK]
+        along = lengths[some] @ rates
+        usable = (along > 0.0) & (cost[some] > 0.0) & np.isfinite(along)
+        lengths[some[usable]] *= (cost[some[usable]] / along[usable])[:, None]
+    take_halos(grids, lengths)
+    continue_values(grids, lengths)
+    return lengths
+
+
+def _ways(grids: BuildingGrids, cost: FloatArray) -> Ways:
+    """Return the data for path lengths along the steepest descent of a cost."""
+    return Ways(
+        level_of=np.concatenate([np.full(grid.sheet.size, grid.level, dtype=np.int32) for grid in grids.levels]),
+        source=np.concatenate([grid.source.ravel() for grid in grids.levels]),
+        twin=_twins(grids),
+        cost=cost,
+        stride=np.array([grid.window.shape[1] for grid in grids.levels], dtype=np.int32),
+        uphill=np.array([level.uphill for level in grids.building.levels], dtype=np.float64),
+        cosine=np.array([math.cos(level.slope) for level in grids.building.levels]),
+        spacing=grids.lattice.spacing,
+    )
+
+
+def _twins(grids: BuildingGrids) -> NDArray[np.int64]:
+    """Return, for each node on a portal, the node at the same position on the other level; -1 for other nodes."""
+    twin = np.full(grids.size, -1, dtype=np.int64)
+    for grid in grids.levels:
+        for ours, theirs in grid.seams.values():
+            twin[ours] = theirs
+    return twin

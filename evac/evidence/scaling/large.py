@@ -1,0 +1,132 @@
+"""Whole simulations of large halls, each in a process of its own: set-up by phases, first ticks, peak memory."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evac.evidence.models import model_overrides
+from evac.evidence.report import Evidence
+from evac.evidence.scaling.halls import DENSITY, hall_case
+from evac.evidence.scaling.walks import bytes_of, cpu_time, minimal_cost, start_minimal
+from evac.evidence.verdicts import at_most
+from evac.scenario.loading import load_case
+from evac.simulation import Simulation
+
+SIZES, QUICK_SIZES = (100_000, 1_000_000), (1_000,)
+
+#: What a simulation of the most people may take: CPU time before its first tick [s], memory [GB].
+MOST_SECONDS, MOST_MEMORY = 60.0, 1.2
+
+#: People whose simulation comes first, so that packages and kernels are loaded.
+FEWEST = 20
+
+#: Ticks made before the memory is read, and then timed.
+WARM, TIMED = 2, 3
+
+#: Phases of a simulation that the table shows, as shares of all but the kernels.
+SHOWN = ("building", "directions", "people", "preparation")
+
+#: What is simulated: model and behaviour.
+SCENES = (("DEM", ""), ("NSM1 inertial", ""), ("NSM2", ""), ("DEM", "headway"))
+
+SECTION = "From the case to the first ticks"
+
+PROBE = """
+import json, sys
+from evac.evidence.scaling.large import simulate
+print(json.dumps(simulate(*json.loads(sys.argv[1]))))
+"""
+
+
+def run(evidence: Evidence) -> None:
+    """Add the table to the page."""
+    sizes = QUICK_SIZES if evidence.quick else SIZES
+    rows = evidence.measured("large", lambda: _rows(sizes, evidence.seed))
+    people = max(row["people"] for row in rows)
+    seconds, memory = (
+        max(row[column] for row in rows if row["people"] == people) for column in ("set-up [s]", "peak memory [MB]")
+    )
+    scenes = ", ".join(model + (f" with {behaviour}" if behaviour else "") for model, behaviour in SCENES)
+    what = f"{people:,} people, the most of {scenes}:"
+    evidence.verdict(at_most(f"{what} CPU time before the first tick", seconds, MOST_SECONDS, "s", SECTION))
+    evidence.verdict(at_most(f"{what} peak memory", 1e-3 * memory, MOST_MEMORY, "GB", SECTION))
+    evidence.heading(SECTION)
+    evidence.table(
+        "large",
+        rows,
+        f"""A case of a hall, {DENSITY:g} people per m2 at random places, made ready to run and run for
+        {WARM + TIMED} ticks, in a process of its own after a case of {FEWEST} people. Set-up is the CPU time until the
+        first tick, and the shares are those of its wall time; the first tick builds the first lists. Times of a
+        person-step are medians of {TIMED} ticks with all that a simulation does in them, each followed by as many steps
+        of the minimal kernel. Set-up and first tick are also given as so many steps of the minimal kernel with all
+        people, memory as so many times that of its arrays without the directions.""",
+        {"people": ",", "nodes": ",", "peak memory [MB]": ".0f", "set-up [minimal steps]": ".0f"}
+        | {f"{phase} [%]": ".0f" for phase in SHOWN},
+    )
+
+
+def _rows(sizes: tuple[int, ...], seed: int) -> list[dict[str, Any]]:
+    """Return the row of each size and scene, simulated one after another."""
+    rows = []
+    for people in sizes:
+        for model, behaviour in SCENES:
+            command = [sys.executable, "-c", PROBE, json.dumps([people, model, behaviour, seed])]
+            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+            rows.append(json.loads(done.stdout))
+    return rows
+
+
+def simulate(people: int, model: str, behaviour: str, seed: int) -> dict[str, Any]:
+    """Return the row of one simulation; peak memory is that of the process, so each wants one of its own."""
+    changes: dict[str, Any] = model_overrides(model) | {"simulation.seed": seed}
+    changes |= {f"behaviours.{behaviour}": {}} if behaviour else {}
+    Simulation(load_case(hall_case(FEWEST), changes)).advance_tick()  # loads packages and kernels
+    case = load_case(hall_case(people), changes)
+    start = time.process_time()
+    simulation = Simulation(case)
+    simulation.engine.load(simulation.contact)
+    spent, phases = time.process_time() - start, simulation.phases.seconds()
+    first = cpu_time(simulation.advance_tick)
+    for _ in range(WARM - 1):
+        simulation.advance_tick()
+    peak = peak_memory()
+    steps, step = case.simulation.steps_per_tick, case.simulation.step
+    minimal = start_minimal(simulation.population.crowd, simulation.fields.packed, steps, step)
+    spans, least = [], []
+    for _ in range(TIMED):
+        inside = simulation.population.inside
+        spans.append(cpu_time(simulation.advance_tick) / steps / inside)
+        least.append(minimal_cost(minimal, steps, step))
+    minimal_step = float(np.median(least)) * len(minimal.radius)
+    total = sum(phases[phase] for phase in SHOWN)
+    return {
+        "people": people,
+        "model": model,
+        "behaviour": behaviour,
+        "nodes": len(simulation.fields.packed.travel_time),
+        "set-up [s]": spent,
+        **{f"{phase} [%]": 100.0 * phases[phase] / total for phase in SHOWN},
+        "set-up [minimal steps]": spent / minimal_step,
+        "first tick [s]": first,
+        "first tick [minimal steps]": first / minimal_step,
+        "ns per person-step": 1e9 * float(np.median(spans)),
+        "times minimal": float(np.median(np.divide(spans, least))),
+        "peak memory [MB]": 1e-6 * peak,
+        "memory, times minimal": peak / bytes_of(minimal),
+    }
+
+
+def peak_memory() -> int:
+    """Return the most memory that this process has had so far [bytes]."""
+    status = Path("/proc/self/status")
+    if status.is_file():  # what getrusage tells includes the parent's, up to the start of this program
+        told = dict(line.split(":", 1) for line in status.read_text().splitlines())
+        return 1024 * int(told["VmHWM"].split()[0])
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)

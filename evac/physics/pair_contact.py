@@ -1,0 +1,133 @@
+"""Contact models that are defined by the force of a single contact."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evac.arrays import FloatArray
+from evac.errors import ScenarioError
+from evac.jit import Floats, Struct, Triples, call_pair_contact, kernel
+from evac.physics.contact_model import BorderScene, ContactModel
+from evac.physics.contacts import push, use_free_velocity
+from evac.physics.stability import (
+    add_stiffness,
+    damping_limit,
+    forget_stiffnesses,
+    makes_unstable,
+)
+from evac.physics.state import State, World
+from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
+
+#: Difference of overlaps from which the stiffness of a law is computed [m].
+SPAN = 1e-6
+PER_SPAN = 1.0 / SPAN
+
+
+class PairLaw(Struct):
+    """Parameters of the law of a single contact, and work arrays of the stability check."""
+
+    parameters: Floats
+    stiffnesses: Triples  # (n, 3) of each body, see `evac.physics.stability` [1/s2]
+    coupling: Floats  # (n,) [1/s2]
+
+
+@kernel
+def obey_pair_law(state: State, own: PairLaw, h: float) -> int:
+    """Compute percussions from the law of a single contact, and the velocities after the sub-step; return a status.
+
+    The stiffness of a contact is dF/dD + (2/h) dF/dw at the overlap D that it reaches within the step, with the closing
+    speed w: an explicit step with springs k and dampers c is stable if h^2 (k + 2c/h) / m < 4 for all modes.
+    """
+    bodies, contacts, law, given = state.bodies, state.contacts, state.parts.pair_contact, own.parameters
+    forget_stiffnesses(contacts, own)
+    for c in range(contacts.number):
+        gap, closing, mass = min(contacts.gap[c], 0.0), -contacts.velocity_before[c], 1.0 / contacts.omega[c]
+        force = call_pair_contact(law, gap, closing, mass, given)
+        contacts.percussion[c] = h * max(force, 0.0)
+        deepest = gap - h * max(closing, 0.0)  # equal to the gap if it opens; a branch costs more than a call
+        force = call_pair_contact(law, deepest, closing, mass, given)
+        beyond = call_pair_contact(law, deepest - SPAN, closing + 2.0 * SPAN / h, mass, given)
+        add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
+    if makes_unstable(state, own, h, 1.0):
+        return TOO_STIFF
+    use_free_velocity(state)
+    for c in range(contacts.number):
+        push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+    return OK
+
+
+class PairContact(ContactModel):
+    """Base class of contact models that are defined by the force of a single contact.
+
+    A subclass names a function compiled with `evac.jit.pair_contact`, which returns the repulsive force of two people
+    who overlap, or of a person and a wall. A negative force is replaced by zero. Steps that are unstable because of
+    the stiffness of the law are divided.
+    """
+
+    law = obey_pair_law
+    longest_path = 0.5
+    remembers = False
+
+    #: Function compiled by `evac.jit.pair_contact`.
+    pair: ClassVar[Any] = None
+
+    def packed(self) -> FloatArray:
+        """Return the parameters (p,) float64 that the function reads; by default all declared numbers."""
+        return np.array(list(self.values().values()), dtype=np.float64)
+
+    def check_scene(self, scene: BorderScene) -> None:
+        """Refuse steps beyond the stability limit of a dense packing, omega^2 = 6k/m (docs/physics.md).
+
+        The stiffness k is taken at the overlap at which a contact balances the driving force of one person.
+
+        Raises
+        ------
+        ScenarioError
+            The step is too long.
+        """
+        super().check_scene(scene)
+        if self.overdamped:
+            return
+        load = float((scene.mass * scene.speed / scene.tau).max(initial=0.0))
+        mass, tau, step = float(scene.mass.min()), float(scene.tau.min()), scene.step
+        overlap = self._overlap(load, 0.5 * mass, float(scene.radius.min()))
+        while step > 0.0:
+            rise = self._force(overlap + SPAN, 0.5 * mass, 2.0 * SPAN / step) - self._force(overlap, 0.5 * mass)
+            if step**2 * 6.0 * PER_SPAN * rise / mass < damping_limit(step, tau, scene.explicit):
+                break
+            step *= 0.98
+        if step < scene.step:
+            raise ScenarioError(
+                f"simulation.step: {scene.step} s is too long for contact model {self.name!r} with its stiffness"
+                f" under a load of {load:.0f} N, a least mass of {mass:.1f} kg and a least tau of {tau:g} s; it must"
+                f" be at most {step:.2g} s (or choose parameters of contact.{self.name} that make contacts softer)"
+            )
+
+    def _force(self, overlap: float, mass: float, closing: float = 0.0) -> float:
+        return float(self.pair.function(-overlap, closing, mass, self.packed()))
+
+    def _overlap(self, load: float, mass: float, largest: float) -> float:
+        """Return the overlap [m] that balances a load [N], or the largest one."""
+        low, high = 0.0, largest
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if self._force(middle, mass) > load else (middle, high)
+        return high
+
+    def own(self, people: int, world: World) -> PairLaw:
+        """Return the parameters of the law, with work arrays for a number of people."""
+        return PairLaw(parameters=self.packed(), stiffnesses=np.zeros((people, 3)), coupling=np.zeros(people))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return nothing: the arrays of `own` are recomputed in every sub-step."""
+        return {}
+
+    def advice(self) -> Mapping[int, str]:
+        """Return advice for steps that fail."""
+        own = f"parameters of contact.{self.name}"
+        return {
+            WALL_CROSSED: f"choose {own} that make contacts stiffer, or use contact.model = 'nsm1'",
+            TOO_STIFF: f"choose {own} that make contacts softer, or use a smaller simulation.step",
+        }

@@ -1,0 +1,117 @@
+"""Doors of plans: along the wall between two rooms, kept with level and width, or refused with the place."""
+
+import json
+
+import numpy as np
+import pytest
+from shapely import box
+
+from evac import BuildingError, Plan
+from evac.output.header import HeaderError, building_from_json, building_to_json
+
+
+def two_rooms(segment, **options):
+    plan = Plan()
+    plan.storey("ground", [box(0, 0, 10, 10), box(10, 0, 18, 10)], wall=0.1)
+    plan.door("inner", "ground", segment, **options)
+    return plan
+
+
+@pytest.mark.parametrize("segment", [[(9.5, 7), (10.5, 7)], [(9.7, 7), (10.3, 7)], [(9.97, 7), (10.03, 7)]])
+def test_a_door_across_its_wall_is_refused(segment):
+    with pytest.raises(BuildingError, match=r"door 'inner'.*across the wall at \(10\.00, 7\.00\).*along"):
+        two_rooms(segment).surface()
+
+
+def test_a_door_oblique_to_its_wall_is_refused_with_the_angle():
+    with pytest.raises(BuildingError, match=r"door 'inner'.*45 degrees"):
+        two_rooms([(9.6, 6.6), (10.4, 7.4)]).surface()
+
+
+@pytest.mark.parametrize("x", [9.0, 9.7, 5.0])
+def test_a_door_inside_a_room_is_refused_with_the_nearest_wall(x):
+    with pytest.raises(BuildingError, match=rf"door 'inner'.*\(9\.95, .*{9.95 - x:.2f} m"):
+        two_rooms([(x, 7), (x, 7.9)]).surface()
+
+
+@pytest.mark.parametrize("x", [9.85, 9.93, 9.95, 10.0, 10.07])
+def test_a_door_on_or_slightly_beside_its_wall_joins_the_rooms(x):
+    building = two_rooms([(x, 7), (x, 7.9)]).building(need_exit=False)
+    (level,) = building.levels
+    assert level.polygon.area == pytest.approx(179.0 + 0.09)
+    (door,) = building.doors
+    assert (door.name, door.level, round(door.width, 6)) == ("inner", 0, 0.9)
+
+
+def test_a_door_at_a_small_angle_is_turned_along_its_wall_with_a_finding():
+    building = two_rooms([(9.9, 7), (10.3, 7.9)]).building(need_exit=False)
+    assert len(building.levels) == 1
+    (door,) = building.doors
+    assert door.width == pytest.approx(0.9)
+    assert door.segment[0] == door.segment[2]
+    assert [(one.kind, one.level) for one in building.findings] == [("assumed", "ground")]
+
+
+def test_a_door_across_an_opening_that_the_floor_already_has_is_kept():
+    plan = Plan()
+    plan.storey("ground", [box(0, 0, 5, 4), box(5, 1, 5.2, 2), box(5.2, 0, 9, 4)])
+    plan.door("inner", "ground", [(5.1, 1), (5.1, 2)])
+    building = plan.building(need_exit=False)
+    assert [(door.name, door.width) for door in building.doors] == [("inner", 1.0)]
+    assert building.levels[0].polygon.area == pytest.approx(20.0 + 0.2 + 15.2)
+
+
+def test_doors_belong_to_the_level_of_their_storey_in_metres():
+    plan = Plan()
+    for name, z in (("ground", 0.0), ("first", 3000.0)):
+        plan.storey(name, [box(0, 0, 5000, 4000), box(5200, 0, 9000, 4000)], z=z)
+        # Lengths are not metres before building.scale, so the reach is not either.
+        plan.door(f"door of {name}", name, [(5100, 1000), (5100, 2000)], reach=600.0)
+    building = plan.building(scale=0.001, need_exit=False)
+    assert [(door.name, building.levels[door.level].name, door.width) for door in building.doors] == [
+        ("door of ground", "ground", 1.0),
+        ("door of first", "first", 1.0),
+    ]
+
+
+def test_doors_are_kept_in_a_trajectory_and_absent_in_earlier_ones():
+    building = two_rooms([(10, 7), (10, 7.9)]).building(need_exit=False)
+    data = json.loads(json.dumps(building_to_json(building)))
+    (door,) = building_from_json(data).doors
+    assert (door.name, door.level, door.width) == ("inner", 0, building.doors[0].width)
+    np.testing.assert_array_equal(door.segment, building.doors[0].segment)
+    data["doors"][0]["level"] = 7
+    with pytest.raises(HeaderError, match=r"building\.doors\.0\.level"):
+        building_from_json(data)
+    del data["doors"]
+    assert building_from_json(data).doors == ()
+
+
+@pytest.mark.parametrize("x", [9.95, 10.0, 10.05])
+def test_an_exit_at_a_wall_between_two_rooms_is_refused(x):
+    plan = two_rooms([(10, 7), (10, 7.9)])
+    plan.exit("out", "ground", [(x, 4), (x, 5.2)])
+    with pytest.raises(BuildingError, match=rf"exit 'out'.*\({x:.2f}, 4\.00\).*'ground'.*both sides.*door"):
+        plan.surface()
+
+
+def test_an_exit_past_a_corner_is_refused_with_the_part_beside_the_floor():
+    plan = two_rooms([(10, 7), (10, 7.9)])
+    plan.exit("out", "ground", [(0, 9.5), (0, 10.5)])
+    with pytest.raises(BuildingError, match=r"exit 'out'.*0\.50 of its 1\.00 m"):
+        plan.surface()
+
+
+def test_a_door_past_a_corner_is_not_taken_for_one_across_the_wall():
+    with pytest.raises(BuildingError, match=r"door 'inner'.*has no room"):
+        two_rooms([(10, 9.5), (10, 10.5)]).surface()
+
+
+def test_the_edge_suggested_for_an_exit_is_outer():
+    plan = two_rooms([(10, 7), (10, 7.9)])
+    plan.storey("upper", box(0, 0, 18, 10), z=3.0)
+    plan.stair("stair", "ground", [(2, 2), (2, 4)], "upper", length=5.0, direction=(1, 0))
+    plan.obstacle("table", "ground", box(4, 6, 6, 7))
+    plan.exit("out", "ground", [(5, 5), (5, 5.9)])
+    with pytest.raises(BuildingError, match=r"exit 'out'.*\(9\.95, 10\.00\) - \(0\.00, 10\.00\), 4\.10 m"):
+        plan.surface()

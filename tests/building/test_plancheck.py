@@ -1,0 +1,102 @@
+"""What is unlikely to be meant in a plan is reported with its place: heights, areas, repairs, units, steep stairs."""
+
+import pytest
+from shapely import Point, box
+
+from evac import BuildingError, Plan
+
+
+def two_storeys(z=3.0, polygons=None, **options):
+    plan = Plan(**options)
+    plan.storey("ground", box(0, 0, 18, 10))
+    plan.storey("upper", polygons or box(0, 0, 18, 10), z=z)
+    plan.exit("out", "ground", [(0, 4), (0, 5)])
+    return plan
+
+
+def warnings(plan):
+    return [one for one in plan.building().findings if one.kind == "warning" and "exit can be reached" not in one.text]
+
+
+def test_storeys_closer_than_the_headroom_are_warned_of():
+    (warning,) = warnings(two_storeys(z=1.5))
+    assert (warning.level, "1.50 m" in warning.text, "180.00 m2" in warning.text) == ("upper", True, True)
+    assert warnings(two_storeys(z=2.0)) == []
+    assert warnings(two_storeys(z=1.5, headroom=1.5)) == []
+    assert warnings(two_storeys(z=1.5, polygons=box(20, 0, 30, 10))) == []
+
+
+def test_the_part_of_an_area_beside_the_floor_is_reported():
+    plan = two_storeys()
+    plan.area("half", "ground", box(13, 4, 23, 9))
+    plan.area("inside", "ground", box(1, 1, 5, 5))
+    plan.area("edge", "ground", box(8, 8, 18, 10.08))
+    plan.obstacle("table", "ground", box(2, 2, 3, 3))
+    found = {one.text.partition("area ")[2]: one for one in plan.building().findings if "m2 of area" in one.text}
+    assert {name[:6]: one.kind for name, one in found.items()} == {"'half'": "warning", "'edge'": "left out"}
+    (half,) = [one for one in found.values() if one.kind == "warning"]
+    assert "25.00 of the 50.00 m2" in half.text
+    assert box(18, 4, 23, 9).contains(Point(half.place))
+
+
+def test_an_outline_that_crosses_itself_is_named_with_the_error_that_follows():
+    plan = two_storeys(polygons=[(0, 0), (18, 10), (18, 0), (0, 10)])
+    plan.stair("stair", "ground", [(2, 0.1), (2, 1.5)], "upper", length=5.0, direction=(1, 0))
+    (repair,) = plan.findings
+    assert (repair.kind, repair.level, repair.place) == ("repaired", "upper", (9.0, 5.0))
+    with pytest.raises(BuildingError, match=r"'upper' at \(9\.00, 5\.00\).*crosses itself.*stair 'stair'"):
+        plan.surface()
+    plan = two_storeys()
+    plan.storey("other", [(0, 0), (18, 10), (18, 0), (0, 10)], z=6.0)
+    plan.exit("off", "ground", [(9, 4), (9, 5)])
+    with pytest.raises(BuildingError, match="exit 'off'") as caught:
+        plan.surface()
+    assert "crosses itself" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit", "shown"),
+    [(1e3, "millimetres", "0.001"), (1e2, "centimetres", "0.01"), (1 / 0.0254, "inches", "0.0254")],
+)
+def test_a_segment_in_another_unit_is_asked_about(factor, unit, shown):
+    plan = two_storeys()
+    plan.exit("far", "ground", [(18 * factor, 4 * factor), (18 * factor, 5 * factor)])
+    with pytest.raises(BuildingError, match=rf"exit 'far'.*{unit}.*{shown}"):
+        plan.surface()
+
+
+def test_a_segment_elsewhere_is_not_asked_about():
+    plan = two_storeys()
+    plan.exit("far", "ground", [(18.5, 24), (18.5, 25)])
+    with pytest.raises(BuildingError, match="exit 'far'") as caught:
+        plan.surface()
+    assert "Multiplied" not in str(caught.value)
+
+
+def test_a_stair_too_steep_is_refused_with_the_length_it_needs():
+    plan = two_storeys()
+    plan.stair("main", "ground", [(2, 0.1), (2, 1.5)], "upper", length=1.0, direction=(1, 0))
+    with pytest.raises(BuildingError, match=r"stair 'main'.*3\.00 m over 1\.00 m.*72 degrees.*2\.52 m") as caught:
+        plan.building()
+    assert "walkable_angle" in str(caught.value)
+    assert plan.building(walkable_angle=75.0).stairs
+    long = two_storeys()
+    long.stair("main", "ground", [(2, 0.1), (2, 1.5)], "upper", length=2.52, direction=(1, 0))
+    assert long.building().stairs
+
+
+@pytest.mark.parametrize(("x", "kind"), [(-0.25, "assumed"), (-0.4, "warning")])
+def test_floor_added_up_to_an_exit_outside_is_reported(x, kind):
+    plan = two_storeys()
+    plan.exit("outside", "ground", [(x, 7), (x, 8)])
+    (found,) = [one for one in plan.building().findings if "'outside'" in one.text]
+    assert (found.kind, found.level, found.place) == (kind, "ground", (x, 7.5))
+    assert f"{-x:.2f} m" in found.text
+
+
+@pytest.mark.parametrize(("polygon", "count"), [(box(8.9, 4, 9.1, 5), 1), (box(17.8, 4, 18.2, 5), 0)])
+def test_an_exit_given_as_a_polygon_between_two_parts_of_the_floor_is_warned_of(polygon, count):
+    plan = two_storeys()
+    plan.exit("cut", "ground", polygon=polygon)
+    found = [one for one in warnings(plan) if "'cut'" in one.text]
+    assert [(one.level, polygon.covers(Point(one.place))) for one in found] == [("ground", True)] * count

@@ -1,0 +1,192 @@
+"""Forces on one person: exact motion, what they see of walls, and that they cost nothing where there are none."""
+
+import math
+
+import numpy as np
+import pytest
+
+from evac.errors import PluginError
+from evac.jit import body_force, pair_force
+from evac.parameters import Parameter
+from evac.physics.body_forces import add_body_forces
+from evac.physics.drive import add_forces
+from evac.physics.force import Force
+from evac.physics.state import make_crowd
+from evac.physics.world import set_open
+from evac_plugins.contact_dem import Dem
+from tests.physics.scenes import make_building, make_engine, random_crowd, walk
+
+FREE = 1e30
+
+
+@body_force
+def wind(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return parameters[0], parameters[1]
+
+
+@body_force
+def seen(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    """Tell what it is given: the direction of the wall, as long as the gap; nothing without one."""
+    if gap == math.inf:
+        return 0.0, 0.0
+    return gap * nx, gap * ny
+
+
+@body_force
+def spring(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return -parameters[0] * x - 3.0 * vx, 5.0 * ex
+
+
+@pair_force
+def apart(gap, nx, ny, ex, ey, parameters):
+    if gap >= 1.0:
+        return 0.0, 0.0
+    return parameters[0] * nx, parameters[0] * ny
+
+
+class Wind(Force):
+    """The same force everywhere."""
+
+    name = "wind"
+    body = wind
+    x = Parameter(40.0, "along x", unit="N")
+    y = Parameter(-30.0, "along y", unit="N")
+
+    def cutoff(self):
+        return 0.0
+
+
+class Seen(Force):
+    """Feels walls up to a gap."""
+
+    name = "seen"
+    body = seen
+    reach = Parameter(1.0, "how far", unit="m")
+
+    def cutoff(self):
+        return self.reach
+
+
+class Spring(Wind):
+    """Pulls to x = 0."""
+
+    name = "spring"
+    body = spring
+
+
+class Both(Wind):
+    """Acts on each person and between two."""
+
+    name = "both"
+    pair = apart
+
+    def cutoff(self):
+        return 1.0
+
+
+def pushes(force, place, building=None, level=0, **settings):
+    """Return the forces (n, 2) [N] on people at rest, in the order of the crowd."""
+    crowd = make_crowd(place, level=level, radius=0.2, tau=FREE)
+    engine = make_engine(crowd, building, forces=[force], **settings)
+    engine.advance(Dem(), crowd, 0, 1, 1e-6, True, False)
+    found = np.empty((len(place), 2))
+    found[engine.state.bodies.row[: len(place)]] = engine.state.bodies.push[: len(place)]
+    return found
+
+
+def test_a_constant_force_moves_a_person_as_exactly_known():
+    """u = f tau / m (1 - exp(-t / tau)), with the exponential update exact at every step."""
+    crowd = make_crowd([(0, 0)], mass=80.0, tau=0.5)
+    walk(Dem(), crowd, 70, explicit=False, forces=[Wind()])
+    expected = 0.5 / 80.0 * (1.0 - math.exp(-0.7 / 0.5)) * np.array([40.0, -30.0])
+    np.testing.assert_allclose(crowd.velocity[0], expected, rtol=1e-12)
+
+
+def test_place_velocity_and_desired_direction_are_those_of_the_person():
+    crowd = make_crowd([(2.0, 0), (-1.0, 3.0)], [(0.5, 0), (0, 0.1)], mass=80.0, tau=FREE)
+    engine = walk(Dem(), crowd, 1, h=1e-9, forces=[Spring(x=7.0)])
+    found = {int(row): push for row, push in zip(engine.state.bodies.row, engine.state.bodies.push, strict=True)}
+    np.testing.assert_allclose(found[0], [-14.0 - 1.5, 5.0])
+    np.testing.assert_allclose(found[1], [7.0, 5.0])
+
+
+@pytest.mark.parametrize("reach", [0.4, 3.0])
+def test_the_nearest_wall_is_found(reach):
+    """Forty people among slanted walls, against a search of all."""
+    walls = [(-5, -4, 4, -5), (4, -5, 5, 4), (0, 0, 1, 2), (-3, 3, -1, 3), (5, 4, -5, -4)]
+    crowd = random_crowd(40, (-4, -4), (4, 4), seed=5)
+    found = pushes(Seen(reach=reach), crowd.position, make_building(walls=walls))
+    expected = []
+    for place in crowd.position:
+        candidates = []
+        for x1, y1, x2, y2 in walls:
+            start, along = np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
+            share = np.clip(along @ (place - start) / (along @ along), 0.0, 1.0)
+            candidates.append(place - start - share * along)
+        away = min(candidates, key=np.linalg.norm)
+        distance = np.linalg.norm(away)
+        gap = distance - 0.2
+        expected.append(gap * away / distance if gap < reach else [0.0, 0.0])
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert ((found == 0.0).all(axis=1).sum() > 5) == (reach < 1.0)
+
+
+def test_walls_behind_a_portal_are_felt_and_those_of_another_storey_are_not():
+    bounds = ((0, 0, 2, 2), (2, 0, 4, 2), (0, 0, 4, 2))
+    walls, of_level = [(2.5, 0, 2.5, 2), (0, 0.6, 4, 0.6)], [1, 2]
+    building = make_building(bounds, walls, of_level, [(0, 1, (2, 0, 2, 2))])
+    found = pushes(Seen(reach=1.5), [(1.8, 1.0), (1.8, 1.0)], building, level=[0, 2])
+    np.testing.assert_allclose(found, [[-0.5, 0.0], [0.0, 0.2]], atol=1e-12)
+
+
+def test_a_closed_exit_is_a_wall():
+    building = make_building(exits=[(0, (2.0, -1.0, 2.0, 1.0))])
+    crowd = make_crowd([(1.5, 0.0)], radius=0.2, tau=FREE)
+    engine = make_engine(crowd, building, forces=[Seen()])
+    for is_open, expected in ((True, [0.0, 0.0]), (False, [-0.3, 0.0])):
+        set_open(engine.state.world, building.link_of(building.exits[0]), is_open)
+        engine.advance(Dem(), crowd, 0, 1, 1e-6, True, False)
+        np.testing.assert_allclose(engine.state.bodies.push[0], expected, atol=1e-9)
+
+
+def test_a_force_may_act_on_each_and_between_two():
+    found = pushes(Both(), [(0, 0), (0.9, 0)])
+    np.testing.assert_allclose(found, [[40.0 - 40.0, -30.0], [40.0 + 40.0, -30.0]])
+    engine = make_engine(make_crowd([(0, 0)]), forces=[Both(), Wind()])
+    assert list(engine.explain_forces()) == ["both", "wind"]
+
+
+def test_nothing_is_loaded_where_there_is_no_such_force():
+    engine = make_engine(make_crowd([(0, 0)]))
+    engine.load(Dem())
+    assert engine.state.parts.body_forces == engine.state.parts.forces == 0
+    assert add_body_forces not in engine.entries(Dem())
+    engine = make_engine(make_crowd([(0, 0)]), forces=[Wind()])
+    assert add_body_forces in engine.entries(Dem())
+    assert add_forces not in engine.entries(Dem())
+    engine.load(Dem())
+    assert engine.state.parts.forces == 0 != engine.state.parts.body_forces
+
+
+class Neither(Force):
+    """Names nothing."""
+
+    name = "neither"
+
+    def cutoff(self):
+        return 0.0
+
+
+class Swapped(Wind):
+    """Names a function between two people for one on each."""
+
+    name = "swapped"
+    body = apart
+
+
+@pytest.mark.parametrize(
+    ("force", "words"), [(Neither(), "'neither' names no function"), (Swapped(), "'swapped': body")]
+)
+def test_a_force_without_a_right_function_is_named(force, words):
+    with pytest.raises(PluginError, match=words):
+        make_engine(make_crowd([(0, 0)]), forces=[force]).load(Dem())

@@ -1,0 +1,191 @@
+"""Contact laws of one contact: Hertz against its exact collision, stability, and DEM written as such a law."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from evac.errors import PluginError, ScenarioError
+from evac.jit import pair_contact
+from evac.parameters import Parameter
+from evac.physics.contact_model import border_scene
+from evac.physics.pair_contact import PairContact
+from evac.physics.state import copy_of, make_crowd
+from evac_plugins.contact_dem import Dem
+from tests.physics.scenes import (
+    cut_wall,
+    fields_towards,
+    kinetic_energy,
+    make_building,
+    make_engine,
+    random_crowd,
+    walk,
+)
+
+FREE = 1e30
+
+
+@pair_contact
+def hertz(gap, closing_speed, reduced_mass, parameters):
+    return -parameters[0] * gap * math.sqrt(-gap)
+
+
+@pair_contact
+def linear(gap, closing_speed, reduced_mass, parameters):
+    return -parameters[0] * gap + parameters[1] * closing_speed
+
+
+@pair_contact
+def of_a_frequency(gap, closing_speed, reduced_mass, parameters):
+    return -reduced_mass * parameters[0] ** 2 * gap
+
+
+class Hertz(PairContact):
+    """Elastic spheres."""
+
+    name = "hertz"
+    pair = hertz
+    stiffness = Parameter(1e6, "K", unit="N/m^1.5")
+
+
+class Linear(PairContact):
+    """A spring and a damper."""
+
+    name = "linear"
+    pair = linear
+    stiffness = Parameter(1.2e5, "k", unit="kg/s2")
+    damping = Parameter(0.0, "c", unit="kg/s")
+
+
+class Tuned(PairContact):
+    """A spring of the same frequency for every pair."""
+
+    name = "tuned"
+    pair = of_a_frequency
+    frequency = Parameter(40.0, "omega", unit="1/s")
+
+
+def collide(model, masses, speed=2.0, h=1e-4):
+    """Let two people run head-on into each other at `speed` each."""
+    crowd = make_crowd([(-0.21, 0), (0.21, 0)], [(speed, 0), (-speed, 0)], radius=0.2, mass=masses, tau=FREE)
+    return crowd, walk(model, crowd, round(0.15 / h), h=h, tick=100)
+
+
+@pytest.mark.parametrize(("stiffness", "masses"), [(1e6, (80.0, 80.0)), (1e6, (60.0, 100.0)), (2e7, (80.0, 50.0))])
+def test_hertz_has_the_exact_overlap_and_duration(stiffness, masses):
+    """(5 m v^2 / 4K)^(2/5), and its integral of dt = dD / v(D) there and back, m being the reduced mass."""
+    crowd, engine = collide(Hertz(stiffness=stiffness), masses, h=1e-5)
+    reduced, speed = masses[0] * masses[1] / sum(masses), 4.0
+    deepest = (1.25 * reduced * speed**2 / stiffness) ** 0.4
+    duration = 2.0 * deepest / speed * quad(lambda x: 1.0 / math.sqrt(1.0 - x**2.5), 0.0, 1.0)[0]
+    report = engine.report()
+    assert report["greatest_overlap"] == pytest.approx(deepest, rel=1e-4)
+    assert report["contacts"] * 1e-5 == pytest.approx(duration, rel=1e-3)
+    assert kinetic_energy(crowd) == pytest.approx(2.0 * sum(masses), rel=1e-3)
+    assert report["sub_steps"] == report["steps"]
+
+
+def test_undamped_energy_is_kept_better_with_shorter_steps():
+    errors = [abs(kinetic_energy(collide(Hertz(), (80.0, 80.0), h=h)[0]) / 320.0 - 1.0) for h in (1e-3, 1e-4, 1e-5)]
+    assert errors[0] < 0.05
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[2] < 0.3 * errors[1]
+
+
+def test_percussions_account_for_what_a_damper_takes():
+    crowd, engine = collide(Linear(damping=800.0), (60.0, 100.0))
+    report = engine.report()
+    taken = report["contact_dissipation"] - report["contact_creation"]
+    assert 320.0 - kinetic_energy(crowd) == pytest.approx(taken, rel=1e-9)
+    assert 0.05 < taken / 320.0 < 0.9
+    assert crowd.mass @ crowd.velocity[:, 0] == pytest.approx(-80.0, abs=1e-9)
+
+
+def test_the_reduced_mass_is_that_of_the_pair_and_of_the_body_at_a_wall():
+    """Half a period of the frequency passes in every contact, whoever takes part."""
+    for masses in ((80.0, 80.0), (20.0, 140.0)):
+        engine = collide(Tuned(), masses)[1]
+        assert engine.report()["contacts"] * 1e-4 == pytest.approx(math.pi / 40.0, rel=5e-3)
+    crowd = make_crowd([(-0.21, 0)], [(2.0, 0)], radius=0.2, mass=55.0, tau=FREE)
+    engine = walk(Tuned(), crowd, 1500, h=1e-4, tick=100, building=make_building(walls=[(0, -3, 0, 3)]))
+    assert engine.report()["contacts"] * 1e-4 == pytest.approx(math.pi / 40.0, rel=5e-3)
+    assert crowd.velocity[0, 0] == pytest.approx(-2.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_dem_without_hardening_is_a_linear_law(levels):
+    """Thirty people at a door, and the same with a portal before it."""
+    walls = [(0, 0, 5, 0), (5, 0, 5, 1.6), (5, 2.4, 5, 4), (5, 4, 0, 4), *cut_wall(0, 4, 0, 0, 4)]
+    if levels == 1:
+        building = make_building(((0, 0, 6, 4),), walls, exits=[(0, (5.5, 0, 5.5, 4))])
+    else:
+        walls = [(0, 0, 4, 0), (4, 0, 5, 0), (5, 0, 5, 1.6), (5, 2.4, 5, 4), (5, 4, 4, 4), (4, 4, 0, 4), (0, 4, 0, 0)]
+        of_level = [0, 1, 1, 1, 1, 0, 0]
+        portal, door = (0, 1, (4, 0, 4, 4)), (1, (5.5, 0, 5.5, 4))
+        building = make_building(((0, 0, 4, 4), (4, 0, 6, 4)), walls, of_level, [portal], [door])
+    first = random_crowd(30, (2, 0), (4.9, 4), seed=3)
+    if levels == 2:
+        first.level[:] = first.position[:, 0] > 4.0
+    second, reports = copy_of(first), []
+    for model, crowd in ((Dem(hardening=1.0), first), (Linear(), second)):
+        engine = make_engine(crowd, building, fields_towards((6.5, 2), levels))
+        for step in range(0, 200, 10):
+            engine.advance(model, crowd, step, 10, 0.01, False, True)
+        reports.append(engine.report())
+    np.testing.assert_allclose(second.position, first.position, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(second.level, first.level)
+    assert reports[0]["contacts"] == reports[1]["contacts"] > 500
+    assert (first.level < 0).any()
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+@pytest.mark.parametrize(("model", "stiffness", "damping"), [
+    (Hertz(), 1.5e6 * math.sqrt(0.03), 0.0),
+    (Linear(damping=3000.0), 1.2e5, 3000.0),
+], ids=["hertz", "damped"])  # fmt: skip
+def test_a_step_is_cut_by_the_slopes_of_the_law(model, stiffness, damping, share):
+    """A body at rest against a wall, 0.03 m deep: unstable beyond h^2 k / m + 2 h c / m = 4."""
+    mass = 80.0
+    limit = (math.sqrt(damping**2 + 4.0 * stiffness * mass) - damping) / stiffness
+    crowd = make_crowd([(-0.17, 0)], radius=0.2, mass=mass, tau=FREE)
+    engine = walk(model, crowd, 1, h=share * limit, building=make_building(walls=[(0, -3, 0, 3)]))
+    assert (engine.report()["too_stiff_steps"] > 0) == (share > 1.0)
+
+
+def test_a_case_is_refused_whose_step_is_too_long_for_the_load_of_one_person():
+    """1600 N at k D: h^2 6k/m = 4 - 2h/tau with explicit driving, as of DEM."""
+    scene = border_scene(make_crowd([(0, 0)], mass=80.0, tau=0.1, speed=2.0), 0.01, True)
+    greatest = 3.8 * 80.0 / 6.0 / 1e-4
+    Linear(stiffness=0.99 * greatest).check_scene(scene)
+    with pytest.raises(ScenarioError, match=r"simulation\.step.*'linear'.*contact\.linear"):
+        Linear(stiffness=1.01 * greatest).check_scene(scene)
+    with pytest.raises(ScenarioError, match=r"simulation\.step"):
+        Hertz(stiffness=1e8).check_scene(scene)
+    Hertz().check_scene(scene)
+
+
+def test_bodies_push_and_do_not_pull():
+    """A damper alone brakes while the overlap grows, and holds nobody back after."""
+    crowd = make_crowd([(-0.19, 0), (0.19, 0)], [(-1, 0), (1, 0)], radius=0.2, tau=FREE)
+    walk(Linear(stiffness=0.0, damping=1e3), crowd, 20)
+    np.testing.assert_array_equal(crowd.velocity[:, 0], [-1.0, 1.0])
+
+
+class Without(PairContact):
+    """Has no law."""
+
+    name = "without"
+
+
+class Wrong(PairContact):
+    """Has a kernel of another signature for one."""
+
+    name = "wrong"
+    pair = Dem.law
+
+
+@pytest.mark.parametrize("model", [Without(), Wrong()])
+def test_a_model_without_the_law_of_a_contact_is_named(model):
+    with pytest.raises(PluginError, match=rf"contact model '{model.name}': pair must be a kernel"):
+        walk(model, make_crowd([(0, 0)]), 1)
