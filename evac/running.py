@@ -40,6 +40,7 @@ def run(
     *,
     full: bool = False,
     checkpoint: float | None = None,
+    threads: int | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Run a case to its end and return the results.
@@ -55,6 +56,9 @@ def run(
         Include the parts that the scene does not need: identical results, slower.
     checkpoint : float, optional
         Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
+    threads : int, optional
+        Number of threads that share the steps, at most one per core; None chooses it by the number of people. The
+        results are identical.
     progress : callable or bool, optional
         Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
         notebook, True also prints lines elsewhere, False shows nothing.
@@ -81,9 +85,9 @@ def run(
         if checkpoint is not None:
             raise ScenarioError("checkpoint: needs a result folder; give `folder`")
         with displayed(progress) as shown:
-            return Simulation(case, None, full).run(shown)
+            return Simulation(case, None, full, threads=threads).run(shown)
     with ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, place.running, full)
+        simulation = Simulation(case, place.running, full, threads=threads)
         place.start()
         return _run_interruptible(simulation, place, shown, checkpoint)
 
@@ -96,6 +100,7 @@ def resume(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     checkpoint: float | None = None,
+    threads: int | None = None,
     allow_differences: bool = False,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
@@ -114,6 +119,8 @@ def resume(
         As for `evac.load`: those that the run was given in addition to those of its case.
     checkpoint : float, optional
         Wall time between two checkpoints [s]; by default that of the interrupted run.
+    threads : int, optional
+        As for `run`.
     allow_differences : bool
         Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
         from those of a run without interruption, and the summary lists the differences.
@@ -137,7 +144,7 @@ def resume(
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
-        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences)
+        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
         return _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
 
 
@@ -148,6 +155,7 @@ def resumed(
     plugin_files: Iterable[str | Path] = (),
     registry: "Registry | None" = None,
     allow_differences: bool = False,
+    threads: int | None = None,
     compiling: Callable[[int, int], None] | None = None,
     announce: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
@@ -168,7 +176,7 @@ def resumed(
     case = found.case(overrides, plugin_files, before.registry) if overrides else before
     differences = found.differences(before)
     _check_differences(found.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, bool(found.header["full"]), compiling=compiling)
+    simulation = Simulation(case, place.running, bool(found.header["full"]), threads=threads, compiling=compiling)
     differences += found.simulation_differences(simulation)
     _check_differences(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)

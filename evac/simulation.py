@@ -32,6 +32,7 @@ from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
+from evac.physics.threads import number_of_threads
 from evac.registry import Registry
 from evac.scenario.trust import run_plugin_files
 from evac.scene import Ground, Scene, make_ground
@@ -55,6 +56,8 @@ class Simulation:
         Ground of a simulation whose case has the same `evac.assembly.ground_key`; computed if not given.
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
+    threads : int, optional
+        Number of threads that share the step loop, as for `evac.run`.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
@@ -92,11 +95,12 @@ class Simulation:
         *,
         ground: Ground | None = None,
         will_run: bool = True,
+        threads: int | None = 1,
         compiling: Compiling | None = None,
     ) -> None:
         self.case = case = run_plugin_files(case)
         self.registry: Registry = case.registry
-        self.folder, self.full = folder, full
+        self.folder, self.full, self._wanted_threads = folder, full, threads
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
@@ -141,7 +145,8 @@ class Simulation:
             with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
                 self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers)
+        threads = number_of_threads(self._wanted_threads, n, self.contact)
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:
         """Record the initial state of people and call `prepare` of the behaviours."""
@@ -151,8 +156,7 @@ class Simulation:
         self._watch = Watch(crowd.radius, self.case.simulation.tick, self.case.output.every)
         self._ending = Ending(self.case.simulation, len(crowd.level), len(self.fields.routes))
         self._acts: dict[str, bool] = {}
-        self._version = self.scene.version
-        self._force_is_read = False
+        self._version, self._force_is_read = self.scene.version, False
         for behaviour, scene in self.behaviours:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 self._force_is_read |= "contact_force" in behaviour.reads
@@ -253,6 +257,7 @@ class Simulation:
                 error = caught
                 raise
             finally:
+                self.engine.end_threads()
                 self.recording.finish(self, self.registry, results, error)
         return replace(results, phases=self.phases.seconds())
 
@@ -274,15 +279,10 @@ class Simulation:
             self._act()
         crowd = self.population.crowd
         before = crowd.position.copy()
+        reports = is_output or self.step + steps == settings.last_step or self._force_is_read
         with self.phases.enter("physics"):
             events = self.engine.advance(
-                self.contact,
-                crowd,
-                self.step,
-                steps,
-                settings.step,
-                settings.is_explicit,
-                is_output or self.step + steps == settings.last_step or self._force_is_read,
+                self.contact, crowd, self.step, steps, settings.step, settings.is_explicit, reports
             )
         with self.phases.enter("recording"):
             self.step += steps

@@ -41,7 +41,7 @@ def spring(state: State, own: Spring, h: float) -> int:
     bodies, contacts = state.bodies, state.contacts
     if _is_too_stiff(state, own, h):
         return TOO_STIFF
-    use_free_velocity(bodies)
+    use_free_velocity(state)
     onset = max(own.hardening * bodies.smallest, own.least)
     for c in range(contacts.number):
         overlap = -min(0.0, contacts.gap[c])

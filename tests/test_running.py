@@ -4,15 +4,17 @@ import io
 import json
 import signal
 import textwrap
+import threading
 import time
 from pathlib import Path
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 import evac
 from evac.ending import INTERRUPTED, Stopped
-from evac.errors import PluginError, ResultError, SimulationError
+from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.output.resultfolder import ResultFolder
 from evac.running import run
 from evac.simulation import Simulation
@@ -276,3 +278,26 @@ def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeyp
     with pytest.raises(ResultError, match="no picture"):
         run(evac.load("square_room", {"simulation.duration": 0.1}), tmp_path / "r")
     assert {"egress.csv", "people.csv", "summary.json"} <= {path.name for path in (tmp_path / "r").iterdir()}
+
+
+def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path):
+    changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
+    case = evac.load("square_room", changes)
+    before = threading.active_count()
+    wanted = run(case, threads=1)
+
+    def stop(state):
+        if state.time > 1.0:
+            raise Stopped
+
+    run(case, tmp_path / "r", threads=2, progress=stop)
+    found = evac.resume(tmp_path / "r", threads=1)
+    assert threading.active_count() == before
+    for name in wanted.crowd.kinds:
+        np.testing.assert_array_equal(getattr(found.crowd, name), getattr(wanted.crowd, name), err_msg=name)
+    assert found.report == wanted.report
+
+
+def test_no_threads_are_refused():
+    with pytest.raises(ScenarioError, match="threads"):
+        run("square_room", threads=0)

@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 from evac.cli.cases import announce_plugin_file, declare_plugin
-from evac.cli.run import declare_checkpoint
+from evac.cli.run import declare_checkpoint, declare_threads
 from evac.display import Display
 
 
@@ -30,6 +30,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="another result folder, with records from the checkpoint on"
     )
     declare_checkpoint(parser, "as the interrupted run")
+    declare_threads(parser)
     parser.add_argument(
         "--allow-differences",
         action="store_true",
@@ -53,6 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 arguments.overrides,
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
+                threads=arguments.threads,
                 compiling=display.compiling,
                 announce=announce_plugin_file,
             )

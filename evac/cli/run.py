@@ -28,6 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="choose time step and solver tolerances for this error of positions, instead of those of the case",
     )
     declare_checkpoint(parser, "none")
+    declare_threads(parser)
 
 
 def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
@@ -37,6 +38,16 @@ def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
         type=_seconds,
         metavar="S",
         help=f"save a checkpoint every S seconds of wall time, for `evac resume` (default: {default})",
+    )
+
+
+def declare_threads(parser: argparse.ArgumentParser) -> None:
+    """Add --threads to a command."""
+    parser.add_argument(
+        "--threads",
+        type=_threads,
+        metavar="N",
+        help="share the steps among N threads, at most one for each core: the same results (default: by size)",
     )
 
 
@@ -62,11 +73,19 @@ def execute(arguments: argparse.Namespace) -> int:
                 hint = f" (evac resume {place.path} would have continued it)" if has_state else ""
                 display.line(f"evac: replacing {place.running} of an unfinished run{hint}")
             display.phase("reading the building, computing directions")
-            simulation = Simulation(case, place.running, arguments.full, compiling=display.compiling)
+            simulation = Simulation(
+                case, place.running, arguments.full, threads=arguments.threads, compiling=display.compiling
+            )
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
     show_run(results, {f"{key} (from --tolerance)": value for key, value in chosen.items()})
     return status
+
+
+def _threads(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError("must be a whole number, at least 1")
+    return int(text)
 
 
 def _seconds(text: str) -> float:

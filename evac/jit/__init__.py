@@ -38,6 +38,7 @@ __all__ = [
     "Quads",
     "Struct",
     "Triples",
+    "acquire",
     "body_force",
     "call_body_force",
     "call_pair_contact",
@@ -47,6 +48,8 @@ __all__ = [
     "kernel",
     "pair_contact",
     "pair_force",
+    "pause",
+    "release",
     "row",
 ]
 
@@ -55,6 +58,13 @@ fused = Intrinsic("fused", lambda a, b, c: a * b + c)
 
 #: Return row k of a grid as an array.
 row = Intrinsic("row", lambda grid, k: grid[k])
+
+#: Read and write number k of an array that another thread writes and reads: what it wrote before is seen after.
+acquire = Intrinsic("acquire", lambda array, k: array[k])
+release = Intrinsic("release", lambda array, k, value: array.__setitem__(k, value))
+
+#: Let the processor rest for a moment in a loop that waits for another thread.
+pause = Intrinsic("pause", lambda: 0)
 
 #: Call the pair force at an address with gap, nx, ny, ex, ey and its parameters: (fx, fy) [N].
 call_pair_force = AddressCall([float, float, float, float, float, Floats], (float, float))

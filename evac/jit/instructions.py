@@ -279,6 +279,30 @@ def _row_type(args: Any) -> Any:
     return signature(RowType(args[0].kind.dtype), args[0], types.int64)
 
 
+def _acquire(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
+    return builder.load_atomic(place, "acquire", 8)
+
+
+def _release(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
+    builder.store_atomic(args[2], place, "release", 8)
+    return args[2]
+
+
+def _pause(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    triple = builder.module.triple
+    if triple.startswith(("x86", "i686")):
+        builder.call(
+            builder.module.declare_intrinsic("llvm.x86.sse2.pause", (), ir.FunctionType(ir.VoidType(), [])), []
+        )
+    elif triple.startswith(("aarch64", "arm64")):
+        number = ir.IntType(32)
+        hint = builder.module.declare_intrinsic("llvm.aarch64.hint", (), ir.FunctionType(ir.VoidType(), [number]))
+        builder.call(hint, [number(1)])
+    return ir.Constant(_WORD, 0)
+
+
 @lower_cast(RowType, BufferType)
 def _make_header(context: Any, builder: Any, given: RowType, wanted: BufferType, value: Any) -> Any:
     """Make a header of a row for a call of an address; only the callee reads it."""
@@ -325,6 +349,9 @@ _THREE = signature(types.float64, types.float64, types.float64, types.float64)
 _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "fused": (lambda args: _THREE, _fused),
     "row": (_row_type, _row),
+    "acquire": (lambda args: signature(types.int64, args[0], types.int64), _acquire),
+    "release": (lambda args: signature(types.int64, args[0], types.int64, types.int64), _release),
+    "pause": (lambda args: signature(types.int64), _pause),
 }
 
 _known: dict[Any, types.Type] = {}

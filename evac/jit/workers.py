@@ -85,7 +85,7 @@ def compile_tasks(
 
     tell()
     importable = [task for task in tasks if _source(task.entry)]
-    shares = divide(importable, min(_cores(), len(importable))) if sys.executable else []
+    shares = divide(importable, min(cores(), len(importable))) if sys.executable else []
     if len(shares) > 1:
         with closing(_compile_elsewhere(shares, processor, store, tell)) as found:
             for task, code in found:
@@ -137,7 +137,8 @@ def divide(tasks: Sequence[Task], most: int) -> list[list[Task]]:
     return best
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from evac.jit import Struct
 from evac.jit.layout import Array
 from evac.physics import tallies as at
+from evac.physics.pieces import CHUNK
 from evac.physics.state import (
     Bodies,
     Clock,
@@ -17,6 +18,7 @@ from evac.physics.state import (
     Parts,
     Problem,
     State,
+    Team,
     Traits,
     WarmStart,
     World,
@@ -48,7 +50,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
     """Return the state of a run with a given number of people before its first step."""
     return State(
         world=world,
-        bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2))),
+        bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2)), work=np.zeros(people // CHUNK + 1)),
         lists=make_lists(people, 8 * people + 64, 8 * people + 64),
         contacts=make_contacts(4 * people + 64),
         warm_start=make_warm_start(4 * people + 64),
@@ -59,6 +61,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
         body_forces=body_forces,
         traits=allocate(Traits, 0),
         parts=allocate(Parts, 0, parameters=Struct()),
+        team=allocate(Team, 0),
         tally=np.zeros(len(at.NAMES)),
         tally_before=np.zeros(len(at.NAMES)),
     )

@@ -9,6 +9,7 @@ import math
 from evac.jit import inner
 from evac.physics.drive import unit_normal
 from evac.physics.neighbours import segment_distance
+from evac.physics.pieces import TAKE, call_team
 from evac.physics.seams import touches
 from evac.physics.status import CONTACTS_FULL, NEAR_WALLS_FULL, OK
 
@@ -17,12 +18,13 @@ IMPLIED = 1e-9
 
 
 @inner
-def set_reach(bodies, h, share, floor):
-    """Set the search distance of each body for contacts, at least `floor` [m].
+def set_reach(bodies, first, last, h, share):
+    """Set the search distance of some bodies for contacts, at least ``bodies.reach_floor``.
 
     It is `share` of the free path in the step or of the last path, whichever is longer, since pushes usually persist.
     """
-    for i in range(bodies.inside):
+    floor = bodies.reach_floor
+    for i in range(first, last):
         if share == 0.0:
             bodies.reach[i] = floor
         elif bodies.level[i] >= 0:
@@ -112,8 +114,8 @@ def _sort_walls_by_key(near, kept, found):
 
 
 @inner
-def find_contacts(state):
-    """Find all pairs and walls whose gap is below the reach; return a status.
+def find_contacts(state, first, last):
+    """Find all pairs and walls of some bodies whose gap is below the reach; return a status.
 
     The reach of a pair is the sum of both reaches. Contacts are sorted by body, walls (by index) before bodies.
     """
@@ -122,7 +124,7 @@ def find_contacts(state):
     walls = world.wall.shape[0]
     near = contacts.near
     used, memory = 0, 0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         level = bodies.level[i]
         if level < 0:
             continue
@@ -145,8 +147,8 @@ def find_contacts(state):
                 gap = near[k, 0] - r
                 memory = _append(state, used, memory, i, -1, key, near[k, 1], near[k, 2], gap, omega)
                 used += 1
-        for k in range(_pick_near(bodies, lists, i)):
-            j = bodies.picked[k]
+        for k in range(_pick_near(bodies, lists, contacts.picked, i)):
+            j = contacts.picked[k]
             if not touches(state, level, x, y, bodies.level[j], bodies.position[j, 0], bodies.position[j, 1]):
                 continue
             if used == capacity:
@@ -161,7 +163,7 @@ def find_contacts(state):
 
 
 @inner
-def _pick_near(bodies, lists, i):
+def _pick_near(bodies, lists, found, i):
     """Pick the bodies listed for body i that are within both reaches; return their number.
 
     Each is written down, and kept by counting it: no processor foresees a branch on who is near.
@@ -172,7 +174,7 @@ def _pick_near(bodies, lists, i):
         j = lists.pair_body[slot]
         dx, dy = x - bodies.position[j, 0], y - bodies.position[j, 1]
         limit = r + bodies.radius[j] + bodies.reach[j]
-        bodies.picked[picked] = j
+        found[picked] = j
         picked += (dx * dx + dy * dy <= limit * limit) & (bodies.level[j] >= 0)
     return picked
 
@@ -231,9 +233,18 @@ def tangential_velocity(velocity, contacts, c):
 
 
 @inner
-def use_free_velocity(bodies):
-    """Set the velocity after the sub-step to the free velocity, as without contacts."""
-    for i in range(bodies.inside):
+def use_free_velocity(state):
+    """Set the velocities after the sub-step to the free velocities, as without contacts."""
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, TAKE)
+    else:
+        take_velocities(state.bodies, 0, state.bodies.inside)
+
+
+@inner
+def take_velocities(bodies, first, last):
+    """Set the velocities of some bodies after the sub-step to their free velocities."""
+    for i in range(first, last):
         bodies.solved[i, 0] = bodies.free[i, 0]
         bodies.solved[i, 1] = bodies.free[i, 1]
 

@@ -45,20 +45,20 @@ def _with_extra_direction(people, i, ex, ey):
 
 
 @inner
-def _read_directions(fields, bodies):
+def _read_directions(fields, bodies, first, last):
     """Read the directions at the nodes around the bodies that have moved to another cell.
 
     Most are not in the caches. No branch depends on the values, so that the processor can read many at a time.
     """
-    arrived = 0
-    for i in range(bodies.inside):
+    arrived = first
+    for i in range(first, last):
         level = bodies.level[i]
         if level >= 0:
             node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
             bodies.picked[arrived] = i
             arrived += (node != bodies.node[i]) & (node >= 0)
             bodies.node[i] = node
-    for k in range(arrived):
+    for k in range(first, arrived):
         i = bodies.picked[k]
         low = bodies.node[i]
         high = low + fields.shape[bodies.level[i], 1]
@@ -70,11 +70,11 @@ def _read_directions(fields, bodies):
 
 
 @inner
-def set_desired(world, bodies):
-    """Set the unit desired direction of every body from its position, and set the forces to zero."""
+def set_desired(world, bodies, first, last):
+    """Set the unit desired directions of some bodies from their positions, and set the forces to zero."""
     fields = world.fields
-    _read_directions(fields, bodies)
-    for i in range(bodies.inside):
+    _read_directions(fields, bodies, first, last)
+    for i in range(first, last):
         bodies.push[i, 0] = 0.0
         bodies.push[i, 1] = 0.0
         level = bodies.level[i]
@@ -145,7 +145,7 @@ def unit_normal(nx, ny, square):
 
 
 @kernel
-def drive(state: State) -> float:
+def drive(state: State, first: int, last: int) -> float:
     """Set ``bodies.free``, the velocity after the sub-step without contacts; return the largest speed [m/s].
 
     Integrates eq. 33 by explicit Euler as in the paper, or by the exact solution of its linear term with
@@ -154,11 +154,10 @@ def drive(state: State) -> float:
     world, bodies = state.world, state.bodies
     time, h, explicit = state.clock.time, state.clock.h, state.clock.explicit
     if not explicit and bodies.relaxation_step != h:
-        for i in range(bodies.inside):
+        for i in range(first, last):
             bodies.relaxation[i] = -math.expm1(-h / bodies.tau[i])
-        bodies.relaxation_step = h
     fastest = 0.0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         if bodies.level[i] < 0:
             continue
         vx = 0.0
@@ -185,11 +184,11 @@ def drive(state: State) -> float:
 
 
 @kernel
-def drive_overdamped(state: State) -> float:
+def drive_overdamped(state: State, first: int, last: int) -> float:
     """Set ``bodies.free`` to the steady velocity of eq. 33, v e_d + tau f / m; return the largest speed [m/s]."""
     world, bodies, time = state.world, state.bodies, state.clock.time
     fastest = 0.0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         if bodies.level[i] < 0:
             continue
         vx = bodies.tau[i] / bodies.mass[i] * bodies.push[i, 0]
@@ -206,4 +205,4 @@ def drive_overdamped(state: State) -> float:
 
 
 #: Call `drive` or `drive_overdamped` at its address: it sets the free velocities and returns the largest speed [m/s].
-call_drive = AddressCall([State], (float,))
+call_drive = AddressCall([State, int, int], (float,))

@@ -23,11 +23,13 @@ from evac.physics.contacts import (
     set_reach,
 )
 from evac.physics.drive import call_add_forces, call_drive, set_desired
-from evac.physics.motion import add_contact_work, move
+from evac.physics.motion import add_contact_work, move, remember
 from evac.physics.neighbours import build_lists
 from evac.physics.overlaps import call_separate
+from evac.physics.pieces import CHUNK, DRIVE, FIND, LIST, LOOK, MOVE, OPEN, REACH, call_team
 from evac.physics.state import Bodies, Crowd, State
 from evac.physics.status import (
+    EVENTS_FULL,
     FIRST_MISSING_PART,
     NEEDS_SEPARATION,
     OK,
@@ -167,7 +169,10 @@ def set_clock(state: State, part: int, parts: int) -> None:
 def approach(state: State) -> int:
     """Set the free velocities and find the contacts in reach; return a status."""
     bodies, traits, h = state.bodies, state.traits, state.clock.h
-    set_desired(state.world, bodies)
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, LOOK)
+    else:
+        set_desired(state.world, bodies, 0, bodies.inside)
     if state.parts.forces != 0:
         status = _renew_lists(state, state.forces.farthest, 0.0, 0.0)
         if status == OK:
@@ -180,13 +185,21 @@ def approach(state: State) -> int:
             status = call_add_forces(state.parts.body_forces, state)
         if status != OK:
             return status
-    fastest = call_drive(state.parts.drive, state)
+    if state.parts.team != 0:
+        fastest = call_team(state.parts.team, state, DRIVE)
+    else:
+        fastest = call_drive(state.parts.drive, state, 0, bodies.inside)
+    bodies.relaxation_step = h
     bodies.fastest = fastest
     state.tally[at.GREATEST_SPEED] = max(state.tally[at.GREATEST_SPEED], fastest)
     if _is_too_fast(bodies, h, traits.longest_path * bodies.smallest):
         return TOO_FAST
     floor = max(traits.reach_floor, traits.reach_fastest * h * fastest)
-    set_reach(bodies, h, traits.reach_share, floor)
+    bodies.reach_floor = floor
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, REACH)
+    else:
+        set_reach(bodies, 0, bodies.inside, h, traits.reach_share)
     status = search(state, 0.0, 2.0 * max(traits.reach_share * h * fastest, floor) + h * fastest)
     if status == OK:
         _tally_contacts(state)
@@ -199,7 +212,9 @@ def search(state, pairs, contacts):
     status = _renew_lists(state, pairs, 0.0, contacts)
     if status != OK:
         return status
-    return find_contacts(state)
+    if state.parts.team != 0:
+        return int(call_team(state.parts.team, state, FIND))
+    return find_contacts(state, 0, state.bodies.inside)
 
 
 @inner
@@ -217,7 +232,10 @@ def _renew_lists(state, pairs, walls, contacts):
         lists.wall_reach = max(walls, 1.25 * contacts)
         lists.stale = 1
     if lists.stale:
-        status = build_lists(state.world, state.bodies, lists)
+        if state.parts.team != 0:
+            status = int(call_team(state.parts.team, state, LIST))
+        else:
+            status = build_lists(state.world, state.bodies, lists)
         if status == OK:
             state.tally[at.LIST_BUILDS] += 1.0
         return status
@@ -283,19 +301,24 @@ def conclude(state: State) -> int:
     if traits.remembers:
         keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
-    return move(state, clock.time, clock.h, traits.old_share, True)
+    if state.parts.team != 0:
+        status = int(call_team(state.parts.team, state, MOVE))
+    else:
+        status = move(state, 0, bodies.inside, clock.time, clock.h, traits.old_share, True)
+    if status == OK and not traits.overdamped:
+        for chunk in range((bodies.inside + CHUNK - 1) // CHUNK):
+            tally[at.DRIVING_WORK] += bodies.work[chunk]
+    return status
 
 
 @kernel
 def open_step(state: State) -> None:
     """Save bodies, sums, events and percussions at the start of a step."""
     bodies, memory = state.bodies, state.warm_start
-    for i in range(bodies.inside):
-        for k in range(2):
-            bodies.old_position[i, k] = bodies.position[i, k]
-            bodies.old_velocity[i, k] = bodies.velocity[i, k]
-        bodies.old_level[i] = bodies.level[i]
-        bodies.old_distance[i] = bodies.distance[i]
+    if state.parts.team != 0:
+        call_team(state.parts.team, state, OPEN)
+    else:
+        remember(bodies, 0, bodies.inside)
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number
@@ -309,7 +332,8 @@ def cut(state: State, status: int, parts: int) -> int:
     """Undo the step; return the number of parts to try next, 0 if further subdivision does not help.
 
     The sub-steps start without warm start percussions, except if the step is only repeated because a part had to be
-    loaded. Neighbour lists that have been built are kept, and so is their count.
+    loaded. Neighbour lists that have been built are kept, and so is their count; after a failed move they are stale,
+    since other threads may have moved bodies that one thread had not reached.
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     state.clock.parts = parts
@@ -324,6 +348,8 @@ def cut(state: State, status: int, parts: int) -> int:
         if bodies.level[i] != bodies.old_level[i]:
             bodies.level[i] = bodies.old_level[i]
             state.lists.stale = 1
+    if status in (WALL_CROSSED, TOO_FAST, EVENTS_FULL):
+        state.lists.stale = 1
     state.events.number = state.events.number_before
     for k in range(tally.shape[0]):
         tally[k] = state.tally_before[k]

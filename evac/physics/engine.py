@@ -1,6 +1,7 @@
 """The engine, which owns the state of the step loop and makes the steps of a tick."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,8 @@ from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
+from evac.physics.team import conduct, serve
+from evac.physics.threads import Threads
 
 #: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
@@ -66,6 +69,8 @@ class Engine:
         Names of the levels, for messages; otherwise messages show level indices.
     solvers : mapping of str to type
         Registered solvers by name, see `Registry.solvers`.
+    threads : int
+        Threads that share the step loop; their number does not change the results.
 
     Attributes
     ----------
@@ -80,6 +85,7 @@ class Engine:
         full: bool = False,
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
+        threads: int = 1,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -89,6 +95,7 @@ class Engine:
         self._body_forces = [force for force in self._forces if force.body is not None]
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
+        self.threads = Threads(self.state, threads) if threads > 1 else None
         self._model: ContactModel | None = None
 
     def advance(
@@ -107,13 +114,22 @@ class Engine:
             clock.now, clock.last, clock.step, clock.parts = first, first + steps, step, 1
             clock.explicit, clock.report_force, clock.full = int(explicit), int(report), int(self.full)
             while clock.now < clock.last:
-                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"):
+                with plugin_code(f"t = {clock.now * step:.3f} s: contact model {model.name!r}"), self._served(model):
                     found = model.advance(self)
                 if found != status.OK:
                     self._handle(model, int(found), clock.now * step)
         state.tally[at.STEPS] += steps
         driver.scatter(crowd, state.bodies)
         return state.events
+
+    def _served(self, model: ContactModel) -> AbstractContextManager[None]:
+        """Let threads serve the loop, unless it is in Python, where they would wait too long."""
+        return nullcontext() if self.threads is None or model.law is None else self.threads.serving()
+
+    def end_threads(self) -> None:
+        """End the threads, if there are any."""
+        if self.threads is not None:
+            self.threads.end()
 
     def _gather(self, model: ContactModel, crowd: Crowd) -> int:
         """Copy the people inside to the bodies, in the order that the model requires; return their number."""
@@ -166,7 +182,8 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full)
+        shared = [] if self.threads is None or model.law is None else [conduct, serve]
+        return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full) + shared
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:
         """Return the optional parts of the step loop: name, whether it is included, and the reason."""

@@ -6,12 +6,24 @@ from evac.jit import inner
 from evac.physics import tallies as at
 from evac.physics.contacts import normal_velocity, tangential_velocity
 from evac.physics.neighbours import segment_distance
+from evac.physics.pieces import CHUNK
 from evac.physics.seams import crossing, touches
 from evac.physics.sight import passes_through
 from evac.physics.status import EVENTS_FULL, NOT_FINITE, OK, TOO_FAST, WALL_CROSSED
 
 PORTAL = 0
 EXIT = 1
+
+
+@inner
+def remember(bodies, first, last):
+    """Remember some bodies as they are at the start of a step."""
+    for i in range(first, last):
+        for k in range(2):
+            bodies.old_position[i, k] = bodies.position[i, k]
+            bodies.old_velocity[i, k] = bodies.velocity[i, k]
+        bodies.old_level[i] = bodies.level[i]
+        bodies.old_distance[i] = bodies.distance[i]
 
 
 @inner
@@ -67,17 +79,21 @@ def _cross_links(state, i, ax, ay, bx, by, time, h):
 
 
 @inner
-def move(state, time, h, old_share, is_walk):
-    """Move all bodies by h times the velocity ``bodies.solved``; return a status.
+def move(state, first, last, time, h, old_share, is_walk):
+    """Move some bodies, from the first of a chunk on, by h times the velocity ``bodies.solved``; return a status.
 
     The velocity includes the share `old_share` of the old one. If `is_walk`, the path is added to the distance, up to
-    an exit, and the driving work m (V - u).(u + u+)/2 with the free velocity V to the tally, unless bodies have no
-    inertia. Lists become stale when a body has moved by half their skin.
+    an exit, and the driving work m (V - u).(u + u+)/2 with the free velocity V is summed for each chunk, unless bodies
+    have no inertia. Lists become stale when a body has moved by half their skin.
     """
     bodies, lists, events, full = state.bodies, state.lists, state.events, state.clock.full
-    work, works = state.tally[at.DRIVING_WORK], is_walk and not state.traits.overdamped
+    works = is_walk and not state.traits.overdamped
+    work = 0.0
     stale_beyond = (0.5 * lists.skin) ** 2
-    for i in range(bodies.inside):
+    for i in range(first, last):
+        if i % CHUNK == 0 and i > first:
+            bodies.work[i // CHUNK - 1] = work
+            work = 0.0
         if bodies.level[i] < 0:
             continue
         ux, uy = bodies.solved[i, 0], bodies.solved[i, 1]
@@ -92,14 +108,14 @@ def move(state, time, h, old_share, is_walk):
         bx = ax + h * mx
         by = ay + h * my
         if not (math.isfinite(bx) and math.isfinite(by)):
-            bodies.failed = i
+            bodies.failed = events.failed = i
             return NOT_FINITE
         path = h * math.sqrt(mx * mx + my * my)
         if path > bodies.radius[i] + lists.wall_reach + 0.5 * lists.skin:
-            bodies.failed = i  # beyond the walls in the lists
+            bodies.failed = events.failed = i  # beyond the walls in the lists
             return TOO_FAST
         if (full or path >= bodies.wall_distance[i]) and _crosses_wall(state, i, ax, ay, bx, by):
-            bodies.failed = i
+            bodies.failed = events.failed = i
             return WALL_CROSSED
         bodies.position[i, 0] = bx
         bodies.position[i, 1] = by
@@ -116,7 +132,8 @@ def move(state, time, h, old_share, is_walk):
         dx, dy = bx - bodies.built_position[i, 0], by - bodies.built_position[i, 1]
         if dx * dx + dy * dy > stale_beyond and bodies.level[i] >= 0:
             lists.stale = 1
-    state.tally[at.DRIVING_WORK] = work
+    if last > first:
+        bodies.work[(last - 1) // CHUNK] = work
     return OK
 
 

@@ -27,21 +27,19 @@ def segment_distance(x1, y1, x2, y2, px, py):
 @inner
 def build_lists(world, bodies, lists):
     """Build the lists of bodies and walls; return OK, PAIRS_FULL or WALLS_FULL."""
-    status = _build_pairs(world, bodies, lists)
-    if status == OK:
-        status = _build_walls(world, bodies, lists)
-    if status != OK:
-        return status
-    _flag_links(world, bodies, lists)
-    for i in range(bodies.inside):
-        bodies.built_position[i, 0] = bodies.position[i, 0]
-        bodies.built_position[i, 1] = bodies.position[i, 1]
+    n = bodies.inside
+    sort_into_cells(bodies, lists)
+    if list_pairs(world, bodies, lists, lists.pair_body, 0, n)[0] < 0:
+        return PAIRS_FULL
+    if list_walls(world, bodies, lists, lists.wall_item, 0, n) < 0:
+        return WALLS_FULL
     lists.stale = 0
     return OK
 
 
 @inner
-def _build_pairs(world, bodies, lists):
+def sort_into_cells(bodies, lists):
+    """Sort the bodies into cells, and begin both lists."""
     n = bodies.inside
     greatest = 0.0
     inside = 0
@@ -50,16 +48,25 @@ def _build_pairs(world, bodies, lists):
             inside += 1
             greatest = max(greatest, bodies.radius[i])
     lists.pair_start[0] = 0
+    lists.wall_start[0] = 0
     if inside == 0:
         for i in range(n):
-            lists.pair_start[i + 1] = 0
-        return OK
-    span = lists.pair_reach + lists.skin
-    size = 2.0 * greatest + span
+            lists.cell_of[i] = -1
+        return
+    size = 2.0 * greatest + lists.pair_reach + lists.skin
     nx, ny = fill_cells(n, bodies.position, bodies.level, size, lists.cell_start, lists.cell_of, lists.cell_body)
-    capacity = lists.pair_body.shape[0]
-    used = 0
-    for i in range(n):
+    lists.cells_x = nx
+    lists.cells_y = ny
+
+
+@inner
+def list_pairs(world, bodies, lists, pair_body, low_body, high_body):
+    """List the pairs of some bodies in `pair_body`; return their number, -1 if too many, and the room it takes."""
+    span = lists.pair_reach + lists.skin
+    nx, ny = lists.cells_x, lists.cells_y
+    capacity = pair_body.shape[0]
+    used, room = 0, 0
+    for i in range(low_body, high_body):
         first = used
         cell = lists.cell_of[i]
         if cell >= 0:
@@ -70,8 +77,9 @@ def _build_pairs(world, bodies, lists):
             for cx in range(max(column - 1, 0), min(column + 2, nx)):
                 low = lists.cell_start[cx * ny + max(row - 1, 0)]
                 high = lists.cell_start[cx * ny + min(row + 2, ny)]
-                if used + high - low > capacity:
-                    return PAIRS_FULL
+                room = max(room, used + high - low)
+                if room > capacity:
+                    return -1, room
                 for slot in range(low, high):
                     j = lists.cell_body[slot]
                     dx = bodies.position[j, 0] - x
@@ -79,11 +87,11 @@ def _build_pairs(world, bodies, lists):
                     limit = r + bodies.radius[j]
                     is_linked = world.linked[level, bodies.level[j]] != 0
                     # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
-                    lists.pair_body[used] = j
+                    pair_body[used] = j
                     used += (dx * dx + dy * dy < limit * limit) & (j > i) & is_linked
-            _sort(lists.pair_body, first, used)
+            _sort(pair_body, first, used)
         lists.pair_start[i + 1] = used
-    return OK
+    return used, room
 
 
 @inner
@@ -99,14 +107,18 @@ def _sort(numbers, first, last):
 
 
 @inner
-def _build_walls(world, bodies, lists):
-    capacity = lists.wall_item.shape[0]
-    span = lists.wall_reach + lists.skin
+def list_walls(world, bodies, lists, wall_item, first, last):
+    """List the walls of some bodies in `wall_item`; return their number, -1 if too many.
+
+    Note also where they are, and which can reach a portal or exit before the lists are built again.
+    """
+    capacity = wall_item.shape[0]
+    span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
     nx, ny = world.buckets_x, world.buckets_y
     used = 0
-    lists.wall_start[0] = 0
-    for i in range(bodies.inside):
+    for i in range(first, last):
         level = bodies.level[i]
+        bodies.near_link[i] = 0
         if level >= 0:
             x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
             across, along = (x - world.bucket_x) / world.bucket_size, (y - world.bucket_y) / world.bucket_size
@@ -126,29 +138,19 @@ def _build_walls(world, bodies, lists):
                     continue
                 if segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
                     if used == capacity:
-                        return WALLS_FULL
-                    lists.wall_item[used] = w
+                        return -1
+                    wall_item[used] = w
                     used += 1
-        lists.wall_start[i + 1] = used
-    return OK
-
-
-@inner
-def _flag_links(world, bodies, lists):
-    """Mark the bodies that can reach a portal or exit before the lists are rebuilt."""
-    limit = 1.5 * lists.skin
-    for i in range(bodies.inside):
-        level = bodies.level[i]
-        near = 0
-        if level >= 0:
-            x, y = bodies.position[i, 0], bodies.position[i, 1]
             for s in range(world.link_start[level], world.link_start[level + 1]):
                 x1, y1 = world.link_segment[s, 0], world.link_segment[s, 1]
                 x2, y2 = world.link_segment[s, 2], world.link_segment[s, 3]
-                if min(x1, x2) - x > limit or x - max(x1, x2) > limit:
+                if min(x1, x2) - x > near or x - max(x1, x2) > near:
                     continue
-                if min(y1, y2) - y > limit or y - max(y1, y2) > limit:
+                if min(y1, y2) - y > near or y - max(y1, y2) > near:
                     continue
-                near = 1
+                bodies.near_link[i] = 1
                 break
-        bodies.near_link[i] = near
+        lists.wall_start[i + 1] = used
+        bodies.built_position[i, 0] = bodies.position[i, 0]
+        bodies.built_position[i, 1] = bodies.position[i, 1]
+    return used

@@ -52,7 +52,7 @@ def obey_pair_law(state: State, own: PairLaw, h: float) -> int:
         add_stiffness(bodies, contacts, own, c, PER_SPAN * max(beyond - force, 0.0))
     if makes_unstable(state, own, h, 1.0):
         return TOO_STIFF
-    use_free_velocity(bodies)
+    use_free_velocity(state)
     for c in range(contacts.number):
         push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
     return OK

@@ -13,6 +13,7 @@ from evac.jit.layout import Array
 #: Rows of the packed contact problem, see `evac.physics.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
+Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 
 
@@ -162,6 +163,7 @@ class Bodies(Struct):
     failed: int  # body that the last failure concerns
     smallest: float  # smallest radius [m]
     fastest: float  # largest free speed in the sub-step [m/s]
+    reach_floor: float  # smallest reach [m]
     farthest_reach: float  # largest reach, if a law requests another search [m]
     outrun: int  # 1: a body moves farther than the contact search reached
     row: Ints  # row in Crowd
@@ -197,6 +199,7 @@ class Bodies(Struct):
     relaxation: Floats  # share of the difference to the desired velocity closed in a step, 1 - exp(-h / tau)
     relaxation_step: float  # step h that `relaxation` was computed for [s], 0 after sorting
     near_link: Bytes  # 1: a portal or exit may be crossed before the lists are rebuilt
+    work: Floats  # scratch: driving work of each `pieces.CHUNK` bodies [J]
 
 
 class Lists(Struct):
@@ -273,6 +276,7 @@ class Contacts(Struct):
     kept_percussion: Floats  # saved percussions
     kept_friction: Floats
     sticky: Bytes  # 1: the tangential law acts
+    picked: Ints  # scratch: bodies in reach of one
     near: NearWalls  # scratch for the wall search: distance, normal, wall, nearest point
     deepest: float  # largest overlap at the start of the sub-step [m]
     separation_tolerance: float  # overlap that the law allows [m]
@@ -299,6 +303,7 @@ class Events(Struct):
 
     number: int
     number_before: int  # at the start of the step
+    failed: int  # the body with which a move failed
     row: Ints
     kind: Ints  # 0 portal, 1 exit
     link: Ints
@@ -358,6 +363,18 @@ class Parts(Struct):
     body_forces: int
     pair_contact: int  # law of one contact
     seams: int
+    team: int  # makes a phase of the step on several cores
+
+
+class Team(Struct):
+    """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
+
+    threads: int
+    phase: int  # what is to be done
+    rest: int  # address of the system's function that sleeps
+    turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
+    found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
+    fastest: Floats  # (8 threads,) [m/s]
 
 
 class State(Struct):
@@ -375,5 +392,6 @@ class State(Struct):
     body_forces: Forces  # on one
     traits: Traits
     parts: Parts
+    team: Team
     tally: Floats  # sums over the run, named in `evac.physics.tallies`
     tally_before: Floats  # at the start of the step

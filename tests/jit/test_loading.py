@@ -82,7 +82,7 @@ def processes(monkeypatch):
             started.append(self)
 
     monkeypatch.setattr(workers, "_START", 0)
-    monkeypatch.setattr(workers, "_cores", lambda: 2)
+    monkeypatch.setattr(workers, "cores", lambda: 2)
     monkeypatch.setattr(subprocess, "Popen", Recorded)
     return started
 
@@ -312,7 +312,7 @@ def main(path, how):
             time.sleep(60)
 
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets background jobs ignore it
-    workers._START, workers._cores = 0, lambda: 2
+    workers._START, workers.cores = 0, lambda: 2
     module = _module_of(path, path.read_bytes())
     addresses_of(entries_of(module), tell)
     print(module.difference(5.0, 3.0) - module.OFFSET)

@@ -21,7 +21,7 @@ def build(world: World, bodies: Bodies, lists: Lists) -> int:
 
 @kernel
 def find(state: State) -> int:
-    return find_contacts(state)
+    return find_contacts(state, 0, state.bodies.inside)
 
 
 def scene(seed, number=80):

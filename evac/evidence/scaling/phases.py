@@ -23,7 +23,7 @@ def repeat_search(state: State, repeats: int) -> int:
     """Find the contacts within the reaches of the last step so many times; return the last status."""
     status = OK
     for _ in range(repeats):
-        status = find_contacts(state)
+        status = find_contacts(state, 0, state.bodies.inside)
     return status
 
 
@@ -31,8 +31,8 @@ def repeat_search(state: State, repeats: int) -> int:
 def repeat_drive(state: State, repeats: int) -> int:
     """Set the desired directions and free velocities so many times; return a status, OK."""
     for _ in range(repeats):
-        set_desired(state.world, state.bodies)
-        call_drive(state.parts.drive, state)
+        set_desired(state.world, state.bodies, 0, state.bodies.inside)
+        call_drive(state.parts.drive, state, 0, state.bodies.inside)
     return OK
 
 
