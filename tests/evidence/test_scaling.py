@@ -3,6 +3,7 @@
 import csv
 import itertools
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway, large, peers, walks
+from evac.evidence.scaling import headway, large, peers, threads, walks
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
@@ -238,10 +239,12 @@ def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(large, "SCENES", large.SCENES[:1])
     monkeypatch.setattr(scaling, "_school_claims", lambda repeats: [])
     monkeypatch.setattr(peers, "run", lambda evidence, step: None)  # which needs another program
+    monkeypatch.setattr(threads, "QUICK_SIZES", (30,))
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway")}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway", "threads")}
     assert names == {"README.md", "run.json", "scaling.png", *tables}
     with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
