@@ -1,7 +1,6 @@
 import json
 import math
 import pickle
-import re
 import subprocess
 import sys
 import time
@@ -12,20 +11,7 @@ from evac.assembly import make_behaviours, make_contact_model, make_forces
 from evac.errors import ScenarioError
 from evac.people.distributions import Distribution
 from evac.scenario import case_from, load_case
-from evac.scenario.schema import GroupSettings
-
-
-def problems(source, overrides, registry):
-    with pytest.raises(ScenarioError) as caught:
-        load_case(source, overrides, registry=registry)
-    return str(caught.value).splitlines()
-
-
-def says(line, source, expected):
-    """Return whether a line names the file, the key, and the numbers and quoted names of an expected one."""
-    key, _, text = expected.partition(": ")
-    facts = re.findall(r"'[^']*'|\d[\d.,e+-]*\d|\d", text)
-    return line.startswith(f"{source}: {key}: ") and all(fact in line for fact in facts)
+from tests.scenario.faults import problems, says
 
 
 def test_a_case_holds_what_the_file_says_and_defaults_elsewhere(case_file, registry):
@@ -324,53 +310,6 @@ def test_importing_pulls_in_nothing_heavy():
     code = f"import sys, evac.scenario; print([name for name in {heavy} if name in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
-
-
-PRESETS = {
-    "presets": {"pupil": {"radius": 0.15, "speed": 1.1, "strategy": "shortest"}, "adult": {"mass": 80.0}},
-    "people.pupils.preset": "pupil",
-    "people.teacher.preset": "adult",
-}
-
-
-def test_a_group_takes_from_its_preset_what_it_does_not_say(case_file, registry):
-    case = load_case(case_file, PRESETS, registry=registry)
-    pupils, teacher = case.people
-    assert (pupils.speed.mean(), pupils.radius.mean(), pupils.strategy) == (1.1, 0.2, "shortest")
-    assert (teacher.mass.mean(), teacher.speed) == (80.0, GroupSettings.model_fields["speed"].default)
-    faster = case.change({"presets.pupil.speed": 1.4, "people.pupils.strategy": "fastest"})
-    assert (faster.people[0].speed.mean(), faster.people[0].strategy) == (1.4, "fastest")
-    assert case_from(case.to_dict(), case.source, registry=registry).to_dict() == case.to_dict()
-
-
-def test_a_group_with_a_preset_is_the_same_as_one_that_says_it_all(case_file, registry):
-    case = load_case(case_file, PRESETS, registry=registry)
-    plain = {"people.pupils.speed": 1.1, "people.pupils.strategy": "shortest", "people.teacher.mass": 80.0}
-    for one, other in zip(case.people, load_case(case_file, plain, registry=registry).people, strict=True):
-        assert one.model_dump(exclude={"preset"}) == other.model_dump(exclude={"preset"})
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "line"),
-    [
-        ("people.pupils.preset", "pupl", "people.pupils.preset: unknown preset 'pupl'; did you mean 'pupil'?"),
-        ("presets.pupil.sped", 1.0, "presets.pupil.sped: unknown key; did you mean 'speed'?"),
-        ("presets.pupil.number", 5, "presets.pupil.number: unknown key; it belongs to people: did you mean "
-         "'people.number'?"),
-        ("presets.pupil.speed", -1.0, "presets.pupil.speed: must be at least 0, got -1"),
-        ("presets.adult", 3, "presets.adult: must be a table, got 3"),
-        ("presets.pupil.behaviours", {"wiat": {"time": 2.0}},
-         "presets.pupil.behaviours.wiat: unknown behaviour; did you mean 'wait'?"),
-        ("people.teacher.preset", 3, "people.teacher.preset: must be a valid string, got 3"),
-    ],
-)  # fmt: skip
-def test_a_fault_of_a_preset_is_one_line(case_file, registry, key, value, line):
-    assert problems(case_file, {**PRESETS, key: value}, registry) == [f"{case_file}: {line} (set by an override)"]
-
-
-def test_a_preset_that_does_not_fit_a_group_is_a_fault_of_the_group(case_file, registry):
-    (line,) = problems(case_file, {**PRESETS, "presets.pupil.mass": {"list": [60.0, 70.0]}}, registry)
-    assert says(line, case_file, "people.pupils.mass: 2 values for 5 people")
 
 
 def test_an_unknown_solver_is_refused_with_its_key():
