@@ -38,7 +38,7 @@ FAMILIES = {
     "trajectories": Family(trajectories.cases, trajectories.run, 350, 0),
     "streams": Family(streams.stream_cases, streams.run_stream, 252, 0),
     "plugins": Family(streams.plugin_cases, streams.run_plugin, 493, 0),
-    "models": Family(models.cases, models.run, 700, 14),
+    "models": Family(models.cases, models.run, 800, 14),
     "drawings": Family(drawings.cases, drawings.run, 1200, 25),
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
