@@ -72,7 +72,7 @@ call_pair_force = AddressCall([float, float, float, float, float, Floats], (floa
 #: Call the body force at an address with x, y, vx, vy, ex, ey, gap, nx, ny and its parameters: (fx, fy) [N].
 call_body_force = AddressCall([*[float] * 9, Floats], (float, float))
 
-#: Call the law of a contact at an address with gap, closing speed, reduced mass and its parameters: a force [N].
+#: Signature of the law of a contact: gap, closing speed, reduced mass and its parameters to a force [N].
 call_pair_contact = AddressCall([float, float, float, Floats], (float,))
 
 
@@ -115,7 +115,7 @@ def body_force(function: Callable[..., Any]) -> Entry:
 
 
 def pair_contact(function: Callable[..., Any]) -> Entry:
-    """Compile the force of a single contact with the signature that `evac.PairContact` calls.
+    """Declare the force of a single contact, which is compiled together with the loop of `evac.PairContact`.
 
     Parameters
     ----------
@@ -128,6 +128,6 @@ def pair_contact(function: Callable[..., Any]) -> Entry:
     Returns
     -------
     Entry
-        Kernels call its ``address``. A call from Python runs the function.
+        For `evac.PairContact.pair`. Its attribute ``function`` is the Python function.
     """
     return Entry(function, call_pair_contact)

@@ -27,7 +27,6 @@ from evac.physics.drive import add_forces
 from evac.physics.force import Force
 from evac.physics.order import rows_by_place, rows_by_travel_time
 from evac.physics.overlaps import separate
-from evac.physics.pair_contact import PairContact
 from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
@@ -161,7 +160,6 @@ class Engine:
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.drive = drive_of(model).address
-        parts.pair_contact = model.pair.address if isinstance(model, PairContact) else 0
         parts.forces = add_forces.address if self._pair_forces else 0
         parts.body_forces = add_body_forces.address if self._body_forces else 0
         for k, force in enumerate(self._pair_forces):

@@ -23,15 +23,14 @@ def entries_of_loop(
 ) -> list[Entry]:
     """Return the kernels that the step loop of a run is known to need."""
     found = [drive_of(model)]
+    if isinstance(model, PairContact):
+        call_pair_contact.check(model.pair, f"contact model {model.name!r}: pair")
     if model.along_the_way:
         found.append(sample_travel_times)
     if model.law is None:
         found += [driver.open_step, driver.set_clock, driver.approach, driver.conclude, driver.cut]
     else:
         found += [driver.advance, model.law]
-    if isinstance(model, PairContact):
-        call_pair_contact.check(model.pair, f"contact model {model.name!r}: pair")
-        found.append(model.pair)
     if isinstance(model, SolvedContactModel):
         found.append(solver_of(model, solvers).solve)
         if full:

@@ -361,7 +361,6 @@ class Parts(Struct):
     drive: int
     forces: int
     body_forces: int
-    pair_contact: int  # law of one contact
     seams: int
     team: int  # makes a phase of the step on several cores
 

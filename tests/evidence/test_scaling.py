@@ -11,7 +11,7 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway, large, peers, threads, walks
+from evac.evidence.scaling import headway, large, laws, peers, threads, walks
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
@@ -244,7 +244,7 @@ def test_page_is_written(tmp_path, monkeypatch):
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)
     names = {path.name for path in tmp_path.iterdir()}
-    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway", "threads")}
+    tables = {f"{name}.csv" for name in ("claims", "scaling", "large", "headway", "laws", "threads")}
     assert names == {"README.md", "run.json", "scaling.png", *tables}
     with (tmp_path / "scaling.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -276,3 +276,27 @@ def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):
     assert costs["with: headway itself"] == pytest.approx(3.0 * costs["without"])
     assert costs["with / without"] == pytest.approx(4.0)
     assert (costs["without / minimal"], costs["with / minimal"]) == pytest.approx((2.0, 8.0))
+
+
+def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hardening(monkeypatch):
+    """Ticks of the three laws take 2, 3 and 4 s."""
+    spans = itertools.cycle((2.0, 3.0, 4.0))
+
+    def timed(call):
+        call()
+        return next(spans)
+
+    monkeypatch.setattr(laws, "cpu_time", timed)
+    monkeypatch.setattr(laws, "WARM", 0)
+    monkeypatch.setattr(laws, "TIMED", 3)
+    dem, spring, hertz = laws.compare(make_hall(100, 5.0, 1), STEP)
+    assert (dem["ns per person-step"], dem["times DEM"]) == pytest.approx((1e9 * 2.0 / 100 / 10, 1.0))
+    assert (spring["times DEM"], hertz["times DEM"]) == pytest.approx((1.5, 2.0))
+    assert spring["sub-steps per step"] == 1.0
+    assert hertz["times DEM, per sub-step"] * hertz["sub-steps per step"] == pytest.approx(
+        hertz["times DEM"] * dem["sub-steps per step"]
+    )
+    soft, hard = Walk(make_hall(100, 2.0, 1), STEP), Walk(make_hall(100, 2.0, 1), STEP)
+    soft.advance(laws.Spring(), 5)
+    hard.advance(make_variant("DEM", STEP, hardening=1.0).model, 5)
+    assert np.allclose(soft.crowd.position, hard.crowd.position, rtol=0.0, atol=1e-12)

@@ -15,7 +15,7 @@ from evac.errors import SimulationError
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
-from evac.evidence.scaling import headway, large, peers, phases, threads
+from evac.evidence.scaling import headway, large, laws, peers, phases, threads
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
 from evac.evidence.scaling.walks import (
@@ -83,6 +83,7 @@ def run(evidence: Evidence) -> None:
     _report_shares(evidence, [row for row in rows if row["ns per person-step"] is not None])
     large.run(evidence)
     headway.run(evidence, MODELS, STEP)
+    laws.run(evidence, STEP)
     threads.run(evidence, STEP)
     peers.run(evidence, STEP)
     evidence.data("claims", claims, "Medians of what has a target")

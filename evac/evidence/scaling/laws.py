@@ -1,0 +1,120 @@
+"""Cost of contact laws written as the force of a single contact, beside the built-in DEM."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from evac.arrays import FloatArray
+from evac.evidence.models import make_model
+from evac.evidence.report import Evidence
+from evac.evidence.scaling.halls import Hall, make_hall
+from evac.evidence.scaling.walks import TICK, Walk, cpu_time
+from evac.evidence.verdicts import at_most
+from evac.jit import pair_contact
+from evac.parameters import Parameter
+from evac.physics import tallies as at
+from evac.physics.contact_model import ContactModel
+from evac.physics.pair_contact import PairContact
+
+PEOPLE, QUICK_PEOPLE = 10_000, 100
+
+#: People per m2 at the start.
+DENSITIES = {"free": 2.0, "dense": 5.0}
+
+#: Ticks walked before the timing, and ticks timed.
+WARM, TIMED = 10, 15
+
+#: Target: greatest ratio of the cost of a law to that of DEM.
+MOST_TIMES = 1.1
+
+SECTION = "What a contact law of a few lines costs"
+
+
+@pair_contact
+def spring(gap: float, closing_speed: float, reduced_mass: float, parameters: FloatArray) -> float:
+    """Return k D (eq. 3)."""
+    stiffness: float = parameters[0]
+    return -stiffness * gap
+
+
+@pair_contact
+def hertz(gap: float, closing_speed: float, reduced_mass: float, parameters: FloatArray) -> float:
+    """Return K D sqrt(D) + c w with the overlap D and the closing speed w (Hertz, 1882)."""
+    stiffness: float = parameters[0]
+    damping: float = parameters[1]
+    return -stiffness * gap * math.sqrt(-gap) + damping * closing_speed
+
+
+class Spring(PairContact):
+    """A linear spring: DEM without hardening."""
+
+    name = "spring"
+    pair = spring
+    stiffness = Parameter(1.2e5, "stiffness k", unit="kg/s2", above=0.0)
+
+
+class Hertz(PairContact):
+    """Elastic spheres with a damper, as in docs/plugins.md."""
+
+    name = "hertz"
+    pair = hertz
+    stiffness = Parameter(1e6, "stiffness K", unit="N/m^1.5", above=0.0)
+    damping = Parameter(0.0, "damping c", unit="kg/s", minimum=0.0)
+
+
+def run(evidence: Evidence, step: float) -> None:
+    """Add the table to the page."""
+    people = QUICK_PEOPLE if evidence.quick else PEOPLE
+    rows = evidence.measured("laws", lambda: _rows(people, evidence.seed, step))
+    for row in rows:
+        if row["law"] != "DEM":
+            what = f"Contact law of a few lines, {row['law']}, {row['start']}: time of a person-step over that of DEM"
+            evidence.verdict(at_most(what, row["times DEM"], MOST_TIMES, "", SECTION))
+    evidence.heading(SECTION)
+    evidence.table(
+        "laws",
+        rows,
+        f"""Two models defined by the force of a single contact (`evac.PairContact`), and the built-in DEM: the same
+        hall of {people:,} people, in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk, tick by tick in
+        turns; medians of the CPU time over ticks. The linear spring has the stiffness of DEM, whose contacts harden in
+        addition. The crowds of different laws differ, and with them the numbers of contacts and of sub-steps: a steep
+        law needs shorter sub-steps. The last column compares the times of a sub-step.""",
+    )
+
+
+def _rows(people: int, seed: int, step: float) -> list[dict[str, Any]]:
+    """Return a row for each density and law."""
+    rows: list[dict[str, Any]] = []
+    for start, density in DENSITIES.items():
+        rows += [{"start": start, **row} for row in compare(make_hall(people, density, seed), step)]
+    return rows
+
+
+def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
+    """Return the costs of the laws, taken alternately."""
+    laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring(), "Hertz": Hertz()}
+    walks = {name: Walk(hall, step) for name in laws}
+    spans: dict[str, list[float]] = {name: [] for name in laws}
+    for tick in range(WARM + TIMED):
+        for name, walk in walks.items():
+            inside = max(walk.inside, 1)
+            span = cpu_time(lambda walk=walk, law=laws[name]: walk.advance(law))  # type: ignore[misc]
+            if tick >= WARM:
+                spans[name].append(span / inside / walk.per_tick)
+    rows: list[dict[str, Any]] = []
+    for name, walk in walks.items():
+        tally = walk.engine.state.tally
+        times = float(np.median(np.divide(spans[name], spans["DEM"])))
+        sub_steps = float(tally[at.SUB_STEPS] / tally[at.STEPS])
+        rows.append(
+            {
+                "law": name,
+                "ns per person-step": 1e9 * float(np.median(spans[name])),
+                "times DEM": times,
+                "contacts per person": float(tally[at.CONTACTS] / tally[at.SUB_STEPS]) / len(hall.crowd.level),
+                "sub-steps per step": sub_steps,
+                "times DEM, per sub-step": times * rows[0]["sub-steps per step"] / sub_steps if rows else 1.0,
+            }
+        )
+    return rows
