@@ -74,7 +74,7 @@ def clear_direction(rows):
     """Clear the conjugate direction and its velocity image."""
     for r in range(rows.size):
         rows.work_b[r] = 0.0
-    for i in range(rows.bodies + 1):
+    for i in range(rows.ends):
         rows.image_b[i, 0] = 0.0
         rows.image_b[i, 1] = 0.0
 
@@ -188,7 +188,7 @@ def precondition(rows, held):
     `work_a` has the gradient g, `work_c` z, `image_c` the velocity image of z.
     """
     data, image = rows.face_data, rows.image_c
-    for i in range(rows.bodies + 1):
+    for i in range(rows.ends):
         image[i, 0] = 0.0
         image[i, 1] = 0.0
     for k in range(held):

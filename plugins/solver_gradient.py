@@ -69,7 +69,7 @@ def constraint_norm(rows):
         rows.work_a[r] = 1.0 + 0.5 * math.sin(float(r))
     value = 0.0
     for _ in range(60):
-        for i in range(rows.bodies + 1):
+        for i in range(rows.ends):
             rows.image_a[i, 0] = 0.0
             rows.image_a[i, 1] = 0.0
         square = 0.0
@@ -129,7 +129,7 @@ def _gradient_pass(rows, share):
     `work_c` the step lengths, `work_d` the percussions after the previous step.
     """
     data, image = rows.data, rows.image_a
-    for i in range(rows.bodies + 1):
+    for i in range(rows.ends):
         image[i, 0] = rows.free[i, 0]
         image[i, 1] = rows.free[i, 1]
     uphill, change = 0.0, 0.0
@@ -154,7 +154,7 @@ def _gradient_pass(rows, share):
 @inner
 def _set_rates(rows):
     """Set `work_c` to the step length of each row."""
-    for i in range(rows.bodies + 1):
+    for i in range(rows.ends):
         rows.image_a[i, 0] = 0.0
     for r in range(rows.size):
         rows.image_a[rows.body[r], 0] += 1.0

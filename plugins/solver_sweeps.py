@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from evac.hookspecs import hookimpl
 from evac.jit import fused, inner, kernel
+from evac.physics.blocks import call_conduct
 from evac.physics.rows import (
     BIAS,
     CAUTION,
@@ -17,6 +18,7 @@ from evac.physics.rows import (
     law,
     momentum_after,
     push_row,
+    residual_of,
     row_energy,
     row_residual,
     sweep_up,
@@ -30,6 +32,12 @@ RISE = 1e-10
 #: Sweeps between two evaluations of the energy. If the energy increases twice within `SOON` sweeps, momentum is
 #: reduced even with symmetric sweeps.
 WATCH, SOON = 16, 64
+
+#: Phases of `accelerated_sweeps`.
+START, ON, BACK, EVALUATE, KEEP, RESTORE, COMPARE = range(7)
+
+#: Columns of ``Problem.sums``: slope along the last step, largest change or residual [m/s], energy [J].
+SLOPE, CHANGE, ENERGY = range(3)
 
 
 @kernel
@@ -56,57 +64,124 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     sweeps. If the energy soon increases again, the upper limit of the extrapolation factor is halved; in the limit of
     zero, these are plain sweeps, which never increase the energy.
     """
-    rows.residual = row_residual(rows)
-    momentum, share, most, likely = 1.0, 0.0, 1.0, LIKELY
+    _make(rows, START)
+    rows.residual = _greatest(rows)
+    accepted = _total(rows, ENERGY)
+    momentum, most, likely = 1.0, 1.0, LIKELY
+    rows.share = 0.0
     back = False
     evaluated, risen = 0, -SOON
-    accepted = energy(rows)
-    _keep(rows)
-    _restore(rows)
     iteration = 0
     while rows.residual > tolerance and iteration < limit:
-        uphill, change = _sweep_on(rows, share)
+        _make(rows, ON)
         iteration += 1
+        uphill, change = _total(rows, SLOPE), _greatest(rows)
         if back and iteration < limit:
-            further, change = _sweep_back(rows)
-            uphill += further
+            _make(rows, BACK)
             iteration += 1
+            uphill += _total(rows, SLOPE)
+            change = _greatest(rows)
         if iteration >= evaluated + WATCH or iteration >= limit:
             evaluated = iteration
-            now = energy(rows)
+            _make(rows, EVALUATE)
+            now = _total(rows, ENERGY)
             if now <= accepted + RISE * max(abs(accepted), abs(now)):
                 accepted = now
-                _keep(rows)
+                _make(rows, KEEP)
             else:
-                _restore(rows)
+                _make(rows, RESTORE)
                 if back and iteration - risen <= SOON:
                     most *= 0.5
                 back = True
                 risen = iteration
                 uphill = 1.0
         if likely * change <= tolerance or iteration >= limit:
-            rows.residual = row_residual(rows)
+            _make(rows, COMPARE)
+            rows.residual = _greatest(rows)
             likely = CAUTION * rows.residual / change if change > 0.0 else likely
         momentum, share = momentum_after(momentum if uphill <= 0.0 else 1.0)
-        share = min(share, most)
+        rows.share = min(share, most)
     return iteration
 
 
 @inner
-def _sweep_on(rows, share):
-    """Sweep up from velocities and percussions extrapolated by `share` of their last step.
+def _make(rows, phase):
+    """Make a phase on all blocks, and on the rows between blocks behind them, or before them if it sweeps back."""
+    if phase == BACK:
+        make_phase(rows, phase, rows.blocks)
+    if rows.conduct != 0:
+        call_conduct(rows.conduct, rows, phase)
+    else:
+        for block in range(rows.blocks):
+            make_phase(rows, phase, block)
+    if phase != BACK:
+        make_phase(rows, phase, rows.blocks)
 
-    `image_a` and `work_a` have the previous ones. Returns the slope along the last step and the largest change of a row
-    [m/s].
-    """
-    for i in range(rows.bodies):
+
+@inner
+def _total(rows, what):
+    """Return the sum over the blocks of what a phase has found."""
+    total = 0.0
+    for block in range(rows.blocks + 1):
+        total += rows.sums[block, what]
+    return total
+
+
+@inner
+def _greatest(rows):
+    """Return the largest change or residual of the rows of all blocks [m/s]."""
+    greatest = 0.0
+    for block in range(rows.blocks + 1):
+        greatest = max(greatest, rows.sums[block, CHANGE])
+    return greatest
+
+
+@kernel
+def make_phase(rows: Problem, phase: int, block: int) -> int:
+    """Make a phase of the solver on a block."""
+    sums = rows.sums
+    first, last = rows.first_row[block], rows.first_row[block + 1]
+    if phase == ON:
+        _extrapolate(rows, rows.first_body[block], rows.first_body[block + 1])
+        if rows.rigid == 1:
+            slope, change = _sweep_on(rows, rows.share, first, last, True)
+        else:
+            slope, change = _sweep_on(rows, rows.share, first, last, False)
+        sums[block, SLOPE] = slope
+        sums[block, CHANGE] = change
+    elif phase == BACK:
+        sums[block, SLOPE], sums[block, CHANGE] = _sweep_back(rows, first, last)
+    elif phase == RESTORE:
+        _restore(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
+    if phase == START or phase == COMPARE:
+        sums[block, CHANGE] = residual_of(rows, first, last)
+    if phase == START or phase == EVALUATE:
+        sums[block, ENERGY] = _energy(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
+    if phase == START or phase == KEEP:
+        _keep(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
+    if phase == START:
+        _restore(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
+    return 0
+
+
+@inner
+def _extrapolate(rows, low, high):
+    """Extrapolate the velocities of some bodies by `share` of their last step; `image_a` has the previous ones."""
+    for i in range(low, high):
         for k in range(2):
             now = rows.velocity[i, k]
-            rows.velocity[i, k] = now + share * (now - rows.image_a[i, k])
+            rows.velocity[i, k] = now + rows.share * (now - rows.image_a[i, k])
             rows.image_a[i, k] = now
-    rigid = rows.rigid == 1
+
+
+@inner
+def _sweep_on(rows, share, first, last, rigid):
+    """Sweep up from extrapolated percussions; `work_a` has the previous ones.
+
+    Returns the slope along the last step and the largest change of a row [m/s].
+    """
     uphill, greatest = 0.0, 0.0
-    for r in range(rows.size):
+    for r in range(first, last):
         old = rows.percussion[r]
         start = fused(share, old - rows.work_a[r], old)
         change = law(rows, r, start, rigid)
@@ -119,11 +194,11 @@ def _sweep_on(rows, share):
 
 
 @inner
-def _sweep_back(rows):
+def _sweep_back(rows, first, last):
     """Sweep down after a sweep up; return its part of the slope along the last step, and its largest change [m/s]."""
     rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
-    for r in range(rows.size - 1, -1, -1):
+    for r in range(last - 1, first - 1, -1):
         x = rows.percussion[r]
         change = law(rows, r, x, rigid)
         push_row(rows.velocity, rows.body[r], rows.other[r], rows.data, r, change)
@@ -135,36 +210,36 @@ def _sweep_back(rows):
 
 
 @inner
-def _keep(rows):
+def _keep(rows, first, last, low, high):
     """Save percussions and velocities in `work_b` and `image_b`."""
-    for r in range(rows.size):
+    for r in range(first, last):
         rows.work_b[r] = rows.percussion[r]
-    for i in range(rows.bodies):
+    for i in range(low, high):
         for k in range(2):
             rows.image_b[i, k] = rows.velocity[i, k]
 
 
 @inner
-def _restore(rows):
+def _restore(rows, first, last, low, high):
     """Restore the saved percussions and velocities, without momentum."""
-    for r in range(rows.size):
+    for r in range(first, last):
         rows.percussion[r] = rows.work_b[r]
         rows.work_a[r] = rows.work_b[r]
-    for i in range(rows.bodies):
+    for i in range(low, high):
         for k in range(2):
             rows.velocity[i, k] = rows.image_b[i, k]
             rows.image_a[i, k] = rows.image_b[i, k]
 
 
 @inner
-def energy(rows):
+def _energy(rows, first, last, low, high):
     """Return the energy that the solution minimises: kinetic energy plus the energies of the rows [J]."""
     found = 0.0
-    for i in range(rows.bodies):
+    for i in range(low, high):
         found += rows.velocity[i, 0] ** 2 + rows.velocity[i, 1] ** 2
     found *= 0.5
     rigid = rows.rigid == 1  # see `law`
-    for r in range(rows.size):
+    for r in range(first, last):
         found += rows.data[r, BIAS] * rows.percussion[r] if rigid else row_energy(rows, r, rows.percussion[r])
     return found
 
@@ -181,6 +256,7 @@ class AcceleratedSweeps(Solver):
 
     name = "accelerated_sweeps"
     solve = accelerated_sweeps
+    make_phase = make_phase
 
 
 evac_interface = 2

@@ -87,11 +87,13 @@ class Exercise(NamedTuple):
         n, c = len(self.mass), len(self.body)
         problem = make_problem(n, c)
         problem.size, problem.bodies, problem.rigid = c, n, int(self.dissipation == 0.0)
+        problem.blocks, problem.ends = 1, n + 1
+        problem.first_row[1:3], problem.first_body[1:3] = c, n
         scale, root = np.sqrt(self.omega), np.append(self.mass**-0.5, 0.0)
         rows = slice(0, c)
         problem.scale[rows] = scale
         problem.body[rows], problem.other[rows] = self.body, np.where(self.other >= 0, self.other, n)
-        problem.inverse_root[:] = root
+        problem.inverse_root[: n + 1] = root
         problem.data[rows, 0:2] = self.normal * (root[problem.body[rows]] / scale)[:, None]
         problem.data[rows, 2:4] = -self.normal * (root[problem.other[rows]] / scale)[:, None]
         problem.data[rows, 4] = self.bias / scale

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel, inner, kernel
+from evac.jit.kernels import AddressCall, Entry, Intrinsic, Kernel, inlined, inner, kernel
 from evac.jit.layout import (
     ByteGrid,
     Bytes,
@@ -44,6 +44,7 @@ __all__ = [
     "call_pair_contact",
     "call_pair_force",
     "fused",
+    "inlined",
     "inner",
     "kernel",
     "pair_contact",

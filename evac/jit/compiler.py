@@ -199,7 +199,8 @@ _dispatchers: dict[Kernel, _Dispatcher] = {}
 @typeof_impl.register(Kernel)
 def _typeof_kernel(kernel: Kernel, context: Any) -> types.Type:
     if kernel not in _dispatchers:
-        _dispatchers[kernel] = _Dispatcher(kernel.function, {}, dict(_OPTIONS), pipeline_class=_Pipeline)
+        options = _OPTIONS | {"forceinline": kernel.is_inlined}
+        _dispatchers[kernel] = _Dispatcher(kernel.function, {}, options, pipeline_class=_Pipeline)
     return types.Dispatcher(_dispatchers[kernel])
 
 

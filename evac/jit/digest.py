@@ -54,7 +54,7 @@ def kernels_in(entry: Entry) -> list[Kernel]:
 def _parts_of(kernel: Kernel) -> tuple[bytes, tuple[Kernel, ...]]:
     """Return a text representation of a function with its constants and globals, and the kernels that it refers to."""
     function = kernel.function
-    lines, called = [kernel.label, *_code_lines(function)], []
+    lines, called = [f"{kernel.label} {kernel.is_inlined}", *_code_lines(function)], []
     for name, value in _globals_of(function):
         if isinstance(value, Kernel):
             called.append(value)

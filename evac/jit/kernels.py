@@ -45,10 +45,12 @@ class Kernel:
     ----------
     function : callable
         The Python function.
+    is_inlined : bool
+        Whether its code takes the place of every call, however often it is called.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function = function
+    def __init__(self, function: Callable[..., Any], is_inlined: bool = False) -> None:
+        self.function, self.is_inlined = function, is_inlined
         self.__name__, self.__doc__, self.__module__ = function.__name__, function.__doc__, function.__module__
         self.__wrapped__ = function
 
@@ -254,6 +256,11 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inner(function: Callable[..., Any]) -> Any:
     """Declare a module-level function as a function that kernels can call; it needs no annotations."""
     return Kernel(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Declare a function like `inner` that is small and called in loops: its code takes the place of every call."""
+    return Kernel(function, is_inlined=True)
 
 
 def entries_of(module: ModuleType) -> list[Entry]:

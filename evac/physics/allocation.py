@@ -7,6 +7,7 @@ import numpy as np
 from evac.jit import Struct
 from evac.jit.layout import Array
 from evac.physics import tallies as at
+from evac.physics.blocks import BLOCKS, WALLS
 from evac.physics.pieces import CHUNK
 from evac.physics.state import (
     Bodies,
@@ -97,8 +98,10 @@ def make_warm_start(capacity: int) -> WarmStart:
 def make_problem(people: int, contacts: int) -> Problem:
     """Return a packed problem for given numbers of people and contacts, with two rows for each contact."""
     bodies = ("free", "velocity", "image_a", "image_b", "image_c", "image_d")
-    given: dict[str, Any] = {name: np.zeros((people + 1, 2)) for name in bodies}
-    return allocate(Problem, 2 * contacts, inverse_root=np.zeros(people + 1), **given)
+    given: dict[str, Any] = {name: np.zeros((people + WALLS, 2)) for name in bodies}
+    given |= {name: np.zeros(BLOCKS + 2, np.int64) for name in ("first_row", "first_body", "taken")}
+    given |= {"inverse_root": np.zeros(people + WALLS), "sums": np.zeros((BLOCKS + 1, 8)), "team": allocate(Team, 0)}
+    return allocate(Problem, 2 * contacts, **given)
 
 
 def make_room_for_contacts(state: State, capacity: int) -> None:

@@ -31,7 +31,7 @@ from evac.physics.parts import drive_of, entries_of_loop, solver_of
 from evac.physics.seams import reaches
 from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
-from evac.physics.team import conduct, serve
+from evac.physics.team import conduct, conduct_blocks, serve
 from evac.physics.threads import Threads
 
 #: Descriptions of failed steps for messages; contact models add what to change.
@@ -156,7 +156,12 @@ class Engine:
         parts = state.parts
         parts.parameters = self._own
         parts.law = model.law.address if model.law else 0
-        parts.solver = self._solver(model).solve.address if isinstance(model, SolvedContactModel) else 0
+        parts.solver = parts.make_phase = 0
+        if isinstance(model, SolvedContactModel):
+            solver = self._solver(model)
+            parts.solver = solver.solve.address
+            if self.threads is not None and solver.make_phase is not None:
+                parts.make_phase = solver.make_phase.address
         parts.stronger = parts.separation = 0
         parts.seams = reaches.address if self.has_seams else 0
         parts.drive = drive_of(model).address
@@ -180,7 +185,11 @@ class Engine:
 
     def entries(self, model: ContactModel) -> list[Entry]:
         """Return the kernels that a run is known to need."""
-        shared = [] if self.threads is None or model.law is None else [conduct, serve]
+        shared: list[Entry] = []
+        if self.threads is not None and model.law is not None:
+            shared += [conduct, serve]
+            if isinstance(model, SolvedContactModel) and (phase := self._solver(model).make_phase) is not None:
+                shared += [conduct_blocks, phase]
         return entries_of_loop(model, self._forces, self._solvers, self.has_seams, self.full) + shared
 
     def explain(self, model: ContactModel) -> list[tuple[str, bool, str]]:

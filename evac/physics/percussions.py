@@ -13,10 +13,8 @@ The residual is max_c omega_c |P_c - P_c^local| [m/s]; times h it is NSM1's gap 
 import math
 
 from evac.jit import inner
+from evac.physics.blocks import WALL, block_of_contact, divide, next_row
 from evac.physics.rows import AX, AY, BEFORE, BIAS, BOUND, BX, BY, INELASTIC, SPRING, call_solver, renew_velocity
-
-#: Distance in packed rows of consecutive unknowns.
-APART = 8
 
 
 @inner
@@ -83,48 +81,38 @@ def pack(state, free, compliance, tangential):
         for k in range(2):
             problem.free[i, k] = free[i, k] / problem.inverse_root[i]
     problem.bodies = n
-    problem.inverse_root[n] = 0.0
-    problem.free[n, 0] = 0.0
-    problem.free[n, 1] = 0.0
     problem.rigid = 1 if compliance < 0.0 and tangential <= 0.0 else 0
     problem.size = contacts.number
     if tangential > 0.0:
         for c in range(contacts.number):
             problem.size += contacts.sticky[c]
+    divide(problem, contacts, tangential)
+    for i in range(n, problem.ends):
+        problem.inverse_root[i] = problem.free[i, 0] = problem.free[i, 1] = 0.0
     used = 0
     for c in range(contacts.number):
         omega = contacts.omega[c]
         spring = omega / (omega + compliance) if compliance >= 0.0 else 0.0
         nx, ny = contacts.normal[c, 0], contacts.normal[c, 1]
         bias, before, start = contacts.bias[c], contacts.velocity_before[c], contacts.percussion[c]
-        _pack_row(problem, contacts, c, interleaved(used, problem.size), nx, ny, bias, before, spring, 0.0, start)
+        block = block_of_contact(problem, contacts, c)
+        wall = n + WALL * block
+        j = contacts.other[c] if contacts.other[c] >= 0 else wall
+        r = problem.row[used] = next_row(problem, block)
+        _pack_row(problem, contacts, c, r, j, nx, ny, bias, before, spring, 0.0, start)
         used += 1
         if contacts.sticky[c] and tangential > 0.0:
             spring = omega / (omega + 2.0 / tangential)
             before, start = contacts.slide_before[c], contacts.friction[c]
-            r = interleaved(used, problem.size)
-            _pack_row(problem, contacts, c, r, -ny, nx, math.inf, before, spring, -math.inf, start)
+            r = problem.row[used] = next_row(problem, block)
+            _pack_row(problem, contacts, c, r, j, -ny, nx, math.inf, before, spring, -math.inf, start)
             used += 1
     renew_velocity(problem)
 
 
 @inner
-def interleaved(k, rows):
-    """Return the row of the k-th unknown: in each full block, consecutive unknowns are `APART` rows apart.
-
-    Unknowns of a body are consecutive; in a sweep over adjacent rows, each would wait for the velocity just written.
-    """
-    within = k % (APART * APART)
-    block = k - within
-    if block + APART * APART > rows:
-        return k
-    return block + APART * (within % APART) + within // APART
-
-
-@inner
-def _pack_row(problem, contacts, c, r, nx, ny, bias, before, spring, bound, start):
+def _pack_row(problem, contacts, c, r, j, nx, ny, bias, before, spring, bound, start):
     i = contacts.body[c]
-    j = contacts.other[c] if contacts.other[c] >= 0 else problem.bodies
     problem.body[r] = i
     problem.other[r] = j
     scale = math.sqrt(contacts.omega[c])
@@ -149,13 +137,13 @@ def _unpack(state, velocity, tangential):
     total = 0.0
     used = 0
     for c in range(contacts.number):
-        r = interleaved(used, problem.size)
+        r = problem.row[used]
         contacts.percussion[c] = problem.percussion[r] / problem.scale[r]
         used += 1
         if contacts.sticky[c]:
             contacts.friction[c] = 0.0
             if tangential > 0.0:
-                r = interleaved(used, problem.size)
+                r = problem.row[used]
                 contacts.friction[c] = problem.percussion[r] / problem.scale[r]
                 used += 1
     for i in range(problem.bodies):

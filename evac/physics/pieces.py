@@ -10,8 +10,8 @@ from evac.physics.state import State
 #: Bodies whose sums are taken together.
 CHUNK = 64
 
-#: Phases of a step.
-OPEN, LOOK, DRIVE, REACH, LIST, JOIN_LISTS, FIND, JOIN_CONTACTS, TAKE, MOVE, JOIN_EVENTS, LEAVE = range(12)
+#: Phases of a step; those of a solver follow behind `SOLVE`.
+OPEN, LOOK, DRIVE, REACH, LIST, JOIN_LISTS, FIND, JOIN_CONTACTS, TAKE, MOVE, JOIN_EVENTS, LEAVE, SOLVE = range(13)
 
 #: Columns of `Team.found`: status, numbers of pairs, walls, contacts and events, room for pairs, body that failed.
 STATUS, PAIRS, WALLS, CONTACTS, EVENTS, ROOM, FAILED = range(7)

@@ -23,7 +23,7 @@ the same body writes. To keep it short, multiplications and additions are fused,
 
 import math
 
-from evac.jit import AddressCall, fused, inner
+from evac.jit import AddressCall, fused, inlined, inner
 from evac.physics.state import Problem
 
 AX, AY, BX, BY, BIAS = range(5)
@@ -40,7 +40,7 @@ INELASTIC = -1.0
 call_solver = AddressCall([Problem, float, int], (int,))
 
 
-@inner
+@inlined
 def push_row(velocity, i, j, data, r, change):
     """Apply a change of x along row r."""
     # All loads precede the first store, so that the compiler can reuse the values loaded by `row_velocity`.
@@ -51,14 +51,14 @@ def push_row(velocity, i, j, data, r, change):
     velocity[j, 1] = fused(data[r, BY], change, vy)
 
 
-@inner
+@inlined
 def row_velocity(velocity, i, j, data, r, start):
     """Return `start` plus the scaled velocity along row r, positive if the contact opens."""
     own = fused(data[r, AX], velocity[i, 0], data[r, AY] * velocity[i, 1])
     return own + fused(data[r, BX], velocity[j, 0], fused(data[r, BY], velocity[j, 1], start))
 
 
-@inner
+@inlined
 def law(rows, r, x, rigid):
     """Return the change of x after which row r satisfies its local law, with all other rows fixed.
 
@@ -123,9 +123,15 @@ def sweep_down(rows):
 @inner
 def row_residual(rows):
     """Return max omega |P - P_local| over the rows [m/s]."""
+    return residual_of(rows, 0, rows.size)
+
+
+@inner
+def residual_of(rows, first, last):
+    """Return max omega |P - P_local| over some rows [m/s]."""
     worst = 0.0
     rigid = rows.rigid == 1
-    for r in range(rows.size):
+    for r in range(first, last):
         change = law(rows, r, rows.percussion[r], rigid)
         worst = max(worst, abs(change) * rows.scale[r])
     return worst
@@ -146,7 +152,7 @@ def evaluate(rows, change, likely, tolerance):
 @inner
 def renew_velocity(rows):
     """Recompute the velocities from the free ones and all percussions."""
-    for i in range(rows.bodies + 1):
+    for i in range(rows.ends):
         rows.velocity[i, 0] = rows.free[i, 0]
         rows.velocity[i, 1] = rows.free[i, 1]
     for r in range(rows.size):

@@ -18,9 +18,14 @@ class Solver(Configurable):
     ----------
     solve : Entry
         The kernel.
+    make_phase : Entry or None
+        A kernel ``make_phase(problem: Problem, phase: int, block: int) -> int`` that does a part of the work of `solve`
+        on a block, see `evac.physics.blocks`. If `solve` calls `evac.physics.blocks.call_conduct` with a phase, all
+        threads call it on their blocks. The returned number is not used.
     stronger : str
         Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """
 
     solve: ClassVar[Entry]
+    make_phase: ClassVar[Entry | None] = None
     stronger: ClassVar[str] = "conjugate_faces"

@@ -220,15 +220,37 @@ class Lists(Struct):
     skin: float  # additional reach, so that lists remain valid for several steps [m]
 
 
+class Team(Struct):
+    """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
+
+    threads: int
+    phase: int  # what is to be done
+    rest: int  # address of the system's function that sleeps
+    turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
+    found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
+    fastest: Floats  # (8 threads,) [m/s]
+
+
 class Problem(Struct):
     """The contact problem packed for solvers, one row for each unknown percussion, see `evac.physics.rows`.
 
     A solver changes percussions and velocities consistently; arrays with ``work`` and ``image`` in their names are
-    scratch. Walls are represented by body number `bodies`, which has infinite mass.
+    scratch. Walls are represented by bodies of infinite mass behind the people.
     """
 
     size: int  # number of rows
     bodies: int
+    ends: int  # number of bodies and walls
+    blocks: int  # number of blocks, see `evac.physics.blocks`
+    first_row: Longs  # (blocks + 2,) of each block, of the rows between blocks, and `size`
+    first_body: Longs  # (blocks + 2,)
+    taken: Longs  # (blocks + 1,) scratch: rows given to unknowns
+    row: Ints  # row of each unknown, in the order of contacts
+    sums: FloatGrid  # (blocks + 1, 8) what a solver finds in each block
+    share: float  # extrapolation factor of a sweep
+    conduct: int  # address of `evac.physics.team.conduct_blocks`, 0: one thread
+    make_phase: int  # address of the solver's kernel for a phase on a block, see `evac.physics.solver`
+    team: Team
     rigid: int  # 1: every row is rigid and pushes only
     residual: float  # residual of the percussions, set by the solver [m/s]
     iterations: int  # iterations made, including those of a second solve
@@ -363,17 +385,7 @@ class Parts(Struct):
     body_forces: int
     seams: int
     team: int  # makes a phase of the step on several cores
-
-
-class Team(Struct):
-    """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
-
-    threads: int
-    phase: int  # what is to be done
-    rest: int  # address of the system's function that sleeps
-    turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
-    found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
-    fastest: Floats  # (8 threads,) [m/s]
+    make_phase: int  # makes a phase of the solver on a block
 
 
 class State(Struct):

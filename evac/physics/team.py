@@ -8,12 +8,13 @@ has several threads.
 
 from evac.jit import AddressCall, Ints, Struct, acquire, inner, kernel, pause, release
 from evac.physics import pieces
+from evac.physics.blocks import call_block
 from evac.physics.contacts import find_contacts, set_reach, take_velocities
 from evac.physics.drive import call_drive, set_desired
 from evac.physics.motion import move, remember
 from evac.physics.neighbours import list_pairs, list_walls, sort_into_cells
 from evac.physics.pieces import piece_of
-from evac.physics.state import State
+from evac.physics.state import Problem, State
 from evac.physics.status import CONTACTS_FULL, EVENTS_FULL, OK, PAIRS_FULL, WALLS_FULL
 
 #: A thread that waits looks so often before it sleeps, and so long [us]. Where others want its core, to let them run
@@ -83,16 +84,44 @@ def conduct(state: State, phase: int) -> float:
     return float(status)
 
 
+@kernel
+def conduct_blocks(rows: Problem, phase: int) -> int:
+    """Make a phase of the solver with all threads, each on its share of the blocks."""
+    team = rows.team
+    turn = _begin(team, pieces.SOLVE + phase)
+    _make_blocks(rows, phase, 0, team.threads)
+    _wait_for_all(team, turn)
+    return 0
+
+
+@inner
+def _make_blocks(rows, phase, number, threads):
+    """Make a phase of the solver on a thread's share of the blocks."""
+    for block in range(rows.blocks * number // threads, rows.blocks * (number + 1) // threads):
+        call_block(rows.make_phase, rows, phase, block)
+
+
 @inner
 def _together(state, phase):
     """Let every thread do its piece of a phase, and wait for all."""
-    team = state.team
-    team.phase = phase
-    turn = acquire(team.turn, 0) + 1
-    release(team.turn, 0, turn)
+    turn = _begin(state.team, phase)
     if phase == pieces.LEAVE:
         return
     _do(state, state, state.lists.pair_body, state.lists.wall_item, phase, 0)
+    _wait_for_all(state.team, turn)
+
+
+@inner
+def _begin(team, phase):
+    """Let the other threads begin a phase; return its turn."""
+    team.phase = phase
+    turn = acquire(team.turn, 0) + 1
+    release(team.turn, 0, turn)
+    return turn
+
+
+@inner
+def _wait_for_all(team, turn):
     for number in range(1, team.threads):
         _wait(team, 8 * number, turn)
 
@@ -127,6 +156,8 @@ def _do(own, main, pair_body, wall_item, phase, number):
         team.found[number, pieces.STATUS] = status
         team.found[number, pieces.EVENTS] = own.events.number
         team.found[number, pieces.FAILED] = own.events.failed
+    elif phase >= pieces.SOLVE:
+        _make_blocks(main.problem, phase - pieces.SOLVE, number, team.threads)
     elif number > 0:
         _hand_over(own, main, pair_body, wall_item, phase, number)
 

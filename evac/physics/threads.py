@@ -18,7 +18,7 @@ from evac.physics import pieces
 from evac.physics.allocation import allocate, make_contacts
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.state import Events, State, Team
-from evac.physics.team import Member, conduct, serve
+from evac.physics.team import Member, conduct, conduct_blocks, serve
 
 #: A thread pays from so many people on; docs/results.md has what it brings.
 PEOPLE_PER_THREAD = 10_000
@@ -88,14 +88,21 @@ class Threads:
         try:
             for call in self._calls:
                 call.put(True)
-            self._state.parts.team = conduct.address
+            self._lend()
             yield
         finally:
-            self._state.parts.team = 0
+            self._state.parts.team = self._state.problem.conduct = 0
             conduct(self._state, pieces.LEAVE)
         for _ in self._threads:
             self._done.get()
         self._is_serving = False
+
+    def _lend(self) -> None:
+        """Let the step loop and the solver call the threads."""
+        parts, problem = self._state.parts, self._state.problem
+        parts.team = conduct.address
+        problem.team, problem.make_phase = self._state.team, parts.make_phase
+        problem.conduct = conduct_blocks.address if parts.make_phase else 0
 
     def end(self) -> None:
         """End the threads; they begin again when they are needed."""
