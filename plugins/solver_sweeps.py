@@ -33,8 +33,8 @@ RISE = 1e-10
 #: reduced even with symmetric sweeps.
 WATCH, SOON = 16, 64
 
-#: Phases of `accelerated_sweeps`.
-START, ON, BACK, EVALUATE, KEEP, RESTORE, COMPARE = range(7)
+#: Phases of `accelerated_sweeps`; it begins with the first four.
+COMPARE, EVALUATE, KEEP, RESTORE, ON, BACK = range(6)
 
 #: Columns of ``Problem.sums``: slope along the last step, largest change or residual [m/s], energy [J].
 SLOPE, CHANGE, ENERGY = range(3)
@@ -64,7 +64,8 @@ def accelerated_sweeps(rows: Problem, tolerance: float, limit: int) -> int:
     sweeps. If the energy soon increases again, the upper limit of the extrapolation factor is halved; in the limit of
     zero, these are plain sweeps, which never increase the energy.
     """
-    _make(rows, START)
+    for phase in range(COMPARE, ON):
+        _make(rows, phase)
     rows.residual = _greatest(rows)
     accepted = _total(rows, ENERGY)
     momentum, most, likely = 1.0, 1.0, LIKELY
@@ -141,26 +142,20 @@ def make_phase(rows: Problem, phase: int, block: int) -> int:
     """Make a phase of the solver on a block."""
     sums = rows.sums
     first, last = rows.first_row[block], rows.first_row[block + 1]
+    low, high = rows.first_body[block], rows.first_body[block + 1]
     if phase == ON:
-        _extrapolate(rows, rows.first_body[block], rows.first_body[block + 1])
-        if rows.rigid == 1:
-            slope, change = _sweep_on(rows, rows.share, first, last, True)
-        else:
-            slope, change = _sweep_on(rows, rows.share, first, last, False)
-        sums[block, SLOPE] = slope
-        sums[block, CHANGE] = change
+        _extrapolate(rows, low, high)
+        sums[block, SLOPE], sums[block, CHANGE] = _sweep_on(rows, rows.share, first, last)
     elif phase == BACK:
         sums[block, SLOPE], sums[block, CHANGE] = _sweep_back(rows, first, last)
     elif phase == RESTORE:
-        _restore(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
-    if phase == START or phase == COMPARE:
+        _restore(rows, first, last, low, high)
+    elif phase == COMPARE:
         sums[block, CHANGE] = residual_of(rows, first, last)
-    if phase == START or phase == EVALUATE:
-        sums[block, ENERGY] = _energy(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
-    if phase == START or phase == KEEP:
-        _keep(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
-    if phase == START:
-        _restore(rows, first, last, rows.first_body[block], rows.first_body[block + 1])
+    elif phase == EVALUATE:
+        sums[block, ENERGY] = _energy(rows, first, last, low, high)
+    elif phase == KEEP:
+        _keep(rows, first, last, low, high)
     return 0
 
 
@@ -175,11 +170,12 @@ def _extrapolate(rows, low, high):
 
 
 @inner
-def _sweep_on(rows, share, first, last, rigid):
+def _sweep_on(rows, share, first, last):
     """Sweep up from extrapolated percussions; `work_a` has the previous ones.
 
     Returns the slope along the last step and the largest change of a row [m/s].
     """
+    rigid = rows.rigid == 1
     uphill, greatest = 0.0, 0.0
     for r in range(first, last):
         old = rows.percussion[r]

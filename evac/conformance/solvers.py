@@ -240,7 +240,8 @@ def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: flo
             f"{one.title}: a percussion of {percussion.min():.3g} N s; people can only push, so none must be negative"
         )
     expected = one.velocities(percussion)
-    velocity = problem.velocity * np.append(problem.inverse_root[:-1], 1.0)[:, None]
+    n = problem.bodies
+    velocity = problem.velocity[: n + 1] * np.append(problem.inverse_root[:n], 1.0)[:, None]
     wrong = float(np.abs(velocity - np.vstack([expected, [0.0, 0.0]])).max())
     if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
         raise PluginError(

@@ -290,6 +290,12 @@ def _release(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return args[2]
 
 
+def _claim(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    place = _place(context, builder, sig.args[0], args[0], types.int64, args[1])
+    before = builder.atomic_rmw("max", place, args[2], "seq_cst")
+    return builder.zext(builder.icmp_signed("<", before, args[2]), _WORD)
+
+
 def _pause(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     triple = builder.module.triple
     if triple.startswith(("x86", "i686")):
@@ -351,6 +357,7 @@ _INTRINSICS: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {
     "row": (_row_type, _row),
     "acquire": (lambda args: signature(types.int64, args[0], types.int64), _acquire),
     "release": (lambda args: signature(types.int64, args[0], types.int64, types.int64), _release),
+    "claim": (lambda args: signature(types.int64, args[0], types.int64, types.int64), _claim),
     "pause": (lambda args: signature(types.int64), _pause),
 }
 

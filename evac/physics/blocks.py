@@ -12,8 +12,12 @@ velocity slow each other down.
 from evac.jit import AddressCall, inner
 from evac.physics.state import Problem
 
-#: Number of blocks of problems of at least `LEAST_ROWS` rows; smaller ones are one block.
-BLOCKS, LEAST_ROWS = 4, 4096
+#: Largest number of blocks.
+BLOCKS = 4
+
+#: Rows from which a problem has two blocks, and from which it has `BLOCKS`: with more blocks, a solver needs some more
+#: iterations.
+ROWS_OF_TWO, ROWS_OF_MOST = 4096, 65536
 
 #: Distance of the walls of blocks in the arrays of bodies: a cache line.
 WALL = 4
@@ -35,7 +39,9 @@ call_block = AddressCall([Problem, int, int], (int,))
 def divide(problem, contacts, tangential):
     """Divide the rows of the contacts into blocks of about as many contacts each."""
     n, number = problem.bodies, contacts.number
-    problem.blocks = BLOCKS if problem.size >= LEAST_ROWS else 1
+    problem.blocks = 1
+    if problem.size >= ROWS_OF_TWO:
+        problem.blocks = BLOCKS if problem.size >= ROWS_OF_MOST else 2
     problem.ends = n + WALL * (problem.blocks - 1) + 1
     problem.first_body[0] = 0
     for b in range(1, problem.blocks):

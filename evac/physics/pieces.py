@@ -13,6 +13,10 @@ CHUNK = 64
 #: Phases of a step; those of a solver follow behind `SOLVE`.
 OPEN, LOOK, DRIVE, REACH, LIST, JOIN_LISTS, FIND, JOIN_CONTACTS, TAKE, MOVE, JOIN_EVENTS, LEAVE, SOLVE = range(13)
 
+#: The word of a phase is (number MOST_BLOCKS + blocks) PHASES + phase, with the number of phases before and the number
+#: of blocks of a contact problem (`evac.physics.blocks`). Threads read it at once.
+PHASES, MOST_BLOCKS = 64, 16
+
 #: Columns of `Team.found`: status, numbers of pairs, walls, contacts and events, room for pairs, body that failed.
 STATUS, PAIRS, WALLS, CONTACTS, EVENTS, ROOM, FAILED = range(7)
 

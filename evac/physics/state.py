@@ -224,9 +224,10 @@ class Team(Struct):
     """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
 
     threads: int
-    phase: int  # what is to be done
     rest: int  # address of the system's function that sleeps
-    turn: Longs  # (8 threads,) number of the phase: of thread 0 that to be done, of the others the last one done
+    turn: Longs  # (8 threads,) word of a phase: of thread 0 that to be done, of the others the last one done
+    begun: Longs  # (8 blocks,) word of the last phase in which a thread has begun with a block
+    made: Longs  # (8 blocks,) word of the last phase that was made on a block
     found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
     fastest: Floats  # (8 threads,) [m/s]
 

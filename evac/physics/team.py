@@ -6,7 +6,7 @@ phase of its own: the first thread says which it is, does its piece and waits fo
 has several threads.
 """
 
-from evac.jit import AddressCall, Ints, Struct, acquire, inner, kernel, pause, release
+from evac.jit import AddressCall, Ints, Struct, acquire, claim, inner, kernel, pause, release
 from evac.physics import pieces
 from evac.physics.blocks import call_block
 from evac.physics.contacts import find_contacts, set_reach, take_velocities
@@ -36,10 +36,10 @@ class Member(Struct):
 
 
 @inner
-def _wait(team, place, turn):
-    """Wait until a thread has come to a turn; it may be past it where threads leave."""
+def _wait(team, words, place, word):
+    """Wait until another thread has raised a word of `words` to a value, or beyond."""
     looks = 0
-    while acquire(team.turn, place) < turn:
+    while acquire(words, place) < word:
         pause()
         looks += 1
         if looks == LOOKS:
@@ -51,15 +51,19 @@ def _wait(team, place, turn):
 def serve(member: Member) -> None:
     """Do this thread's piece of each phase until the threads are to leave."""
     team, number = member.main.team, member.number
-    turn = acquire(team.turn, 8 * number)
+    last = acquire(team.turn, 8 * number)
     while True:
-        turn += 1
-        _wait(team, 0, turn)
-        if team.phase == pieces.LEAVE:
+        _wait(team, team.turn, 0, last + 1)
+        last = acquire(team.turn, 0)
+        phase = last % pieces.PHASES
+        if phase == pieces.LEAVE:
             break
-        _do(member.own, member.main, member.pair_body, member.wall_item, team.phase, number)
-        release(team.turn, 8 * number, turn)
-    release(team.turn, 8 * number, turn)
+        if phase >= pieces.SOLVE:
+            _make_blocks(member.main.problem, last, number)
+        else:
+            _do(member.own, member.main, member.pair_body, member.wall_item, phase, number)
+        release(team.turn, 8 * number, last)
+    release(team.turn, 8 * number, last)
 
 
 @kernel
@@ -86,44 +90,49 @@ def conduct(state: State, phase: int) -> float:
 
 @kernel
 def conduct_blocks(rows: Problem, phase: int) -> int:
-    """Make a phase of the solver with all threads, each on its share of the blocks."""
+    """Make a phase of the solver with all threads; a thread that is late finds that others have done its blocks."""
     team = rows.team
-    turn = _begin(team, pieces.SOLVE + phase)
-    _make_blocks(rows, phase, 0, team.threads)
-    _wait_for_all(team, turn)
+    word = _begin(team, pieces.SOLVE + phase, rows.blocks)
+    _make_blocks(rows, word, 0)
+    for block in range(rows.blocks):
+        _wait(team, team.made, 8 * block, word)
     return 0
 
 
 @inner
-def _make_blocks(rows, phase, number, threads):
-    """Make a phase of the solver on a thread's share of the blocks."""
-    for block in range(rows.blocks * number // threads, rows.blocks * (number + 1) // threads):
-        call_block(rows.make_phase, rows, phase, block)
+def _make_blocks(rows, word, number):
+    """Make a phase of the solver on the blocks that no thread has begun, a thread's own share first.
+
+    A thread may come when the phase is over and the problem is another one. Then all blocks of the phase have begun.
+    """
+    team, phase, blocks = rows.team, word % pieces.PHASES, word // pieces.PHASES % pieces.MOST_BLOCKS
+    first = blocks * number // team.threads
+    for k in range(blocks):
+        block = (first + k) % blocks
+        if claim(team.begun, 8 * block, word):
+            call_block(rows.make_phase, rows, phase - pieces.SOLVE, block)
+            release(team.made, 8 * block, word)
 
 
 @inner
 def _together(state, phase):
     """Let every thread do its piece of a phase, and wait for all."""
-    turn = _begin(state.team, phase)
+    team = state.team
+    word = _begin(team, phase, 0)
     if phase == pieces.LEAVE:
         return
     _do(state, state, state.lists.pair_body, state.lists.wall_item, phase, 0)
-    _wait_for_all(state.team, turn)
-
-
-@inner
-def _begin(team, phase):
-    """Let the other threads begin a phase; return its turn."""
-    team.phase = phase
-    turn = acquire(team.turn, 0) + 1
-    release(team.turn, 0, turn)
-    return turn
-
-
-@inner
-def _wait_for_all(team, turn):
     for number in range(1, team.threads):
-        _wait(team, 8 * number, turn)
+        _wait(team, team.turn, 8 * number, word)
+
+
+@inner
+def _begin(team, phase, blocks):
+    """Let the other threads begin a phase; return its word, see `evac.physics.pieces.PHASES`."""
+    number = acquire(team.turn, 0) // (pieces.PHASES * pieces.MOST_BLOCKS) + 1
+    word = (number * pieces.MOST_BLOCKS + blocks) * pieces.PHASES + phase
+    release(team.turn, 0, word)
+    return word
 
 
 @inner
@@ -156,8 +165,6 @@ def _do(own, main, pair_body, wall_item, phase, number):
         team.found[number, pieces.STATUS] = status
         team.found[number, pieces.EVENTS] = own.events.number
         team.found[number, pieces.FAILED] = own.events.failed
-    elif phase >= pieces.SOLVE:
-        _make_blocks(main.problem, phase - pieces.SOLVE, number, team.threads)
     elif number > 0:
         _hand_over(own, main, pair_body, wall_item, phase, number)
 

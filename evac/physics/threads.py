@@ -16,6 +16,7 @@ from evac.jit.kernels import INTERPRETED
 from evac.jit.workers import cores
 from evac.physics import pieces
 from evac.physics.allocation import allocate, make_contacts
+from evac.physics.blocks import BLOCKS
 from evac.physics.contact_model import ContactModel, SolvedContactModel
 from evac.physics.state import Events, State, Team
 from evac.physics.team import Member, conduct, conduct_blocks, serve
@@ -61,9 +62,10 @@ class Threads:
     def __init__(self, state: State, number: int) -> None:
         state.team = Team(
             threads=number,
-            phase=pieces.LEAVE,
             rest=_address_of_rest(),
             turn=np.zeros(8 * number, np.int64),
+            begun=np.zeros(8 * BLOCKS, np.int64),
+            made=np.zeros(8 * BLOCKS, np.int64),
             found=np.zeros((number, 8), np.int64),
             fastest=np.zeros(8 * number),
         )
@@ -116,7 +118,8 @@ class Threads:
 
     def _begin(self) -> None:
         """Begin threads that wait to be called."""
-        self._state.team.turn[:] = 0
+        team = self._state.team
+        team.turn[:] = team.begun[:] = team.made[:] = 0
         self._calls = [SimpleQueue() for _ in self._members]
         self._done = SimpleQueue()
         run = ctypes.CFUNCTYPE(None, ctypes.c_int64)(serve.address)

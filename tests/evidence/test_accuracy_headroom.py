@@ -64,7 +64,7 @@ def test_percussions_found_solve_the_system_of_the_contacts_that_push(settled, l
     matrix, right, scale = pushing_system(problem, "gauss_seidel")
     c = problem.size
     percussion = problem.contacts.percussion[:c]
-    order = sweep_order(c)
+    order = sweep_order(problem)
     assert sorted(order) == list(range(c))
     pushing = order[percussion[order] > 0.0]
     root = problem.contacts.omega[:c][pushing] / scale

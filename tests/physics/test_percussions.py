@@ -3,35 +3,8 @@
 import numpy as np
 import pytest
 
-from evac.jit import Longs, kernel
-from evac.physics.percussions import APART, interleaved
 from evac.physics.rows import AX, BIAS, INELASTIC
 from tests.physics.contact_problems import do_pack, make_problem_state, run_solver
-
-
-@kernel
-def fill_order(rows: int, order: Longs) -> None:
-    for k in range(rows):
-        order[k] = interleaved(k, rows)
-
-
-def order_of(rows):
-    order = np.full(rows, -1)
-    fill_order(rows, order)
-    return order
-
-
-@pytest.mark.parametrize("rows", [1, 7, 63, 64, 65, 127, 128, 300, 1000])
-def test_every_row_is_used_once(rows):
-    np.testing.assert_array_equal(np.sort(order_of(rows)), np.arange(rows))
-
-
-def test_rows_of_full_blocks_stand_apart_and_the_rest_in_order():
-    order = order_of(3 * APART**2 + 10)
-    apart = np.abs(np.diff(order))
-    within = np.arange(1, len(order)) % APART != 0  # but for the last of a stride and the first of the next
-    assert (apart[: 3 * APART**2 - 1][within[: 3 * APART**2 - 1]] == APART).all()
-    np.testing.assert_array_equal(order[3 * APART**2 :], np.arange(3 * APART**2, len(order)))
 
 
 @pytest.mark.parametrize("tangential", [0.0, 50.0])

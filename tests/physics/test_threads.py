@@ -13,7 +13,7 @@ from evac.physics import threads
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.order import rows_by_place
 from evac.physics.pieces import CHUNK
-from evac.physics.state import Events, copy_of
+from evac.physics.state import Events, copy_of, make_crowd
 from evac.physics.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
@@ -91,6 +91,23 @@ def test_the_number_of_threads_changes_no_bit(name):
     assert wanted[2]["contacts"] > 100
     for number in (2, 3):
         assert_same(walked(MODELS[name], number), wanted)
+
+
+@pytest.mark.parametrize("name", ["nsm1", "nsm2"])
+def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
+    """Also where threads come late, since there are more of them than cores."""
+    places = np.stack(np.meshgrid(np.arange(0.2, 10.9, 0.2), np.arange(0.2, 9.9, 0.2)), axis=2).reshape(-1, 2)
+    crowd = make_crowd(places, radius=0.103, level=(places[:, 0] > 6.0).astype(np.int32))
+    found = []
+    for number in (1, 2, 5):
+        walked_crowd = copy_of(crowd)
+        engine = make_engine(walked_crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=number)
+        engine.advance(MODELS[name], walked_crowd, 0, 3, 0.01, False, True)
+        engine.end_threads()
+        assert engine.state.problem.blocks > 1
+        found.append((walked_crowd, [], engine.contact_report(MODELS[name])))
+    for other in found[1:]:
+        assert_same(other, found[0])
 
 
 def test_forces_at_a_distance_are_the_same_with_threads():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evac.jit import Floats, kernel
+from evac.jit import kernel
 from evac.physics.rows import BIAS, INELASTIC, sweep_down, sweep_up
 from evac.physics.state import Problem
-from evac_plugins.solver_sweeps import _sweep_back, _sweep_on, energy
+from evac_plugins.solver_sweeps import BACK, CHANGE, ENERGY, EVALUATE, ON, SLOPE, make_phase
 from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
 from tests.physics.scenes import SOLVERS
 
@@ -93,10 +93,11 @@ def test_rises_between_sweeps_back_and_forth_cost_little(seed):
     assert iterations < 800
 
 
-@kernel
-def do_sweep(rows: Problem, share: float, back: bool, found: Floats) -> None:
-    uphill, change = _sweep_back(rows) if back else _sweep_on(rows, share)
-    found[0], found[1] = uphill, change
+def do_sweep(rows, share, back, found):
+    """Sweep over the one block of a problem."""
+    rows.share = share
+    make_phase(rows, BACK if back else ON, 0)
+    found[:] = rows.sums[0, SLOPE], rows.sums[0, CHANGE]
 
 
 @kernel
@@ -104,9 +105,9 @@ def do_relax(rows: Problem, back: bool) -> float:
     return sweep_down(rows) if back else sweep_up(rows)
 
 
-@kernel
-def find_energy(rows: Problem) -> float:
-    return energy(rows)
+def find_energy(rows):
+    make_phase(rows, EVALUATE, 0)
+    return rows.sums[0, ENERGY]
 
 
 def crowd(seed, dissipation=0.0, people=40):

@@ -18,7 +18,6 @@ from evac.evidence.accuracy.problems import LAWS, ContactProblem, contact_proble
 from evac.evidence.accuracy.reference import gradient_matrix
 from evac.evidence.accuracy.targets import CROWDS, LEAST_RATIOS, PEOPLE, seconds_to
 from evac.evidence.report import Evidence
-from evac.physics.percussions import interleaved
 
 #: Residual of the solve that determines the active contacts [m/s], and its greatest number of iterations.
 SURE, ENOUGH = 1e-11, 100_000
@@ -113,7 +112,7 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
     after = gradient @ problem.velocity.ravel()
     spring = law.dissipation * np.maximum(0.0, -0.5 * (after + before))
     elastic = (spring > 0.0) & (after + bias > contacts.omega[:c] * (percussion - spring))
-    order = sweep_order(c)
+    order = sweep_order(problem)
     pushing = order[percussion[order] > 0.0]
     compliance = np.where(elastic, law.compliance, 0.0)[pushing]
     omega = contacts.omega[:c][pushing]
@@ -125,9 +124,9 @@ def pushing_system(problem: ContactProblem, solver: str) -> tuple[Any, FloatArra
     return matrix, right, omega / root
 
 
-def sweep_order(contacts: int) -> IndexArray:
-    """Return the indices of contacts in the order in which solvers sweep over them."""
-    return np.argsort([interleaved(contact, contacts) for contact in range(contacts)])
+def sweep_order(problem: ContactProblem) -> IndexArray:
+    """Return the indices of contacts in the order in which solvers have swept over them."""
+    return np.argsort(problem.state.problem.row[: problem.size])
 
 
 def least_sweeps(matrix: Any, right: FloatArray, scale: FloatArray, residual: float) -> int:

@@ -1,0 +1,99 @@
+"""Blocks of the contact problem: each body is in one of them, and the rows between blocks are behind them."""
+
+import numpy as np
+import pytest
+
+from evac.jit import Longs, kernel
+from evac.physics.blocks import APART, BLOCKS, ROWS_OF_MOST, ROWS_OF_TWO, WALL, interleaved
+from evac.physics.rows import INELASTIC
+from tests.physics.contact_problems import do_pack, find_residual, make_problem_state, run_solver
+
+
+@kernel
+def fill_order(rows: int, order: Longs) -> None:
+    for k in range(rows):
+        order[k] = interleaved(k, rows)
+
+
+def order_of(rows):
+    order = np.full(rows, -1)
+    fill_order(rows, order)
+    return order
+
+
+@pytest.mark.parametrize("rows", [1, 7, 63, 64, 65, 127, 128, 300, 1000])
+def test_every_row_is_used_once(rows):
+    np.testing.assert_array_equal(np.sort(order_of(rows)), np.arange(rows))
+
+
+def test_rows_of_full_parts_stand_apart_and_the_rest_in_order():
+    order = order_of(3 * APART**2 + 10)
+    apart = np.abs(np.diff(order))
+    within = np.arange(1, len(order)) % APART != 0  # but for the last of a stride and the first of the next
+    assert (apart[: 3 * APART**2 - 1][within[: 3 * APART**2 - 1]] == APART).all()
+    np.testing.assert_array_equal(order[3 * APART**2 :], np.arange(3 * APART**2, len(order)))
+
+
+def lattice(lines, width, tangential=0.0):
+    """Return the packed state of people on a square lattice beside a wall, and their free velocities."""
+    number = np.arange(lines * width).reshape(lines, width)
+    walls = [(int(i), -1, (0.0, 1.0)) for i in number[:, 0]]
+    pairs = [(int(i), int(j), (1.0, 0.0)) for i, j in zip(number[1:].ravel(), number[:-1].ravel(), strict=True)]
+    pairs += [(int(i), int(j), (0.0, 1.0)) for i, j in zip(number[:, 1:].ravel(), number[:, :-1].ravel(), strict=True)]
+    found = sorted(walls + pairs, key=lambda contact: contact[0])
+    random = np.random.default_rng(1)
+    mass = random.uniform(60.0, 100.0, number.size)
+    state = make_problem_state(1.0 / mass, len(found))
+    contacts = state.contacts
+    contacts.body[:], contacts.other[:] = [one[0] for one in found], [one[1] for one in found]
+    contacts.normal[:] = [one[2] for one in found]
+    two = contacts.other >= 0
+    contacts.omega[:] = 1.0 / mass[contacts.body] + np.where(two, 1.0 / mass[contacts.other], 0.0)
+    contacts.sticky[:] = random.random(len(found)) < 0.3
+    contacts.bias[:] = random.uniform(0.0, 0.1, len(found))
+    free = random.normal(0.0, 1.0, (number.size, 2))
+    do_pack(state, free, INELASTIC, tangential)
+    return state, free
+
+
+@pytest.mark.parametrize(("lines", "blocks"), [(30, 1), (60, 2), (900, BLOCKS)])
+@pytest.mark.parametrize("tangential", [0.0, 50.0])
+def test_rows_of_a_block_have_bodies_of_no_other_block(lines, blocks, tangential):
+    state, _ = lattice(lines, 40, tangential)
+    rows, contacts = state.problem, state.contacts
+    assert rows.blocks == blocks
+    assert (rows.size >= ROWS_OF_TWO) == (blocks > 1)
+    assert (rows.size >= ROWS_OF_MOST) == (blocks == BLOCKS)
+    first_row, first_body = rows.first_row[: blocks + 2], rows.first_body[: blocks + 2]
+    assert (first_row[0], first_row[-1]) == (0, rows.size)
+    assert (first_body[0], *first_body[-2:]) == (0, rows.bodies, rows.bodies)
+    np.testing.assert_array_equal(np.sort(rows.row[: rows.size]), np.arange(rows.size))
+    block_of_body = np.searchsorted(first_body[1:-1], np.arange(rows.bodies), side="right")
+    block_of_row = np.searchsorted(first_row[1:-1], np.arange(rows.size), side="right")
+    own, other = rows.body[: rows.size], rows.other[: rows.size].astype(np.int64)
+    is_wall = other >= rows.bodies
+    wanted = block_of_body[own]
+    partner = np.where(is_wall, wanted, block_of_body[np.minimum(other, rows.bodies - 1)])
+    wanted = np.where(wanted == partner, wanted, blocks)
+    np.testing.assert_array_equal(block_of_row, wanted)
+    np.testing.assert_array_equal(other[is_wall], rows.bodies + WALL * wanted[is_wall])
+    sizes = np.diff(first_row)
+    if blocks > 1:
+        assert sizes[:-1].max() < 1.2 * sizes[:-1].min()
+        assert sizes[-1] < 0.1 * sizes[0]
+    unknowns = 1 + (contacts.sticky if tangential > 0.0 else 0 * contacts.sticky).astype(np.int64)
+    np.testing.assert_array_equal(rows.body[rows.row[: rows.size]], np.repeat(contacts.body, unknowns))
+
+
+@pytest.mark.parametrize("solver", ["accelerated_sweeps", "conjugate_faces"])
+def test_solvers_find_the_same_in_blocks_as_sweeps_over_all_rows(solver):
+    """Percussions need not be unique; velocities are."""
+    found = []
+    for name in ("gauss_seidel", solver):
+        state, free = lattice(60, 40)
+        velocity = np.zeros_like(free)
+        _, residual = run_solver(name, state, free, velocity, INELASTIC, 0.0, 1e-9, 20_000)
+        assert residual <= 1e-9
+        assert find_residual(state, velocity, INELASTIC, 0.0) <= 2e-9
+        found.append(velocity)
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=1e-6)
