@@ -13,6 +13,7 @@ from evac import assembly, plan
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
+from evac.contract import state_of
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import naming, noting, plugin_code
@@ -331,10 +332,11 @@ class Simulation:
         state = {f"population.{key}": value for key, value in self.population.state().items()}
         state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
-            for key, value in behaviour.state().items():
-                state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
+            for key, value in state_of(behaviour, f"behaviour {behaviour.name!r}").items():
+                state[f"behaviour.{behaviour.name}.{key}"] = value
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
-        state |= {f"contact.{self.contact.name}.{key}": value.copy() for key, value in self.contact.state().items()}
+        for key, value in state_of(self.contact, f"contact model {self.contact.name!r}").items():
+            state[f"contact.{self.contact.name}.{key}"] = value
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
         state["simulation.clock"] = np.array([self.step, self._version])
         state["simulation.start_position"], state["simulation.start_level"] = self._start
@@ -351,9 +353,11 @@ class Simulation:
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
-                behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
+                with plugin_code(f"behaviour {behaviour.name!r}: restore"):
+                    behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
                 restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
-        self.contact.restore(_part(state, f"contact.{self.contact.name}."))
+        with plugin_code(f"contact model {self.contact.name!r}: restore"):
+            self.contact.restore(_part(state, f"contact.{self.contact.name}."))
         self.step, self._version = state["simulation.clock"].tolist()
         self._start = (state["simulation.start_position"], state["simulation.start_level"])
         self.engine.restore(_part(state, "engine."))
