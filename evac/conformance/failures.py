@@ -13,6 +13,9 @@ from evac.errors import EvacError, PluginError, in_one_line, text_of
 
 Found = TypeVar("Found")
 
+#: Remedy for exceptions that state none.
+REMEDY = "correct the plugin"
+
 
 class CheckError(PluginError):
     """A check has failed.
@@ -36,7 +39,7 @@ class CheckError(PluginError):
 
 
 @contextmanager
-def examining(what: str, remedy: str = "correct the plugin") -> Iterator[None]:
+def examining(what: str, remedy: str = REMEDY) -> Iterator[None]:
     """Name what is examined in failures, and turn other exceptions into failures; the innermost block counts.
 
     Parameters
@@ -55,9 +58,9 @@ def examining(what: str, remedy: str = "correct the plugin") -> Iterator[None]:
         raise failure from failure.__cause__
 
 
-def scene(title: str) -> AbstractContextManager[None]:
+def scene(title: str, remedy: str = REMEDY) -> AbstractContextManager[None]:
     """Name the scene in failures, as `examining`."""
-    return examining(f"scene '{title}'")
+    return examining(f"scene '{title}'", remedy)
 
 
 def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Found:

@@ -21,15 +21,15 @@ def check_functions(force: Force) -> None:
         if function is not None:
             with examining(f"its function {name}"):
                 call.check(function, name)
-    check_packed(force)
+    packed_row(force)
     with examining("its cutoff()"):
         cutoff = force.cutoff()
         if not (isinstance(cutoff, (int, float, np.number)) and math.isfinite(cutoff) and cutoff >= 0.0):
             raise CheckError(f"it returns {cutoff!r}", "return a distance [m], finite and not negative")
 
 
-def check_packed(plugin: Force | PairContact) -> FloatArray:
-    """Check and return the packed parameters."""
+def packed_row(plugin: Force | PairContact) -> FloatArray:
+    """Return the packed parameters, after checking that they are finite numbers."""
     with examining("its packed()", "define packed(), which returns the numbers that the function reads"):
         packed = plugin.packed()
         is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1
