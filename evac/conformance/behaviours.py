@@ -12,6 +12,7 @@ import numpy as np
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.conformance.failures import CheckError, scene
+from evac.errors import PluginError, place_of, text_of
 from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
@@ -54,7 +55,8 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> str:
 def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
     """Return a simulation, and a prepared behaviour with its scene, whose crowd records which arrays are read."""
     with scene(case.title):
-        simulation = Simulation(case, full=True)
+        with _naming_writes():
+            simulation = Simulation(case, full=True)
         found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
         if found is None:
             raise CheckError(f"the case does not use behaviour {name!r}", "give a case that does")
@@ -73,16 +75,25 @@ def _act(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation, lin
 
 
 @contextmanager
+def _naming_writes() -> Iterator[None]:
+    """Name the remedy if the behaviour writes to an array that is read-only because it is not declared."""
+    try:
+        yield
+    except (ValueError, PluginError) as error:
+        cause = error.__cause__ if isinstance(error, PluginError) else error
+        if not (isinstance(cause, ValueError) and "read-only" in str(cause)):
+            raise
+        wrong = f"writes an array without declaring it: {text_of(cause)} ({place_of(cause)})"
+        raise CheckError(wrong, "add it to `writes`") from cause
+
+
+@contextmanager
 def _declared_only(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation) -> Iterator[None]:
     """Refuse that the block reads or writes arrays that the behaviour does not declare."""
     crowd = simulation.population.crowd
     before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
-    try:
+    with _naming_writes():
         yield
-    except ValueError as error:
-        if "read-only" not in str(error):
-            raise
-        raise CheckError(f"writes an array without declaring it: {error}", "add it to `writes`") from error
     for key, array in before.items():
         if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
             raise CheckError(f"writes {key!r} without declaring it", "add it to `writes`")

@@ -4,12 +4,11 @@ A check raises `CheckError` within a block of `examining` or `scene`, and is cal
 plugin raises become failures too.
 """
 
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, TypeVar
 
-from evac.errors import EvacError, PluginError, in_one_line, text_of
+from evac.errors import EvacError, PluginError, in_one_line, place_of, text_of
 
 Found = TypeVar("Found")
 
@@ -93,8 +92,6 @@ def _failure_of(error: BaseException, remedy: str) -> CheckError:
         failure = CheckError(wrong, stated) if wrong else CheckError(stated, remedy)
         failure.__cause__ = error.__cause__ or error
         return failure
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
-    place = f" ({frames[-1].filename}, line {frames[-1].lineno})" if frames else ""
-    failure = CheckError(f"raises {in_one_line(error)}{place}", remedy)
+    failure = CheckError(f"raises {in_one_line(error)} ({place_of(error)})", remedy)
     failure.__cause__ = error
     return failure

@@ -9,7 +9,7 @@ from shapely.geometry import box
 
 from evac.arrays import FloatArray
 from evac.building.model import Building, Level
-from evac.conformance.failures import scene
+from evac.conformance.failures import CheckError, scene
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import PluginError, ScenarioError, SimulationError
@@ -60,6 +60,9 @@ PLAIN = Pace()
 COINCIDENT, THROWN = "two people at one place", "a person pushed towards a wall"
 PRESSED = "nine people pressed against a wall"
 
+#: Remedy for people who pass through a wall.
+WALLS = "apply percussions at walls too, where contacts.other is -1"
+
 
 def check_pace(model: ContactModel) -> Pace:
     """Return the pace at which a model separates coincident people, and keeps people pressed against a wall inside.
@@ -68,7 +71,7 @@ def check_pace(model: ContactModel) -> Pace:
     fail, the cause is not the stiffness, and the plain pace is returned, at which other checks fail. An exception of
     the plugin, other than an arithmetic one, fails at once.
     """
-    powers = [2**k for k in range(1, 7)]
+    powers = [4**k for k in range(1, 5)]
     for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
         if all(_stays_inside(model, title, pace) for title in (COINCIDENT, PRESSED, THROWN)):
             return pace
@@ -81,13 +84,24 @@ def _stays_inside(model: ContactModel, title: str, pace: Pace) -> bool:
         try:
             if title == COINCIDENT:
                 coincident(model, pace)
-                return True
-            crowd, _ = pressed(model, 200, pace=pace) if title == PRESSED else thrown(model, pace)
+            elif title == PRESSED:
+                pressed(model, 200, watch=refuse_outside, pace=pace)
+            else:
+                refuse_outside(thrown(model, pace)[0])
+            return True
         except (PluginError, ScenarioError, SimulationError) as error:
             if error.__cause__ is None or isinstance(error.__cause__, ArithmeticError):
                 return False
             raise
-        return bool(np.abs(crowd.position).max() <= ROOM)
+
+
+def refuse_outside(crowd: Crowd) -> None:
+    """Check that everybody is in the room."""
+    outside = np.flatnonzero(np.abs(crowd.position).max(axis=1) > ROOM)
+    if len(outside):
+        x, y = crowd.position[outside[0]]
+        beyond = max(abs(x), abs(y)) - ROOM
+        raise CheckError(f"a person passed through the wall, at ({x:.2f}, {y:.2f}), {beyond:.2g} m beyond it", WALLS)
 
 
 def coincident(model: ContactModel, pace: Pace) -> Crowd:

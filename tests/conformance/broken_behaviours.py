@@ -154,6 +154,13 @@ class PreparesTooMuch(Slower):
         scene.crowd.speed_factor[scene.crowd.tau > 0.2] *= 0.5
 
 
+class PreparesForOthers(Slower):
+    """Changes relaxation times beforehand."""
+
+    def prepare(self, scene):
+        scene.crowd.tau[:] = 0.5
+
+
 def writes_nan(self, crowd, time):
     """Write what is no number."""
     crowd.speed_factor[0] = np.nan
@@ -162,6 +169,11 @@ def writes_nan(self, crowd, time):
 def writes_another_route(self, crowd, time):
     """Write a route that does not exist."""
     crowd.route[:] = 9
+
+
+def takes_moods(self, crowd, time):
+    """Read an array that does not exist."""
+    crowd.speed_factor *= crowd.mood
 
 
 def takes_chances(self, crowd, time):
@@ -182,6 +194,10 @@ BROKEN = [
     Broken(ReadsForces, "check_declared_arrays", TICK, "reads contact_force"),
     Broken(SneaksIn, "check_declared_arrays", TICK, "writes 'velocity'"),
     Broken(PreparesTooMuch, "check_declared_arrays", ROOM, "reads tau"),
+    Broken(PreparesForOthers, "check_declared_arrays", ROOM, "read-only .*; add it to `writes`", ValueError),
+    Broken(
+        odd(Slower, act=lambda self, crowd, time: crowd.mood), "check_declared_arrays", TICK, "mood", AttributeError
+    ),
     Broken(WritesPositions, "check_declarations", DECLARED, "'position'; behaviours write start_time"),
     Broken(Invents, "check_declarations", DECLARED, "Crowd does not have; choose from"),
     Broken(odd(Slower, reads="velocity"), "check_declarations", DECLARED, "'velocity', not a tuple"),
