@@ -153,7 +153,7 @@ def _are_suffixes(value: Any) -> bool:
     )
 
 
-def state_of(plugin: Any, what: str) -> dict[str, NDArray[Any]]:
+def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
     """Return copies of the arrays that `state` of a plugin returns.
 
     Parameters
@@ -161,6 +161,8 @@ def state_of(plugin: Any, what: str) -> dict[str, NDArray[Any]]:
     plugin : Behaviour, ContactModel or Recorder
     what : str
         Kind and name of the plugin, for the message.
+    prefix : str
+        Put before their names.
 
     Raises
     ------
@@ -176,7 +178,7 @@ def state_of(plugin: Any, what: str) -> dict[str, NDArray[Any]]:
             raise PluginError(
                 f"{what}: state() returns {reprlib.repr(value)} for {key!r}; return arrays, np.array(...) makes one"
             )
-    return {key: np.array(value) for key, value in state.items()}
+    return {f"{prefix}{key}": np.array(value) for key, value in state.items()}
 
 
 def kind_of(cls: Any) -> str:

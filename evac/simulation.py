@@ -139,12 +139,11 @@ class Simulation:
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
-        with naming(case.source):
-            border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-            with plugin_code(f"contact model {self.contact.name!r}: check_scene"):
-                self.contact.check_scene(border)
-            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
-                self._promised_overlap = float(self.contact.promised_overlap(border))
+        border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
+        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: check_scene"):
+            self.contact.check_scene(border)
+        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+            self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
         threads = number_of_threads(self._wanted_threads, n, self.contact)
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
@@ -332,15 +331,13 @@ class Simulation:
         state = {f"population.{key}": value for key, value in self.population.state().items()}
         state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
-            for key, value in state_of(behaviour, f"behaviour {behaviour.name!r}").items():
-                state[f"behaviour.{behaviour.name}.{key}"] = value
+            state |= state_of(behaviour, f"behaviour {behaviour.name!r}", f"behaviour.{behaviour.name}.")
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
-        for key, value in state_of(self.contact, f"contact model {self.contact.name!r}").items():
-            state[f"contact.{self.contact.name}.{key}"] = value
+        state |= state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
         state["simulation.clock"] = np.array([self.step, self._version])
-        state["simulation.start_position"], state["simulation.start_level"] = self._start
         state["simulation.ending"] = self._ending.state()
+        state["simulation.start_position"], state["simulation.start_level"] = self._start
         state["simulation.displacement_velocity"] = self.displacement_velocity.copy()
         state |= {f"watch.{key}": value for key, value in self._watch.state().items()}
         return state

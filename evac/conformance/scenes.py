@@ -71,7 +71,7 @@ def check_pace(model: ContactModel) -> Pace:
     fail, the cause is not the stiffness, and the plain pace is returned, at which other checks fail. An exception of
     the plugin, other than an arithmetic one, fails at once.
     """
-    powers = [4**k for k in range(1, 5)]
+    powers = [8**k for k in range(1, 4)]
     for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
         if all(_stays_inside(model, title, pace) for title in (COINCIDENT, PRESSED, THROWN)):
             return pace

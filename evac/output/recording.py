@@ -90,8 +90,7 @@ class Recording:
         """Return copies of the recorders' states, by ``NAME.key``."""
         state: dict[str, NDArray[Any]] = {}
         for recorder in self.recorders:
-            found = state_of(recorder, f"recorder {recorder.name!r}")
-            state |= {f"{recorder.name}.{key}": value for key, value in found.items()}
+            state |= state_of(recorder, f"recorder {recorder.name!r}", f"{recorder.name}.")
         return state
 
     def files(self) -> dict[str, int]:
