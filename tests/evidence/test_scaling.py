@@ -11,11 +11,12 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway, large, peers, threads, walks
+from evac.evidence.scaling import headway, large, threads, walks
 from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
+from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
 from evac.physics.allocation import SKIN, make_problem
 from evac.physics.state import copy_of
@@ -238,7 +239,7 @@ def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(large, "QUICK_SIZES", (30,))
     monkeypatch.setattr(large, "SCENES", large.SCENES[:1])
     monkeypatch.setattr(scaling, "_school_claims", lambda repeats: [])
-    monkeypatch.setattr(peers, "run", lambda evidence, step: None)  # which needs another program
+    monkeypatch.setattr(comparison, "run", lambda evidence, step: None)  # which needs another program
     monkeypatch.setattr(threads, "QUICK_SIZES", (30,))
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     evidence = Evidence("scaling", tmp_path, quick=True)

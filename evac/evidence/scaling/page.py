@@ -15,9 +15,10 @@ from evac.errors import SimulationError
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
-from evac.evidence.scaling import headway, large, peers, phases, threads
+from evac.evidence.scaling import headway, large, phases, threads
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
+from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import (
     JAMMED,
     LONGEST,
@@ -84,7 +85,7 @@ def run(evidence: Evidence) -> None:
     large.run(evidence)
     headway.run(evidence, MODELS, STEP)
     threads.run(evidence, STEP)
-    peers.run(evidence, STEP)
+    comparison.run(evidence, STEP)
     evidence.data("claims", claims, "Medians of what has a target")
     evidence.write_page(
         "Time and memory against the number of people",
