@@ -13,7 +13,7 @@ from evac.errors import SimulationError
 from evac.evidence.report import Evidence
 from evac.evidence.scaling import headway, large, threads, walks
 from evac.evidence.scaling import page as scaling
-from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
+from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
 from evac.evidence.scaling.peers import comparison
@@ -73,6 +73,14 @@ def test_a_hall_is_no_deeper_than_it_may_be_and_has_doors_along_its_length():
     assert gaps(hall.crowd).min() >= 0.0
     assert (hall.crowd.position < np.array([hall.depth, hall.length]) - hall.crowd.radius[:, None]).all()
     assert make_hall(2000, 5.0, seed=1, deepest=100.0).depth == make_hall(2000, 5.0, seed=1).depth
+
+
+def test_the_nearest_door_is_that_whose_middle_is_nearest_along_the_wall():
+    low, high = doors_along(40.0)
+    assert len(low) == 4
+    np.testing.assert_allclose(0.5 * (low + high), [5.0, 15.0, 25.0, 35.0])
+    places = np.array([0.0, 9.9, 10.1, 24.0, 29.9, 40.0])
+    assert nearest_door(40.0, places).tolist() == [0, 0, 1, 2, 2, 3]
 
 
 def test_same_seed_gives_the_same_hall():

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from shapely.geometry import box
 
-from evac.arrays import FloatArray
+from evac.arrays import FloatArray, IndexArray
 from evac.building.model import Building, Exit, Level
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
@@ -86,10 +85,11 @@ def doors_along(length: float) -> tuple[FloatArray, FloatArray]:
     return middle - 0.5 * DOOR, middle + 0.5 * DOOR
 
 
-def nearest_door(length: float, y: FloatArray) -> npt.NDArray[np.intp]:
+def nearest_door(length: float, y: FloatArray) -> IndexArray:
     """Return the index of the door (n,) in a wall of a length [m] that is nearest to places along it (n,) [m]."""
     middle = np.mean(doors_along(length), axis=0)
-    return np.abs(middle - y[:, None]).argmin(axis=1)
+    nearest: IndexArray = np.abs(middle - y[:, None]).argmin(axis=1)
+    return nearest
 
 
 def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, float, float]:

@@ -120,7 +120,7 @@ def run(evidence: Evidence, step: float) -> None:
     for peer in peers:
         ratios = [row["times DEM"] for row in rows if row["program"] in peer.models and row["times DEM"] is not None]
         told = f"{min(ratios):.1f} to {max(ratios):.1f}" if ratios else "no step made"
-        evidence.verdict(reported(f"{peer.name}: time of a person-step over that of DEM", told, "-", SECTION))
+        evidence.verdict(reported(f"{peer.name}: time of a person-step divided by that of DEM", told, "-", SECTION))
     evidence.heading(SECTION)
     measured = ", ".join(peer.name for peer in peers)
     missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"

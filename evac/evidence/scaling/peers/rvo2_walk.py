@@ -58,4 +58,5 @@ class OrcaWalk:
         x, y = self.positions().T
         # The target is a radius behind the door line, so that people beside the door do not stop at the wall.
         towards = np.stack([np.maximum(self.depth - x, 0.0) + self.radius, np.clip(y, self.low, self.high) - y], axis=1)
-        return towards * (self.speed / np.hypot(*towards.T))[:, None]
+        preferred: FloatArray = towards * (self.speed / np.hypot(*towards.T))[:, None]
+        return preferred
