@@ -76,7 +76,7 @@ def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixe
     assert "Measured: Slow, Stops. Not installed: Other." in page
     assert "Slow is slow." in page
     assert "Other is different." not in page
-    assert "| 50 | dense | Slow | 3e+07 | 3 |" in page
+    assert "| 50 | dense | Slow | 30,000,000 | 3 |" in page
     assert "| 200 | dense | Slow |" not in page  # too many people for it
     assert "| 200 | dense | Stops | - | - |" in page
     assert "| [Slow: time of a person-step divided by that of DEM](#beside-other-programs) | 3.0 to 3.0 |" in page

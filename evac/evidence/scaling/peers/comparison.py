@@ -138,7 +138,8 @@ def run(evidence: Evidence, step: float) -> None:
         f"""CPU time per person-step in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g}. The programs make ticks of
         {TICK:g} s in turns; medians over ticks, also of the time over that of DEM in the same turn. A program that
         could not make a step has no times; its message is in the file.""",
-        columns=("people", "start", "program", "ns per person-step", "times DEM"),
+        {"people": ",", "ns per person-step": ",.0f"},
+        ("people", "start", "program", "ns per person-step", "times DEM"),
     )
 
 
