@@ -53,12 +53,14 @@ def test_models_of_evac_are_programs():
 def fixed(monkeypatch):
     """Programs with fixed times, of which one is not installed and one is given few people only."""
     peers = (
-        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, "Slow is slow.", most=100),
+        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, "Slow is slow.", 100, {"Slow": "Own"}),
         Peer("Other", "pyrvo", {"Other": lambda hall, step: Fixed()}, "Other is different."),
         Peer("Stops", "cromosim", {"Stops": lambda hall, step: Fixed(fails=True)}, "Stops fails."),
     )
     monkeypatch.setattr(comparison, "PEERS", peers)
-    monkeypatch.setattr(comparison, "OWN", {BASE: lambda hall, step: Fixed()})
+    monkeypatch.setattr(
+        comparison, "OWN", {BASE: lambda hall, step: Fixed(), "Own": lambda hall, step: Fixed(span=2.0)}
+    )
     monkeypatch.setattr(comparison, "QUICK_SIZES", (50, 200))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyrvo" else name)
     monkeypatch.delitem(sys.modules, "pyrvo", raising=False)
@@ -79,8 +81,13 @@ def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixe
     assert "| 50 | dense | Slow | 30,000,000 | 3 |" in page
     assert "| 200 | dense | Slow |" not in page  # too many people for it
     assert "| 200 | dense | Stops | - | - |" in page
-    assert "| [Slow: time of a person-step divided by that of DEM](#beside-other-programs) | 3.0 to 3.0 |" in page
-    assert "| [Stops: time of a person-step divided by that of DEM](#beside-other-programs) | no step made |" in page
+    assert (
+        "| [Slow: time of a person-step divided by that of the same model of evac](#beside-other-programs) | 1.5 to 1.5 |"
+        in page
+    )
+    assert (
+        "| [Stops: time of a person-step divided by that of evac, DEM](#beside-other-programs) | no step made |" in page
+    )
     assert "somebody is outside" in (tmp_path / "peers.csv").read_text()
     assert written(Evidence("scaling", tmp_path, page_only=True)) == page
 
