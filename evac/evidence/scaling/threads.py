@@ -34,15 +34,16 @@ def run(evidence: Evidence, step: float) -> None:
     sizes = QUICK_SIZES if evidence.quick else SIZES
     rows = evidence.measured("threads", lambda: [compare(people, evidence.seed, step) for people in sizes])
     last = rows[-1]
-    what = f"Hall of {last['people']:,} people, DEM: time with one thread over that with two"
+    what = f"Hall of {last['people']:,} people, DEM: time with one thread divided by that with two"
     evidence.verdict(at_least(what, last["one over two"], LEAST_RATIO, "", SECTION))
     evidence.heading(SECTION)
     evidence.table(
         "threads",
         rows,
-        f"""Wall time of a step of DEM at {DENSITY:g} per m2 with one thread and with two, in seconds {WARM * TICK:g} to
-        {(WARM + TIMED) * TICK:g} of a walk. Both walk the same crowd in turns, tick by tick, to the same bits; medians
-        over ticks, and the least and greatest ratio of two ticks. Other programs on the same cores reduce the gain.""",
+        f"""Wall time of a step of DEM at {DENSITY:g} people per m2 with one thread and with two threads, in seconds
+        {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk. Two copies of the same crowd make ticks in turns, with
+        identical results; medians over ticks, and the least and greatest ratio of the times of the same tick. Other
+        programs that run on the same cores reduce the gain.""",
     )
 
 
