@@ -130,7 +130,8 @@ class Simulation:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
+            threads = self._wanted_threads
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
