@@ -57,7 +57,7 @@ class Simulation:
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     threads : int, optional
-        Number of threads that share the step loop, as for `evac.run`.
+        Number of threads that share the step loop and the directions, as for `evac.run`.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
