@@ -58,7 +58,7 @@ class Simulation:
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     threads : int, optional
-        Number of threads that share the step loop, as for `evac.run`.
+        Number of threads that share the step loop and the directions, as for `evac.run`.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
@@ -131,7 +131,8 @@ class Simulation:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
+            threads = self._wanted_threads
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
