@@ -167,7 +167,9 @@ def check_writes(behaviour: Behaviour) -> None:
         declared = list(behaviour.writes)
     for array in declared:
         if array not in WRITABLE:
-            raise PluginError(f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)}")
+            raise PluginError(
+                f"{behaviour.name}: declares to write {array!r}; behaviours write {', '.join(WRITABLE)} only"
+            )
 
 
 def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
@@ -217,5 +219,5 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float
         if len(lost):
             raise PluginError(
                 f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote route {crowd.route[lost[0]]} for person "
-                f"{lost[0]}; there are {routes}"
+                f"{lost[0]}; it must be from 0 to {routes - 1}, see Behaviour.routes"
             )

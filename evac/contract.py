@@ -1,13 +1,16 @@
 """The plugin contract: requirements that a module and a class must meet to be registered."""
 
 import inspect
+import reprlib
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pluggy
+from numpy.typing import NDArray
 
 from evac import hookspecs
-from evac.errors import PluginError
+from evac.errors import PluginError, plugin_code
 from evac.parameters import did_you_mean
 
 #: Module and name of the base class of each kind.
@@ -80,7 +83,9 @@ def check_interface(module: ModuleType, plugin: str) -> None:
             f"adapt it to version {own}, then write `evac_interface = {own}` in the module"
         )
     if not isinstance(stated, int):
-        raise PluginError(f"plugin {plugin}: evac_interface must be a whole number such as {own}, not {stated!r}")
+        raise PluginError(
+            f"plugin {plugin}: evac_interface is {stated!r}, not a whole number; write `evac_interface = {own}`"
+        )
     if stated > own:
         raise PluginError(
             f"plugin {plugin}: was written for version {stated} of the plugin interface, this evac has version {own}; "
@@ -114,7 +119,7 @@ def check_class(cls: Any, plugin: str) -> str:
     kind = kind_of(cls)
     if not kind:
         bases = ", ".join(base for _, base in BASES.values())
-        raise PluginError(f"plugin {plugin}: {cls!r} must be derived from one of {bases}")
+        raise PluginError(f"plugin {plugin}: {cls!r} is not a plugin; derive it from one of {bases}")
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
         raise PluginError(
@@ -122,16 +127,18 @@ def check_class(cls: Any, plugin: str) -> str:
         )
     name = getattr(cls, "name", "")
     if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
-        raise PluginError(f"plugin {plugin}: {cls.__name__}.name must be one word in lower case, not {name!r}")
+        raise PluginError(
+            f"plugin {plugin}: {cls.__name__}.name is {name!r}; it must be one word in lower case, such as 'my_plugin'"
+        )
     if kind == "importer" and not _are_suffixes(getattr(cls, "suffixes", None)):
         raise PluginError(
-            f"plugin {plugin}: {cls.__name__}.suffixes must be a tuple of endings in lower case such as ('.obj',), "
-            f"not {getattr(cls, 'suffixes', None)!r}"
+            f"plugin {plugin}: {cls.__name__}.suffixes is {getattr(cls, 'suffixes', None)!r}; it must be a tuple of "
+            "endings in lower case, such as ('.obj',)"
         )
     if kind == "exporter" and getattr(cls, "suffix", None) != "" and not _are_suffixes((cls.suffix,)):
         raise PluginError(
-            f"plugin {plugin}: {cls.__name__}.suffix must be an ending in lower case such as '.csv', or empty for a "
-            f"folder, not {cls.suffix!r}"
+            f"plugin {plugin}: {cls.__name__}.suffix is {cls.suffix!r}; it must be an ending in lower case, such as "
+            "'.csv', or empty for a folder"
         )
     if (kind, name) in RESERVED:
         raise PluginError(f"plugin {plugin}: {cls.__name__}.name {name!r} is a key of its section; choose another name")
@@ -144,6 +151,34 @@ def _are_suffixes(value: Any) -> bool:
         and len(value) > 0
         and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
     )
+
+
+def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
+    """Return copies of the arrays that `state` of a plugin returns.
+
+    Parameters
+    ----------
+    plugin : Behaviour, ContactModel or Recorder
+    what : str
+        Kind and name of the plugin, for the message.
+    prefix : str
+        Put before their names.
+
+    Raises
+    ------
+    PluginError
+        It fails, or returns something else than a dictionary of arrays.
+    """
+    with plugin_code(f"{what}: state"):
+        state = plugin.state()
+    if not isinstance(state, dict):
+        raise PluginError(f"{what}: state() returns {reprlib.repr(state)}; return a dict of arrays")
+    for key, value in state.items():
+        if not isinstance(value, np.ndarray | np.generic):
+            raise PluginError(
+                f"{what}: state() returns {reprlib.repr(value)} for {key!r}; return arrays, np.array(...) makes one"
+            )
+    return {f"{prefix}{key}": np.array(value) for key, value in state.items()}
 
 
 def kind_of(cls: Any) -> str:

@@ -4,6 +4,7 @@ import re
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 #: Characters of an error's text that are shown, and of a line of a file.
 LONGEST = 1000
@@ -88,6 +89,13 @@ def in_one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def place_of(error: BaseException) -> str:
+    """Return file and line of the innermost frame of an exception outside of evac; within evac if there is none."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if not frame.filename.startswith("<")]
+    outside = [frame for frame in frames if Path(__file__).parent not in Path(frame.filename).parents]
+    return next((f"{frame.filename}, line {frame.lineno}" for frame in reversed(outside or frames)), "no file")
+
+
 @contextmanager
 def plugin_code(what: str) -> Iterator[None]:
     """Run code of a plugin; an exception that is not an EvacError becomes a PluginError with plugin, file and line.
@@ -100,12 +108,8 @@ def plugin_code(what: str) -> Iterator[None]:
     except (EvacError, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        trace = traceback.extract_tb(error.__traceback__)
-        place = next((frame for frame in reversed(trace) if not frame.filename.startswith("<")), trace[-1])
         advice = "let the plugin raise an exception instead" if isinstance(error, SystemExit) else "correct the plugin"
-        raise PluginError(
-            f"{what}: {in_one_line(error)} ({place.filename}, line {place.lineno}); {advice}, or remove it"
-        ) from error
+        raise PluginError(f"{what}: {in_one_line(error)} ({place_of(error)}); {advice}, or remove it") from error
 
 
 @contextmanager

@@ -64,9 +64,11 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
     }
 
 
-def solve_fields(case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool) -> Fields:
+def solve_fields(
+    case: "Case", building: "Building", behaviours: Sequence[Behaviour], full: bool, threads: int | None
+) -> Fields:
     """Return the directions of a building for the routes that people can take, with the settings of the case."""
-    return build_fields(building, **field_settings(case, behaviours, full))
+    return build_fields(building, **field_settings(case, behaviours, full), threads=threads)
 
 
 def needed_forces(forces: Sequence[Force], full: bool) -> list[Force]:

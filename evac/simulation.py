@@ -13,6 +13,7 @@ from evac import assembly, plan
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
+from evac.contract import state_of
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import naming, noting, plugin_code
@@ -57,7 +58,7 @@ class Simulation:
     will_run : bool
         False to inspect the state before the first step only: kernels of the step loop are then not loaded.
     threads : int, optional
-        Number of threads that share the step loop, as for `evac.run`.
+        Number of threads that share the step loop and the directions, as for `evac.run`.
     compiling : callable, optional
         Called with the number of compiled kernels and the number of kernels to compile, if there are any.
 
@@ -130,7 +131,8 @@ class Simulation:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full)
+            threads = self._wanted_threads
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
@@ -138,14 +140,13 @@ class Simulation:
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
-        with naming(case.source):
-            border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-            with plugin_code(f"contact model {self.contact.name!r}: check_scene"):
-                self.contact.check_scene(border)
-            with plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
-                self._promised_overlap = float(self.contact.promised_overlap(border))
+        border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
+        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: check_scene"):
+            self.contact.check_scene(border)
+        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
+            self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        threads = number_of_threads(self._wanted_threads, n, self.contact)
+        threads = number_of_threads(self._wanted_threads, n)
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:
@@ -331,14 +332,13 @@ class Simulation:
         state = {f"population.{key}": value for key, value in self.population.state().items()}
         state |= {f"engine.{key}": value for key, value in self.engine.snapshot().items()}
         for behaviour, scene in self.behaviours:
-            for key, value in behaviour.state().items():
-                state[f"behaviour.{behaviour.name}.{key}"] = value.copy()
+            state |= state_of(behaviour, f"behaviour {behaviour.name!r}", f"behaviour.{behaviour.name}.")
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
-        state |= {f"contact.{self.contact.name}.{key}": value.copy() for key, value in self.contact.state().items()}
+        state |= state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
         state["simulation.clock"] = np.array([self.step, self._version])
-        state["simulation.start_position"], state["simulation.start_level"] = self._start
         state["simulation.ending"] = self._ending.state()
+        state["simulation.start_position"], state["simulation.start_level"] = self._start
         state["simulation.displacement_velocity"] = self.displacement_velocity.copy()
         state |= {f"watch.{key}": value for key, value in self._watch.state().items()}
         return state
@@ -351,9 +351,11 @@ class Simulation:
         self.population.restore(_part(state, "population."))
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
-                behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
+                with plugin_code(f"behaviour {behaviour.name!r}: restore"):
+                    behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
                 restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
-        self.contact.restore(_part(state, f"contact.{self.contact.name}."))
+        with plugin_code(f"contact model {self.contact.name!r}: restore"):
+            self.contact.restore(_part(state, f"contact.{self.contact.name}."))
         self.step, self._version = state["simulation.clock"].tolist()
         self._start = (state["simulation.start_position"], state["simulation.start_level"])
         self.engine.restore(_part(state, "engine."))

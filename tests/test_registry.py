@@ -125,7 +125,7 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
          ["evac_forces returned <class 'int'>", "it must derive from evac.Force"]),
         ("from evac import Behaviour, hookimpl\n"
          "class A(Behaviour):\n    name = 'a b'\n@hookimpl\ndef evac_behaviours():\n    return [A]\n",
-         ["A.name must be one word in lower case, not 'a b'"]),
+         ["A.name is 'a b'; it must be one word in lower case"]),
         ("from evac import Behaviour, hookimpl\n"
          "class A(Behaviour):\n    name = 'a'\n@hookimpl\ndef evac_forces():\n    return [A]\n",
          ["evac_forces returned", "it must derive from evac.Force"]),
@@ -140,7 +140,7 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
         ("from evac import Importer, hookimpl\n"
          "class A(Importer):\n    name = 'a'\n    suffixes = '.a'\n    def read(self, path):\n        pass\n"
          "@hookimpl\ndef evac_importers():\n    return [A]\n",
-         ["A.suffixes must be a tuple of endings in lower case", "not '.a'"]),
+         ["A.suffixes is '.a'; it must be a tuple of endings in lower case"]),
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):

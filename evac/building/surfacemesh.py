@@ -169,7 +169,7 @@ def _door_ends(source: Path, name: str, ends: ArrayLike) -> FloatArray:
     """Check and return the ends (2, 3) of a door."""
     found: FloatArray = _as_array(source, f"door:{name}", ends, np.float64, (-1, 3))
     if len(found) != 2 or not np.isfinite(found).all():
-        raise PluginError(f"{source}: the importer's door {name!r} must be two finite points (x, y, z)")
+        raise PluginError(f"{source}: the importer's door {name!r} is {ends!r}; it must be two finite points (x, y, z)")
     return found
 
 
@@ -181,10 +181,13 @@ def _as_array(source: Path, name: str, values: ArrayLike, dtype: Any, shape: tup
             array = array.reshape([max(length, 0) for length in shape])
         array = np.ascontiguousarray(array.astype(dtype, casting="unsafe" if dtype is np.bool_ else "same_kind"))
     except (TypeError, ValueError) as error:
-        raise PluginError(f"{source}: the importer's {name!r} are not an array of numbers: {error}") from error
+        raise PluginError(
+            f"{source}: the importer's {name!r} are not an array of numbers: {error}; return numbers of type "
+            f"{np.dtype(dtype)}"
+        ) from error
     if array.ndim != len(shape) or any(b not in (-1, a) for a, b in zip(array.shape, shape, strict=True)):
         wanted = ", ".join("n" if length < 0 else str(length) for length in shape)
-        raise PluginError(f"{source}: the importer's {name!r} have the shape {array.shape}, not ({wanted})")
+        raise PluginError(f"{source}: the importer's {name!r} have the shape {array.shape}; it must be ({wanted})")
     return array
 
 

@@ -2,7 +2,6 @@
 
 import ast
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from evac.behaviour import Behaviour, BehaviourScene
-from evac.errors import ConformanceWarning, PluginError
+from evac.conformance.failures import CheckError, scene
+from evac.errors import PluginError, place_of, text_of
 from evac.physics.state import Crowd
 from evac.scenario.case import Case
 from evac.simulation import Simulation
@@ -24,70 +24,81 @@ MOST_TICKS = 1000
 CRUSH = 5000.0
 
 
-def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> None:
+def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> str:
     """Check that a behaviour reads and writes only the arrays that it declares, in all branches of its code.
 
     The case runs until all lines of `act`, and of what it calls in the same file, have been executed, or to its end.
     For the remaining lines artificial scenes are tried: a closed exit, a crush, the last person inside.
+
+    Returns
+    -------
+    str
+        Description of the lines that were not executed; empty if there are none.
     """
-    seen: set[str] = set()
-    simulation, behaviour, scene = _prepared(case, name, seen)
+    simulation, behaviour, view = _prepared(case, name)
     lines = _Lines(behaviour)
     for tick in range(MOST_TICKS):
         if simulation.ended or (tick >= ticks and not lines.missing()):
             break
-        _act(behaviour, scene, simulation, lines, f"t = {simulation.time:.1f} s of {case.title!r}")
-        simulation.advance_tick()
+        with scene(f"t = {simulation.time:.1f} s of {case.title}"):
+            _act(behaviour, view, simulation, lines, simulation.time)
+            simulation.advance_tick()
     if lines.missing():
-        simulation, behaviour, scene = _prepared(case, name, seen)
+        simulation, behaviour, view = _prepared(case, name)
         for title, time in _made_scenes(simulation):
-            _act(behaviour, scene, simulation, lines, f"{title} in {case.title!r}", time)
-    if undeclared := sorted(seen - {*behaviour.reads, *behaviour.writes}):
-        names = ", ".join(undeclared)
-        raise PluginError(f"{case.title!r}: reads {names} without declaring it; add it to `reads`")
-    if missing := lines.missing():
-        warnings.warn(
-            f"{name}: check_declared_arrays: {missing} not executed in {case.title!r} and therefore not checked;"
-            f" give a case that executes them: check_plugin({type(behaviour).__name__}, case)",
-            ConformanceWarning,
-            stacklevel=3,
-        )
+            with scene(f"{title} in {case.title}"):
+                _act(behaviour, view, simulation, lines, time)
+    missing = lines.missing()
+    return f"{missing} not executed in {case.title!r} and therefore not checked" if missing else ""
 
 
-def _prepared(case: Case, name: str, seen: set[str]) -> tuple[Simulation, Behaviour, BehaviourScene]:
-    """Return a simulation, and a prepared behaviour with its scene; the arrays that it reads are added to `seen`."""
-    simulation = Simulation(case, full=True)
-    found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
-    if found is None:
-        raise PluginError(f"{case.title!r}: the case does not use behaviour {name!r}; give a case that does")
-    behaviour, scene = found
-    scene.crowd = _WatchedCrowd(**scene.crowd.values())
-    scene.crowd.__dict__["noted"] = seen
-    behaviour.prepare(scene)
-    return simulation, behaviour, scene
+def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
+    """Return a simulation, and a prepared behaviour with its scene, whose crowd records which arrays are read."""
+    with scene(case.title):
+        with _naming_writes():
+            simulation = Simulation(case, full=True)
+        found = next((pair for pair in simulation.behaviours if pair[0].name == name), None)
+        if found is None:
+            raise CheckError(f"the case does not use behaviour {name!r}", "give a case that does")
+        behaviour, view = found
+        view.crowd = _WatchedCrowd(**view.crowd.values())
+        view.crowd.__dict__["noted"] = set()
+        with _declared_only(behaviour, view, simulation):
+            behaviour.prepare(view)
+        return simulation, behaviour, view
 
 
-def _act(
-    behaviour: Behaviour,
-    scene: BehaviourScene,
-    simulation: Simulation,
-    lines: "_Lines",
-    what: str,
-    time: float | None = None,
-) -> None:
-    """Call `act` once, and refuse writes to arrays that are not declared."""
+def _act(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation, lines: "_Lines", time: float) -> None:
+    """Call `act` once, and refuse accesses to arrays that are not declared."""
+    with _declared_only(behaviour, view, simulation), lines.noted():
+        behaviour.act(view.crowd, time)
+
+
+@contextmanager
+def _naming_writes() -> Iterator[None]:
+    """Name the remedy if the behaviour writes to an array that is read-only because it is not declared."""
+    try:
+        yield
+    except (ValueError, PluginError) as error:
+        cause = error.__cause__ if isinstance(error, PluginError) else error
+        if not (isinstance(cause, ValueError) and "read-only" in str(cause)):
+            raise
+        wrong = f"writes an array without declaring it: {text_of(cause)} ({place_of(cause)})"
+        raise CheckError(wrong, "add it to `writes`") from cause
+
+
+@contextmanager
+def _declared_only(behaviour: Behaviour, view: BehaviourScene, simulation: Simulation) -> Iterator[None]:
+    """Refuse that the block reads or writes arrays that the behaviour does not declare."""
     crowd = simulation.population.crowd
     before = {key: array.copy() for key, array in crowd.values().items() if key not in behaviour.writes}
-    try:
-        with lines.noted():
-            behaviour.act(scene.crowd, simulation.time if time is None else time)
-    except ValueError as error:
-        if "read-only" not in str(error):
-            raise
-        raise PluginError(f"{what}: writes an array without declaring it in `writes`: {error}") from error
+    with _naming_writes():
+        yield
     for key, array in before.items():
         if not np.array_equal(array, getattr(crowd, key), equal_nan=True):
-            raise PluginError(f"{what}: writes {key!r} without declaring it; add it to `writes`")
+            raise CheckError(f"writes {key!r} without declaring it", "add it to `writes`")
+    if undeclared := sorted(view.crowd.__dict__["noted"] - {*behaviour.reads, *behaviour.writes}):
+        raise CheckError(f"reads {', '.join(undeclared)} without declaring it", "add it to `reads`")
 
 
 def _made_scenes(simulation: Simulation) -> Iterator[tuple[str, float]]:

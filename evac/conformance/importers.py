@@ -8,7 +8,8 @@ import numpy as np
 from evac.assembly import make_building, make_importers, read_surface
 from evac.building.importer import Importer
 from evac.building.surfacemesh import checked
-from evac.errors import BuildingError, PluginError
+from evac.conformance.failures import CheckError, scene
+from evac.errors import BuildingError, counted
 from evac.scenario.case import Case
 
 #: Contents of files that no importer can read.
@@ -22,29 +23,32 @@ def check_damaged_files(importer: Importer) -> None:
             for content in GARBAGE:
                 path = Path(place, f"damaged{suffix}")
                 path.write_bytes(content)
-                try:
-                    mesh = checked(path, read_surface(importer, path))
-                except BuildingError:
-                    continue
-                raise PluginError(
-                    f"a file ending in {suffix!r}: reads {len(mesh.triangles)} cells from {content!r}; "
-                    "raise ValueError for files that are not of this format"
-                )
+                with scene(f"a damaged file {path.name} with the content {content!r}"):
+                    try:
+                        mesh = checked(path, read_surface(importer, path))
+                    except BuildingError:
+                        continue
+                    raise CheckError(
+                        f"it is read as a surface of {counted(len(mesh.triangles), 'triangle')}",
+                        "raise ValueError for files that are not of this format",
+                    )
 
 
 def check_surface(case: Case, name: str) -> None:
     """Check that the file of a case is read twice to the same surface, from which a building can be made."""
-    used = make_importers(case)
-    if case.mesh is None or used[0].name != name:
-        what = f"its building is read by {used[0].name!r}" if used else "its building is not read from a file"
-        raise PluginError(f"{case.title}: {what}; give a case that uses {name!r}")
-    one, other = (checked(case.mesh, read_surface(make_importers(case)[0], case.mesh)) for _ in range(2))
-    for what, first, second in (
-        ("points", one.points, other.points),
-        ("cells", one.triangles, other.triangles),
-        *(("cell_tags", one.cell_tags.get(tag), mask) for tag, mask in other.cell_tags.items()),
-        *(("edge_tags", one.edge_tags.get(tag), pairs) for tag, pairs in other.edge_tags.items()),
-    ):
-        if first is None or not np.array_equal(first, second):
-            raise PluginError(f"{case.mesh}: two readings of the file differ in {what}; keep no state between them")
-    make_building(case)
+    with scene(case.title):
+        used = make_importers(case)
+        if case.mesh is None or used[0].name != name:
+            what = f"read by {used[0].name!r}" if used else "not read from a file"
+            raise CheckError(f"the building of the case is {what}", f"give a case that uses {name!r}")
+    with scene(f"{case.title}, the file {case.mesh.name}"):
+        one, other = (checked(case.mesh, read_surface(make_importers(case)[0], case.mesh)) for _ in range(2))
+        for what, first, second in (
+            ("points", one.points, other.points),
+            ("cells", one.triangles, other.triangles),
+            *(("cell_tags", one.cell_tags.get(tag), mask) for tag, mask in other.cell_tags.items()),
+            *(("edge_tags", one.edge_tags.get(tag), pairs) for tag, pairs in other.edge_tags.items()),
+        ):
+            if first is None or not np.array_equal(first, second):
+                raise CheckError(f"two readings of the file differ in {what}", "keep no state between them")
+        make_building(case)

@@ -9,6 +9,7 @@ from shapely.geometry import box
 
 from evac.arrays import FloatArray
 from evac.building.model import Building, Level
+from evac.conformance.failures import CheckError, scene
 from evac.directions.fields import NO_CELL_WALLS, Fields, PackedFields
 from evac.directions.routes import Route
 from evac.errors import PluginError, ScenarioError, SimulationError
@@ -55,22 +56,52 @@ class Pace(NamedTuple):
 PLAIN = Pace()
 
 
-def pace_of(model: ContactModel) -> Pace:
+#: Names of the scenes below.
+COINCIDENT, THROWN = "two people at one place", "a person pushed towards a wall"
+PRESSED = "nine people pressed against a wall"
+
+#: Remedy for people who pass through a wall.
+WALLS = "apply percussions at walls too, where contacts.other is -1"
+
+
+def check_pace(model: ContactModel) -> Pace:
     """Return the pace at which a model separates coincident people, and keeps people pressed against a wall inside.
 
     The plain pace is tried first, then slower motion (for soft contacts) and shorter steps (for stiff ones). If all
-    fail, the cause is not the stiffness, and the plain pace is returned.
+    fail, the cause is not the stiffness, and the plain pace is returned, at which other checks fail. An exception of
+    the plugin, other than an arithmetic one, fails at once.
     """
-    powers = [2**k for k in range(1, 7)]
+    powers = [8**k for k in range(1, 4)]
     for pace in [PLAIN, *(pace for k in powers for pace in (Pace(k, k), Pace(1, k)))]:
-        try:
-            coincident(model, pace)
-            ends = [pressed(model, 200, pace=pace)[0], thrown(model, pace)[0]]
-        except (PluginError, ScenarioError):
-            continue
-        if all(np.abs(crowd.position).max() <= ROOM for crowd in ends):
+        if all(_stays_inside(model, title, pace) for title in (COINCIDENT, PRESSED, THROWN)):
             return pace
     return PLAIN
+
+
+def _stays_inside(model: ContactModel, title: str, pace: Pace) -> bool:
+    """Return whether a scene can be simulated at a pace, and everybody remains in the room."""
+    with scene(f"{title}, {pace}"):
+        try:
+            if title == COINCIDENT:
+                coincident(model, pace)
+            elif title == PRESSED:
+                pressed(model, 200, watch=refuse_outside, pace=pace)
+            else:
+                refuse_outside(thrown(model, pace)[0])
+            return True
+        except (PluginError, ScenarioError, SimulationError) as error:
+            if error.__cause__ is None or isinstance(error.__cause__, ArithmeticError):
+                return False
+            raise
+
+
+def refuse_outside(crowd: Crowd) -> None:
+    """Check that everybody is in the room."""
+    outside = np.flatnonzero(np.abs(crowd.position).max(axis=1) > ROOM)
+    if len(outside):
+        x, y = crowd.position[outside[0]]
+        beyond = max(abs(x), abs(y)) - ROOM
+        raise CheckError(f"a person passed through the wall, at ({x:.2f}, {y:.2f}), {beyond:.2g} m beyond it", WALLS)
 
 
 def coincident(model: ContactModel, pace: Pace) -> Crowd:
@@ -139,7 +170,7 @@ def walked(
 
     Raises
     ------
-    PluginError
+    SimulationError
         A step cannot be made.
     ScenarioError
         The model refuses the scene.
@@ -152,10 +183,7 @@ def walked(
     model.check_scene(border_scene(crowd, pace.step, True))
     total, tick = (steps * pace.parts, 10 * pace.parts) if steps else (2, 1)
     for first in range(0, total, tick):
-        try:
-            engine.advance(model, crowd, first, tick, pace.step, True, True)
-        except SimulationError as error:
-            raise PluginError(f"a simple scene, {pace}: {error}") from error
+        engine.advance(model, crowd, first, tick, pace.step, True, True)
         watch(crowd)
     _slow_down(crowd, 1.0 / pace.slow)
     return crowd, engine

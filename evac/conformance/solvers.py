@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evac.errors import PluginError
+from evac.conformance.failures import CheckError, examining, scene
+from evac.errors import counted
 from evac.physics.allocation import make_problem
 from evac.physics.rows import call_solver
 from evac.physics.solver import Solver
@@ -166,7 +167,8 @@ def exercises() -> list[Exercise]:
 
 def check_signature(solver: type[Solver]) -> None:
     """Check that the kernel takes a problem, a tolerance and a limit, and returns a count."""
-    call_solver.check(getattr(solver, "solve", None), f"{solver.name}: solve")
+    with examining("its kernel solve"):
+        call_solver.check(getattr(solver, "solve", None), "solve")
 
 
 def check_answers(solver: type[Solver]) -> None:
@@ -174,17 +176,18 @@ def check_answers(solver: type[Solver]) -> None:
     for one in exercises():
         problem = one.pose()
         for tolerance in (TOLERANCE, 10.0 * TOLERANCE):
-            _solve(solver, one, problem, tolerance, LIMIT)
-            if not problem.residual <= tolerance:
-                raise PluginError(
-                    f"{one.title}: does not solve it: the residual is {problem.residual:.3g} m/s after {LIMIT}"
-                    " iterations; iterate until problem.residual is below the tolerance"
-                )
-            wrong = float(np.abs(_percussions(problem) - one.percussion).max())
-            if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
-                raise PluginError(
-                    f"{one.title}: percussions are wrong by {wrong:.3g} N s; satisfy evac.physics.rows.law in every row"
-                )
+            with scene(one.title):
+                _solve(solver, one, problem, tolerance, LIMIT)
+                if not problem.residual <= tolerance:
+                    raise CheckError(
+                        f"does not solve it: the residual is {problem.residual:.3g} m/s after {LIMIT} iterations",
+                        "iterate until problem.residual is below the tolerance",
+                    )
+                wrong = float(np.abs(_percussions(problem) - one.percussion).max())
+                if not wrong <= SHARE * max(1.0, float(one.percussion.max())):
+                    raise CheckError(
+                        f"percussions are wrong by {wrong:.3g} N s", "satisfy evac.physics.rows.law in every row"
+                    )
 
 
 def check_limits(solver: type[Solver]) -> None:
@@ -192,39 +195,44 @@ def check_limits(solver: type[Solver]) -> None:
     one = queue(40)
     for limit in (1, 2, 7, 30):
         problem = one.pose()
-        made = _solve(solver, one, problem, 1e-14, limit)
-        if not 0 < made <= limit:
-            raise PluginError(
-                f"{one.title}: makes {made} iterations, but its limit is {limit}; return the number of iterations"
-            )
-        residual = one.residual(_percussions(problem))
-        if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
-            raise PluginError(
-                f"{one.title}: reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g};"
-                " set problem.residual = row_residual(problem) of evac.physics.rows"
-            )
+        with scene(f"{one.title}, at most {counted(limit, 'iteration')}"):
+            made = _solve(solver, one, problem, 1e-14, limit)
+            if not 0 < made <= limit:
+                raise CheckError(
+                    f"makes {made} iterations, but its limit is {limit}",
+                    "stop at the limit, and return the number of iterations",
+                )
+            residual = one.residual(_percussions(problem))
+            if not abs(problem.residual - residual) <= LEAST + ROUNDING * residual:
+                raise CheckError(
+                    f"reports a residual of {problem.residual:.3g} m/s, which is {residual:.3g}",
+                    "set problem.residual = row_residual(problem) of evac.physics.rows",
+                )
 
 
 def check_work_arrays(solver: type[Solver]) -> None:
     """Check that a solver does not depend on the initial content of work arrays, and does not change the problem."""
-    one, found = queue(12), []
-    for rest in (0.0, math.nan):
-        problem = one.pose()
-        for name in Problem.kinds:
-            if name.startswith(("work", "image", "face", "branch")):
-                array = getattr(problem, name)
-                array[...] = rest if array.dtype == np.float64 else 0 if rest == 0.0 else 1
-        problem.residual = rest
-        given = {name: np.copy(getattr(problem, name)) for name in _GIVEN}
-        _solve(solver, one, problem, TOLERANCE, LIMIT)
-        for name, before in given.items():
-            if not np.array_equal(before, getattr(problem, name)):
-                raise PluginError(
-                    f"{one.title}: changes problem.{name}, which solvers must not change; use a work array"
-                )
-        found.append(problem.percussion.tobytes() + problem.velocity.tobytes())
-    if found[0] != found[1]:
-        raise PluginError(f"{one.title}: the result depends on previous values of work arrays; initialise them")
+    one = queue(12)
+    with scene(one.title):
+        if _solved_from(solver, one, 0.0) != _solved_from(solver, one, math.nan):
+            raise CheckError("the result depends on previous values of work arrays", "initialise them")
+
+
+def _solved_from(solver: type[Solver], one: Exercise, rest: float) -> bytes:
+    """Return the solution found with given values in the work arrays; refuse changes of the problem."""
+    problem = one.pose()
+    for name in Problem.kinds:
+        if name.startswith(("work", "image", "face", "branch")):
+            array = getattr(problem, name)
+            array[...] = rest if array.dtype == np.float64 else 0 if rest == 0.0 else 1
+    problem.residual = rest
+    given = {name: np.copy(getattr(problem, name)) for name in _GIVEN}
+    _solve(solver, one, problem, TOLERANCE, LIMIT)
+    for name, before in given.items():
+        if not np.array_equal(before, getattr(problem, name)):
+            raise CheckError(f"changes problem.{name}, which solvers must not change", "use a work array")
+    found: bytes = problem.percussion.tobytes() + problem.velocity.tobytes()
+    return found
 
 
 #: Arrays of the problem that a solver must not change.
@@ -236,17 +244,18 @@ def _solve(solver: type[Solver], one: Exercise, problem: Problem, tolerance: flo
     made = int(solver.solve(problem, tolerance, limit))
     percussion = _percussions(problem)
     if not np.isfinite(percussion).all() or percussion.min() < 0.0:
-        raise PluginError(
-            f"{one.title}: a percussion of {percussion.min():.3g} N s; people can only push, so none must be negative"
+        raise CheckError(
+            f"a percussion is {percussion.min():.3g} N s",
+            "people can only push, so all must be finite and not negative",
         )
     expected = one.velocities(percussion)
     n = problem.bodies
     velocity = problem.velocity[: n + 1] * np.append(problem.inverse_root[:n], 1.0)[:, None]
     wrong = float(np.abs(velocity - np.vstack([expected, [0.0, 0.0]])).max())
     if not wrong <= LEAST + ROUNDING * np.abs(expected).max():
-        raise PluginError(
-            f"{one.title}: velocities are inconsistent with percussions by {wrong:.3g} m/s;"
-            " change both with evac.physics.rows.push_row"
+        raise CheckError(
+            f"velocities are inconsistent with percussions by {wrong:.3g} m/s",
+            "change both with evac.physics.rows.push_row",
         )
     return made
 

@@ -1,7 +1,8 @@
 """Computation of travel times and directions of a building for given routes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 
 import numpy as np
 import shapely
@@ -24,10 +25,11 @@ from evac.directions.lengths import (
     strips_of,
     take_halos,
 )
-from evac.directions.marching import Metric, march
+from evac.directions.marching import Metric
 from evac.directions.masks import nearest_marked
 from evac.directions.routes import STRATEGIES, Route
 from evac.directions.strips import outward_directions
+from evac.directions.workers import March, march_all, number_of_workers
 from evac.errors import ScenarioError
 from evac.parameters import did_you_mean
 
@@ -44,6 +46,9 @@ NODE_BYTES, ROUTE_BYTES = 110.0, 35.0
 #: Maximum memory of all fields [bytes], which corresponds to one or two minutes of computing.
 MOST_BYTES = 2.5e9
 
+#: Memory that worker processes may take together, even if the fields take less [bytes].
+WORKERS_BYTES = 0.5e9
+
 
 def build_fields(
     building: Building,
@@ -55,6 +60,7 @@ def build_fields(
     comfort: float = COMFORT,
     order: int = ORDER,
     narrowest: float = 0.0,
+    threads: int | None = 1,
 ) -> Fields:
     """Compute the travel times and directions of a building by fast marching.
 
@@ -80,6 +86,9 @@ def build_fields(
         Order of the marching stencil.
     narrowest : float
         Diameter of the smallest body [m]. Narrower gaps are used only if there is no other way.
+    threads : int, optional
+        Greatest number of fields that are marched at the same time, each in a process; fewer are if the grids are small
+        or memory is short. None means one for each core. The fields are identical.
 
     Returns
     -------
@@ -99,29 +108,28 @@ def build_fields(
     grids = build_grids(building, spacing, clearance)
     avoided = _avoided(grids, narrowest)
     bent = _bent(grids, clearance, avoided) if clearance > 0.0 else None
-    greatest_rate = max([1.0, *(_rates(route.strategy, speeds, comfort).max() for route in routes)])
-    steepest = greatest_rate / min(math.cos(level.slope) for level in building.levels)
+    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
+    steepest = max([1.0, *(rate.max() for rate in rates)]) / min(math.cos(level.slope) for level in building.levels)
     field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
     offsets: list[int] = []
     parts: list[list[FloatArray]] = [[], []]
     filled = 0
-    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
     not_marched, costs = nodes_not_marched(grids), []
-    for index, route in enumerate(routes):
-        exits = exits_of_route(building, route)
-        direction, travel_time = _solve(grids, exits, rates[index], avoided, bent, order)
-        costs.append(travel_time[not_marched])
-        take_halos(grids, travel_time)
-        continue_values(grids, travel_time)
-        reaching = sorted(levels_reaching(building, exits))
-        for level in reaching:
-            field_of[level, index] = len(offsets)
-            offsets.append(filled)
-            filled += grids.levels[level].sheet.size
-        # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
-        chosen = reaching if len(reaching) < len(building.levels) else None
-        for part, values in zip(parts, (direction, travel_time), strict=True):
-            part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
+    ways = [exits_of_route(building, route) for route in routes]
+    with closing(_solve(grids, ways, rates, avoided, bent, order, threads)) as solved:
+        for index, (direction, travel_time) in enumerate(solved):
+            costs.append(travel_time[not_marched])
+            take_halos(grids, travel_time)
+            continue_values(grids, travel_time)
+            reaching = sorted(levels_reaching(building, ways[index]))
+            for level in reaching:
+                field_of[level, index] = len(offsets)
+                offsets.append(filled)
+                filled += grids.levels[level].sheet.size
+            # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
+            chosen = reaching if len(reaching) < len(building.levels) else None
+            for part, values in zip(parts, (direction, travel_time), strict=True):
+                part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
     direction, travel_time = (_joined(parts.pop(0), rest) for rest in ((2,), ()))
     return Fields(
         routes=tuple(routes),
@@ -172,7 +180,7 @@ def _check_spacing(building: Building, spacing: float) -> None:
 
 def _check_memory(building: Building, n_routes: int, spacing: float, clearance: float) -> None:
     """Refuse grids that need too much memory, before any is allocated; the message names the responsible key."""
-    most = MOST_BYTES / (NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1))
+    most = MOST_BYTES / _bytes_per_node(n_routes)
     nodes = count_nodes(building, spacing, clearance)
     if nodes <= most:
         return
@@ -187,6 +195,17 @@ def _check_memory(building: Building, n_routes: int, spacing: float, clearance: 
     raise ScenarioError(
         f"directions.spacing: {spacing:g} m requires grids of {many}; use at least {least:.2g} m; {measures(building)}"
     )
+
+
+def _bytes_per_node(n_routes: int) -> float:
+    """Return the memory of the fields of so many routes, without that of workers."""
+    return NODE_BYTES + ROUTE_BYTES * max(0, n_routes - 1)
+
+
+def _memory_of_workers(nodes: int, n_routes: int) -> float:
+    """Return what workers may take together [bytes]: what is left, but at most as much as the fields or a minimum."""
+    needed = nodes * _bytes_per_node(n_routes)
+    return min(MOST_BYTES - needed, max(needed, WORKERS_BYTES))
 
 
 def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
@@ -223,18 +242,26 @@ def _bent(grids: BuildingGrids, clearance: float, avoided: FloatArray) -> FloatA
 
 def _solve(
     grids: BuildingGrids,
-    exits: list[Exit],
-    rates: FloatArray,
+    ways: Sequence[list[Exit]],
+    rates: Sequence[FloatArray],
     avoided: FloatArray,
     bent: FloatArray | None,
     order: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Return directions (nodes, 2) and travel times (nodes,) to given exits on all grids, as marched."""
+    threads: int | None,
+) -> Generator[tuple[FloatArray, FloatArray], None, None]:
+    """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
-    slowness = rates / cosine[:, None]
-    plain = march(grids, Metric(slowness, avoided), exits, order)
-    guide = plain if bent is None else march(grids, Metric(slowness, bent, is_plain=False), exits, order)
-    return _directions(grids, guide, exits, bent is None), plain
+    marches = []
+    for rate, exits in zip(rates, ways, strict=True):
+        slowness = rate / cosine[:, None]
+        marches.append(March(Metric(slowness, avoided), exits))
+        if bent is not None:
+            marches.append(March(Metric(slowness, bent, is_plain=False), exits))
+    workers = number_of_workers(grids, len(marches), _memory_of_workers(grids.size, len(ways)), threads)
+    with closing(march_all(grids, marches, order, workers)) as costs:
+        for exits in ways:
+            plain = next(costs)
+            yield _directions(grids, plain if bent is None else next(costs), exits, bent is None), plain
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

@@ -113,7 +113,7 @@ class Fields:
         from evac.directions.lengths import find_lengths
 
         if self.marched is None:
-            return np.zeros((0, 3))
+            return np.zeros((3, 0)).T
         return find_lengths(self.marched, self.routes, self.packed.field_of, self.packed.travel_time)
 
     def __repr__(self) -> str:
@@ -138,7 +138,7 @@ class Fields:
 
         columns = [
             _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, route, ())
-            for length in np.ascontiguousarray(self.lengths.T)
+            for length in self.lengths.T
         ]
         # Within a cell of an exit, the bilinear value can be negative by rounding.
         return np.maximum(np.stack(columns, axis=1), 0.0)

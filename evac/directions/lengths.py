@@ -61,6 +61,8 @@ def find_lengths(
 ) -> FloatArray:
     """Return the flat, up and down lengths (nodes, 3) of the path from each node of packed fields [m].
 
+    Each column is contiguous, since they are sampled one by one.
+
     Parameters
     ----------
     marched : Marched
@@ -70,18 +72,24 @@ def find_lengths(
         Of `PackedFields`.
     """
     grids = build_grids(marched.building, marched.spacing, marched.clearance)
-    found = [np.zeros((0, 3))]
+    cost = np.empty(grids.size)
+    ways = _ways(grids, cost)
+    found: FloatArray = np.empty((3, len(travel_time))).T
     first = 0
     for index, route in enumerate(routes):
-        cost = np.full(grids.size, math.inf)
-        reaching = [grid for grid in grids.levels if field_of[grid.level, index] >= 0]
-        for grid in reaching:
-            cost[grid.packed] = travel_time[first : first + grid.sheet.size]
-            first += grid.sheet.size
+        cost[:] = math.inf
+        places = []
+        for grid in grids.levels:
+            if field_of[grid.level, index] >= 0:
+                places.append((grid.packed, slice(first, first + grid.sheet.size)))
+                first += grid.sheet.size
+        for packed, place in places:
+            cost[packed] = travel_time[place]
         cost[marched.nodes] = marched.costs[index]
-        lengths = _lengths(grids, cost, exits_of_route(marched.building, route), marched.rates[index])
-        found += [lengths[grid.packed] for grid in reaching]
-    return np.concatenate(found)
+        lengths = _lengths(grids, ways, exits_of_route(marched.building, route), marched.rates[index])
+        for packed, place in places:
+            found[place] = lengths[packed]
+    return found
 
 
 def take_halos(grids: BuildingGrids, values: FloatArray) -> None:
@@ -106,9 +114,9 @@ def strips_of(grids: BuildingGrids, grid: LevelGrid) -> dict[int, IndexArray]:
     return {exit_.index: nodes[links == grids.building.link_of(exit_)] for exit_ in grids.building.exits_of(grid.level)}
 
 
-def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: FloatArray) -> FloatArray:
+def _lengths(grids: BuildingGrids, ways: Ways, exits: list[Exit], rates: FloatArray) -> FloatArray:
     """Return the flat, up and down lengths (nodes, 3) of the path from each node [m]."""
-    building = grids.building
+    building, cost = grids.building, ways.cost
     lengths = np.full((grids.size, 3), math.inf)
     strips = {level: strips_of(grids, grids.levels[level]) for level in {exit_.level for exit_ in exits}}
     for exit_ in exits:
@@ -119,7 +127,6 @@ def _lengths(grids: BuildingGrids, cost: FloatArray, exits: list[Exit], rates: F
     own = np.concatenate([(grid.sheet == OWN).ravel() for grid in grids.levels])
     node = np.flatnonzero(own & np.isfinite(cost))
     node = node[np.argsort(cost[node], kind="stable")]
-    ways = _ways(grids, cost)
     add_lengths(node, ways, lengths)
     # Paths also end at nodes without a lower neighbour, in front of an exit without a strip and occasionally beside its
     # ends. The node with the lowest cost among those without lengths is one of them.

@@ -83,6 +83,8 @@ class _March:
         self.falls = [0] * len(grids.levels)
         #: Per (portal, level entered): decreases of the level behind, and the last cost marched from since then.
         self.tried: dict[tuple[int, int], tuple[int, float]] = {}
+        #: Per (portal, level behind): see `_tolerated`.
+        self.tolerated: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
 
     def run(self, exits: list[Exit]) -> FloatArray:
         for grid in self.grids.levels:
@@ -117,14 +119,21 @@ class _March:
         exits are behind a wide portal.
         """
         beyond = portal.other(entered)
-        points, _ = points_along(portal.segments, 0.5 * self.spacing)
+        points, slack = self._tolerated(portal, beyond)
         behind = self._at(beyond, points)
-        slack = self._step(portal) * self._at(beyond, points, self.metric.factor)
         falls, before = self.tried.get((portal.index, entered), (-1, -math.inf))
         lower = behind < self._at(entered, points) - slack
         if falls == self.falls[beyond]:
             lower &= behind > before + self._step(portal)
         return float(behind[lower].min()) if lower.any() else math.inf
+
+    def _tolerated(self, portal: Portal, beyond: int) -> tuple[FloatArray, FloatArray]:
+        """Return points along a portal, and the cost difference that is tolerated at each from a level behind it."""
+        key = portal.index, beyond
+        if key not in self.tolerated:
+            points, _ = points_along(portal.segments, 0.5 * self.spacing)
+            self.tolerated[key] = points, self._step(portal) * self._at(beyond, points, self.metric.factor)
+        return self.tolerated[key]
 
     def _step(self, portal: Portal) -> float:
         """Return the cost difference that is tolerated at a portal [s]."""

@@ -230,15 +230,19 @@ class AddressCall:
         PluginError
             The object is not an entry, or its signature differs.
         """
+        found = f"the {type(entry).__name__} {getattr(entry, '__name__', entry)}"
         if isinstance(entry, Entry):
-            kinds, returned = entry.signature
-            if tuple(kind for _, kind in kinds) == self.kinds and returned == self.returns:
+            named, returned = entry.signature
+            kinds = tuple(kind for _, kind in named)
+            if (kinds, returned) == (self.kinds, self.returns):
                 return
-        raise PluginError(f"{what} must be a kernel {self}; decorate it with a decorator of evac.jit for this purpose")
+            found = _described(kinds, returned)
+        raise PluginError(
+            f"{what} must be a kernel {self}, not {found}; decorate it with a decorator of evac.jit for this purpose"
+        )
 
     def __str__(self) -> str:
-        names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in self.kinds]
-        return f"({', '.join(names)}) -> ({', '.join(self.returns)})"
+        return _described(self.kinds, self.returns)
 
     def __call__(self, address: int, *arguments: Any) -> Any:
         """Call the Python function of a kernel, if nothing is compiled."""
@@ -275,3 +279,9 @@ def structs_of(kind: Kind) -> set[type[Struct]]:
     if isinstance(kind, Array | str):
         return set()
     return {kind}.union(*(structs_of(inner_kind) for inner_kind in kind.kinds.values()))
+
+
+def _described(kinds: Sequence[Kind], returned: Sequence[str]) -> str:
+    """Return a signature for messages."""
+    names = [kind.__name__ if isinstance(kind, type) else describe(kind) for kind in kinds]
+    return f"({', '.join(names)}) -> ({', '.join(returned)})"

@@ -8,7 +8,6 @@ import importlib.util
 import json
 import os
 import queue
-import signal
 import subprocess
 import sys
 import threading
@@ -23,6 +22,7 @@ from evac.jit.digest import digest_of, kernels_in
 from evac.jit.kernels import Entry, entries_of
 from evac.jit.processor import Processor
 from evac.jit.store import Store
+from evac.processes import close_pipes, kill_workers, start_worker
 
 #: Called with the number of finished kernels and the total number.
 Progress = Callable[[int, int], None]
@@ -33,11 +33,6 @@ _FRONT, _BACK, _START = 3, 1, 15_000
 
 #: Longest time between reports of progress [s].
 _TOLD_EVERY = 1.0
-
-_BOOTSTRAP = (
-    "import json, sys; job = json.loads(sys.stdin.readline()); sys.path[:] = job['path'];"
-    " from evac.jit.workers import serve; serve(job)"
-)
 
 
 class Task(NamedTuple):
@@ -175,7 +170,7 @@ def _compile_elsewhere(
     """Yield the kernels that worker processes compile; failed kernels and those of processes that died are omitted."""
     tasks = {task.digest: task for share in shares for task in share}
     answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
-    workers: list[subprocess.Popen[str]] = []
+    workers: list[subprocess.Popen[bytes]] = []
     try:
         for share in shares:
             with suppress(OSError):
@@ -196,38 +191,26 @@ def _compile_elsewhere(
                     _warn(store, answer["problem"])
                 yield tasks[answer["digest"]], base64.b64decode(answer["code"])
     finally:
-        for worker in workers:
-            worker.kill()
-            worker.wait()
-            for pipe in (worker.stdin, worker.stdout):
-                with suppress(OSError):
-                    pipe.close()  # type: ignore[union-attr]
+        kill_workers(workers)
+        close_pipes(workers)
 
 
 def _start(
     share: list[Task], processor: Processor, store: Store | None, answers: "queue.SimpleQueue[dict[str, Any] | None]"
-) -> subprocess.Popen[str]:
+) -> subprocess.Popen[bytes]:
     """Start a worker process, and a thread that forwards its answers, followed by None."""
     job = {
-        "path": [os.path.abspath(folder) for folder in sys.path],
         "processor": astuple(processor),
         "folder": str(store.folder) if store else None,
         "tasks": [(task.entry.__module__, _source(task.entry), task.entry.label, task.digest) for task in share],
     }
-    worker = subprocess.Popen(
-        [sys.executable, "-P", "-c", _BOOTSTRAP],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        encoding="utf-8",
-    )
+    worker = start_worker("evac.jit.workers")
 
     def pass_on() -> None:
         assert worker.stdin is not None
         assert worker.stdout is not None
         with suppress(OSError, ValueError):  # the process ended early
-            worker.stdin.write(json.dumps(job) + "\n")
+            worker.stdin.write(json.dumps(job).encode() + b"\n")
             worker.stdin.flush()
             for line in worker.stdout:
                 answers.put(json.loads(line))
@@ -240,9 +223,9 @@ def _start(
 # Worker process
 
 
-def serve(job: dict[str, Any]) -> None:
+def serve() -> None:
     """Compile the kernels that the parent process requests."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent handles it
+    job = json.loads(sys.stdin.buffer.readline())
     threading.Thread(target=_end_with_the_other, daemon=True).start()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # output of plugins must not mix with answers
@@ -264,7 +247,7 @@ def serve(job: dict[str, Any]) -> None:
 
 def _end_with_the_other() -> None:
     """End this process when the parent process has ended."""
-    sys.stdin.read()
+    sys.stdin.buffer.read()
     os._exit(1)
 
 

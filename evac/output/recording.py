@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from evac.contract import state_of
 from evac.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
@@ -89,8 +90,7 @@ class Recording:
         """Return copies of the recorders' states, by ``NAME.key``."""
         state: dict[str, NDArray[Any]] = {}
         for recorder in self.recorders:
-            with plugin_code(f"recorder {recorder.name!r}: state"):
-                state |= {f"{recorder.name}.{key}": value.copy() for key, value in recorder.state().items()}
+            state |= state_of(recorder, f"recorder {recorder.name!r}", f"{recorder.name}.")
         return state
 
     def files(self) -> dict[str, int]:

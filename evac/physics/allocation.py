@@ -19,11 +19,11 @@ from evac.physics.state import (
     Parts,
     Problem,
     State,
-    Team,
     Traits,
     WarmStart,
     World,
 )
+from evac.physics.turns import Team
 
 S = TypeVar("S", bound=Struct)
 

@@ -263,7 +263,8 @@ class ContactModel(Configurable, ABC):
         found = self.step(seen, engine.state.clock.h)
         if np.shape(found) != (n, 2):
             raise PluginError(
-                f"contact model {self.name!r}: step returned velocities of shape {np.shape(found)}, not {(n, 2)}"
+                f"contact model {self.name!r}: step returned velocities of shape {np.shape(found)}, not {(n, 2)}; "
+                "return one velocity for each body"
             )
         if not np.isfinite(found).all():
             row = int(np.argwhere(~np.isfinite(found))[0, 0])

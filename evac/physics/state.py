@@ -9,11 +9,11 @@ from evac.arrays import FloatArray
 from evac.directions.fields import PackedFields
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.layout import Array
+from evac.physics.turns import Team
 
 #: Rows of the packed contact problem, see `evac.physics.rows`.
 RowData = Annotated[NDArray[np.float64], Array("float64", (None, 5))]
 FaceData = Annotated[NDArray[np.float64], Array("float64", (None, 7))]
-Counts = Annotated[NDArray[np.int64], Array("int64", (None, 8))]
 NearWalls = Annotated[NDArray[np.float64], Array("float64", (None, 6))]
 
 
@@ -218,18 +218,6 @@ class Lists(Struct):
     pair_reach: float  # reach of the list of bodies, beyond touching [m]
     wall_reach: float  # reach of the list of walls, beyond touching [m]
     skin: float  # additional reach, so that lists remain valid for several steps [m]
-
-
-class Team(Struct):
-    """Threads that share the phases of a step, see `evac.physics.team`. Rows are 64 bytes apart, as caches want it."""
-
-    threads: int
-    rest: int  # address of the system's function that sleeps
-    turn: Longs  # (8 threads,) word of a phase: of thread 0 that to be done, of the others the last one done
-    begun: Longs  # (8 blocks,) word of the last phase in which a thread has begun with a block
-    made: Longs  # (8 blocks,) word of the last phase that was made on a block
-    found: Counts  # (threads, 8) what each has found, see `evac.physics.pieces`
-    fastest: Floats  # (8 threads,) [m/s]
 
 
 class Problem(Struct):

@@ -17,9 +17,9 @@ from evac.jit.workers import cores
 from evac.physics import pieces
 from evac.physics.allocation import allocate, make_contacts
 from evac.physics.blocks import BLOCKS
-from evac.physics.contact_model import ContactModel, SolvedContactModel
-from evac.physics.state import Events, State, Team
+from evac.physics.state import Events, State
 from evac.physics.team import Member, conduct, conduct_blocks, serve
+from evac.physics.turns import Team
 
 #: A thread pays from so many people on; docs/results.md has what it brings.
 PEOPLE_PER_THREAD = 10_000
@@ -28,10 +28,8 @@ PEOPLE_PER_THREAD = 10_000
 MOST_BY_DEFAULT = 2
 
 
-def number_of_threads(wanted: int | None, people: int, model: ContactModel) -> int:
-    """Return how many threads a run of so many people has; `wanted` is None where model and size decide.
-
-    Models that solve contact problems have one by default: the solver, which takes most of their time, has one anyway.
+def number_of_threads(wanted: int | None, people: int) -> int:
+    """Return how many threads a run of so many people has; `wanted` is None where the size decides.
 
     Raises
     ------
@@ -43,8 +41,7 @@ def number_of_threads(wanted: int | None, people: int, model: ContactModel) -> i
     if INTERPRETED:
         return 1
     if wanted is None:
-        is_solved = isinstance(model, SolvedContactModel)
-        wanted = 1 if is_solved else min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
+        wanted = min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
     return max(1, min(wanted, cores()))
 
 

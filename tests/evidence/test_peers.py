@@ -1,25 +1,109 @@
-"""The comparison with JuPedSim, with a stand-in for that package: it shows what the package is given."""
+"""The comparison with other programs, with stand-ins for them where what they are given is tested."""
 
+import importlib.util
+import math
 import sys
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from evac.evidence.scaling import peers
-from evac.evidence.scaling.halls import make_hall
+from evac.evidence.report import Evidence
+from evac.evidence.scaling.halls import doors_along, make_hall
 from evac.evidence.scaling.page import STEP
+from evac.evidence.scaling.peers import comparison
+from evac.evidence.scaling.peers.comparison import BASE, OWN, PEERS, TIMED, WARM, Peer, compare
+from evac.evidence.scaling.peers.cromosim_walk import CromosimWalk
+from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
+from evac.evidence.scaling.peers.rvo2_walk import OrcaWalk
+from evac.evidence.scaling.walks import TICK
 
 
-class StandIn:
-    """A simulation in which nobody moves, and of which one model fails in the second tick."""
+class Fixed:
+    """A program whose ticks take as long each time; it may fail in its second tick."""
 
-    made: ClassVar[list["StandIn"]] = []
+    def __init__(self, people=10, span=1.0, fails=False):
+        self.inside, self.span, self.fails, self.ticks = people, span, fails, 0
+
+    def advance(self):
+        self.ticks += 1
+        if self.fails and self.ticks == 2:
+            raise RuntimeError("somebody is outside")
+        return self.span
+
+
+def test_times_are_those_of_a_person_step_and_a_program_that_fails_keeps_its_message():
+    programs = {"one": Fixed(), "stops": Fixed(fails=True), "empty": Fixed(people=0)}
+    costs = compare(programs, STEP)
+    assert costs["stops"] == "somebody is outside"
+    assert costs["one"] == pytest.approx([0.1 / 10] * TIMED)
+    assert costs["empty"] == pytest.approx([0.1] * TIMED)
+    assert [program.ticks for program in programs.values()] == [WARM + TIMED, 2, WARM + TIMED]
+
+
+def test_models_of_evac_are_programs():
+    hall = make_hall(60, 2.0, 1)
+    costs = compare({name: make(hall, STEP) for name, make in OWN.items()}, STEP)
+    assert {name: len(spans) for name, spans in costs.items()} == dict.fromkeys(OWN, TIMED)
+    assert min(min(spans) for spans in costs.values()) > 0.0
+
+
+@pytest.fixture
+def fixed(monkeypatch):
+    """Programs with fixed times, of which one is not installed and one is given few people only."""
+    peers = (
+        Peer("Slow", "jupedsim", {"Slow": lambda hall, step: Fixed(span=3.0)}, "Slow is slow.", 100, {"Slow": "Own"}),
+        Peer("Other", "pyrvo", {"Other": lambda hall, step: Fixed()}, "Other is different."),
+        Peer("Stops", "cromosim", {"Stops": lambda hall, step: Fixed(fails=True)}, "Stops fails."),
+    )
+    monkeypatch.setattr(comparison, "PEERS", peers)
+    monkeypatch.setattr(
+        comparison, "OWN", {BASE: lambda hall, step: Fixed(), "Own": lambda hall, step: Fixed(span=2.0)}
+    )
+    monkeypatch.setattr(comparison, "QUICK_SIZES", (50, 200))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyrvo" else name)
+    monkeypatch.delitem(sys.modules, "pyrvo", raising=False)
+    for package in ("jupedsim", "cromosim"):
+        monkeypatch.setitem(sys.modules, package, ModuleType(package))
+
+
+def written(evidence):
+    comparison.run(evidence, STEP)
+    return evidence.write_page("Peers", "Examined: other programs.").read_text()
+
+
+def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixed, tmp_path):
+    page = written(Evidence("scaling", tmp_path, quick=True))
+    assert "Measured: Slow, Stops. Not installed: Other." in page
+    assert "Slow is slow." in page
+    assert "Other is different." not in page
+    assert "| 50 | dense | Slow | 30,000,000 | 3 |" in page
+    assert "| 200 | dense | Slow |" not in page  # too many people for it
+    assert "| 200 | dense | Stops | - | - |" in page
+    assert "that of the same model of evac](#beside-other-programs) | 1.5 to 1.5 |" in page
+    assert "that of evac, DEM](#beside-other-programs) | no step made |" in page
+    assert "somebody is outside" in (tmp_path / "peers.csv").read_text()
+    assert written(Evidence("scaling", tmp_path, page_only=True)) == page
+
+
+def test_without_other_programs_there_is_no_section(monkeypatch, tmp_path):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    for peer in PEERS:
+        monkeypatch.delitem(sys.modules, peer.package, raising=False)
+    page = written(Evidence("scaling", tmp_path, quick=True))
+    assert comparison.SECTION not in page
+    assert written(Evidence("scaling", tmp_path, page_only=True)) == page
+
+
+class JupedsimStandIn:
+    """A simulation in which nobody moves."""
+
+    made: ClassVar[list["JupedsimStandIn"]] = []
 
     def __init__(self, model, geometry, dt):
         self.model, self.geometry, self.dt = model, geometry, dt
-        self.exits, self.agents, self.ticks = [], [], 0
+        self.exits, self.agents, self.steps = [], [], 0
         self.made.append(self)
 
     def add_exit_stage(self, polygon):
@@ -33,36 +117,133 @@ class StandIn:
         self.agents.append(agent)
 
     def iterate(self, count):
-        assert count == round(peers.TICK / self.dt)
-        self.ticks += 1
-        if self.model == "SocialForceModel" and self.ticks == 2:
-            raise RuntimeError("Point (1, 2) is outside of accessible area")
+        self.steps += count
 
     def agent_count(self):
         return len(self.agents)
 
 
-@pytest.fixture
-def stand_in(monkeypatch):
-    names = peers.THEIRS.values()
-    parts = {f"{name}AgentParameters": lambda **given: SimpleNamespace(**given) for name in names}
-    parts |= {name: (lambda name=name: name) for name in names}
-    package = SimpleNamespace(Simulation=StandIn, JourneyDescription=list, **parts)
+@pytest.mark.parametrize("model", ["CollisionFreeSpeedModel", "SocialForceModel"])
+def test_jupedsim_is_given_the_hall_and_its_people(monkeypatch, model):
+    parts = {f"{model}AgentParameters": lambda **given: SimpleNamespace(**given), model: lambda: model}
+    package = SimpleNamespace(Simulation=JupedsimStandIn, JourneyDescription=list, **parts)
     monkeypatch.setitem(sys.modules, "jupedsim", package)
-    monkeypatch.setattr(StandIn, "made", [])
+    monkeypatch.setattr(JupedsimStandIn, "made", [])
+    hall = make_hall(500, 2.0, 1)
+    walk = JupedsimWalk(hall, STEP, model)
+    walk.advance()
+    (simulation,) = JupedsimStandIn.made
+    assert (walk.inside, simulation.steps, simulation.dt) == (500, round(TICK / STEP), STEP)
+    np.testing.assert_array_equal([agent.position for agent in simulation.agents], hall.crowd.position)
+    np.testing.assert_array_equal([agent.radius for agent in simulation.agents], hall.crowd.radius)
+    np.testing.assert_array_equal([agent.desired_speed for agent in simulation.agents], hall.crowd.speed[:, 0])
+    assert len(simulation.exits) == len(hall.building.exits) == 2
+    assert simulation.geometry.is_valid
+    assert simulation.geometry.geom_type == "Polygon"  # the ground outside is joined through every door
+    assert all(simulation.geometry.covers(exit_) for exit_ in simulation.exits)
+    for agent in simulation.agents:
+        apart = [exit_.distance(simulation.exits[agent.stage_id]) for exit_ in simulation.exits]
+        assert min(apart) == apart[agent.stage_id] == 0.0
 
 
-def test_all_programs_start_alike_and_one_that_fails_keeps_its_message(stand_in):
-    hall = make_hall(60, 2.0, 1)
-    costs = peers.compare(hall, STEP)
-    assert "outside" in costs.pop("JuPedSim, social force")
-    assert {name: len(spans) for name, spans in costs.items()} == dict.fromkeys(costs, peers.TIMED)
-    assert len(costs) == 4
-    for simulation in StandIn.made:
-        np.testing.assert_array_equal([agent.position for agent in simulation.agents], hall.crowd.position)
-        np.testing.assert_array_equal([agent.radius for agent in simulation.agents], hall.crowd.radius)
-        np.testing.assert_array_equal([agent.desired_speed for agent in simulation.agents], hall.crowd.speed[:, 0])
-        assert len(simulation.exits) == len(hall.building.exits)
-        assert simulation.geometry.is_valid
-        assert simulation.geometry.geom_type == "Polygon"  # the ground outside is joined through every door
-        assert all(simulation.geometry.covers(exit_) for exit_ in simulation.exits)
+class RvoStandIn:
+    """A simulator in which everybody moves with the preferred velocity."""
+
+    def __init__(self, step, *defaults):
+        self.step, self.agents, self.walls, self.is_processed = step, [], [], False
+
+    def add_agent(self, place, *parameters):
+        self.agents.append(SimpleNamespace(place=np.array(place), velocity=np.zeros(2), parameters=parameters))
+
+    def add_obstacle(self, vertices):
+        self.walls.append(vertices)
+
+    def process_obstacles(self):
+        self.is_processed = True
+
+    def get_num_agents(self):
+        return len(self.agents)
+
+    def get_agent_position(self, person):
+        return SimpleNamespace(**dict(zip("xy", self.agents[person].place, strict=True)))
+
+    def set_agent_pref_velocity(self, person, velocity):
+        self.agents[person].velocity = np.array(velocity)
+
+    def do_step(self):
+        for agent in self.agents:
+            agent.place = agent.place + self.step * agent.velocity
+
+
+def test_orca_prefers_the_nearest_door_at_the_desired_speed(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyrvo", SimpleNamespace(RVOSimulator=RvoStandIn))
+    hall = make_hall(120, 0.5, 1)
+    walk = OrcaWalk(hall, 0.5 * TICK)
+    assert walk.simulator.is_processed
+    np.testing.assert_array_equal(np.reshape(walk.simulator.walls, (-1, 4)), hall.building.walls)
+    np.testing.assert_array_equal([agent.parameters[4] for agent in walk.simulator.agents], hall.crowd.radius)
+    np.testing.assert_array_equal(walk.positions(), hall.crowd.position)
+    walk.advance()
+    speed = [np.hypot(*agent.velocity) for agent in walk.simulator.agents]
+    np.testing.assert_allclose(speed, hall.crowd.speed[:, 0])
+    for _ in range(round(1.5 * math.hypot(hall.depth, hall.length) / hall.crowd.speed.min() / TICK)):
+        walk.advance()
+    x, y = walk.positions().T
+    assert (x > hall.depth).all()
+    low, high = doors_along(hall.length)
+    assert len(low) == 2
+    door = np.abs(0.5 * (low + high) - hall.crowd.position[:, 1, None]).argmin(axis=1)
+    assert (y >= low[door] + hall.crowd.radius - 1e-9).all()
+    assert (y <= high[door] - hall.crowd.radius + 1e-9).all()
+
+
+def test_orca_keeps_people_apart_and_within_the_walls():
+    pytest.importorskip("pyrvo")
+    hall = make_hall(100, 2.0, 1)
+    walk = OrcaWalk(hall, STEP)
+    np.testing.assert_allclose(walk.positions(), hall.crowd.position, rtol=1e-6)
+    for _ in range(20):
+        assert walk.advance() > 0.0
+    places = walk.positions()
+    assert np.linalg.norm(places - hall.crowd.position, axis=1).max() > 1.0
+    assert overlaps(places, hall.crowd.radius).max() < 0.05
+    (low,), (high,) = doors_along(hall.length)
+    outside = places[places[:, 0] > hall.depth]
+    assert len(outside) > 0
+    assert ((outside[:, 1] > low) & (outside[:, 1] < high)).all()
+    assert (places > 0.0).all()
+
+
+def overlaps(places, radius):
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2) - radius[:, None] - radius[None]
+    return -apart[np.triu_indices(len(radius), 1)]
+
+
+@pytest.mark.parametrize("is_inertial", [False, True])
+def test_people_of_cromosim_take_up_their_desired_velocities(is_inertial):
+    pytest.importorskip("cromosim")
+    pytest.importorskip("cvxopt")
+    hall = make_hall(60, 1.0, 1)
+    crowd = hall.crowd
+    walk = CromosimWalk(hall, STEP, is_inertial)
+    np.testing.assert_allclose(walk.positions(), crowd.position)
+    assert walk.advance() > 0.0
+    times = STEP * np.arange(1, round(TICK / STEP) + 1)
+    reached = 1.0 - np.exp(-times / crowd.tau[:, None]) if is_inertial else np.ones((60, len(times)))
+    expected = STEP * crowd.speed[:, 0] * reached.sum(axis=1)
+    assert walk.inside == 60
+    moved = np.linalg.norm(walk.positions() - crowd.position, axis=1)
+    assert np.isclose(moved, expected, rtol=0.02).mean() > 0.7  # the others are in contact
+
+
+def test_people_of_cromosim_do_not_overlap_and_leave_by_the_door():
+    pytest.importorskip("cromosim")
+    pytest.importorskip("cvxopt")
+    hall = make_hall(60, 5.0, 1)
+    walk = CromosimWalk(hall, STEP, is_inertial=False)
+    for _ in range(15):
+        walk.advance()
+    assert 30 < walk.inside < 60
+    assert overlaps(walk.positions(), walk.people["xyrv"][:, 2]).max() < 0.01
+    assert (walk.positions() > 0.0).all()
+    assert (walk.positions() < [hall.depth, hall.length]).all()

@@ -11,11 +11,12 @@ import pytest
 
 from evac.errors import SimulationError
 from evac.evidence.report import Evidence
-from evac.evidence.scaling import headway, large, laws, peers, threads, walks
+from evac.evidence.scaling import headway, large, laws, threads, walks
 from evac.evidence.scaling import page as scaling
-from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, hall_case, make_hall
+from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
+from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
 from evac.physics.allocation import SKIN, make_problem
 from evac.physics.state import copy_of
@@ -72,6 +73,14 @@ def test_a_hall_is_no_deeper_than_it_may_be_and_has_doors_along_its_length():
     assert gaps(hall.crowd).min() >= 0.0
     assert (hall.crowd.position < np.array([hall.depth, hall.length]) - hall.crowd.radius[:, None]).all()
     assert make_hall(2000, 5.0, seed=1, deepest=100.0).depth == make_hall(2000, 5.0, seed=1).depth
+
+
+def test_the_nearest_door_is_that_whose_middle_is_nearest_along_the_wall():
+    low, high = doors_along(40.0)
+    assert len(low) == 4
+    np.testing.assert_allclose(0.5 * (low + high), [5.0, 15.0, 25.0, 35.0])
+    places = np.array([0.0, 9.9, 10.1, 24.0, 29.9, 40.0])
+    assert nearest_door(40.0, places).tolist() == [0, 0, 1, 2, 2, 3]
 
 
 def test_same_seed_gives_the_same_hall():
@@ -238,8 +247,8 @@ def test_page_is_written(tmp_path, monkeypatch):
     monkeypatch.setattr(large, "QUICK_SIZES", (30,))
     monkeypatch.setattr(large, "SCENES", large.SCENES[:1])
     monkeypatch.setattr(scaling, "_school_claims", lambda repeats: [])
-    monkeypatch.setattr(peers, "run", lambda evidence, step: None)  # which needs another program
-    monkeypatch.setattr(threads, "QUICK_SIZES", (30,))
+    monkeypatch.setattr(comparison, "run", lambda evidence, step: None)  # which needs another program
+    monkeypatch.setattr(threads, "QUICK_CROWDS", ((30, "free", "DEM"), (30, "dense", "NSM2")))
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     evidence = Evidence("scaling", tmp_path, quick=True)
     scaling.run(evidence)

@@ -224,22 +224,21 @@ def test_a_fork_begins_threads_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("wanted", "people", "model", "number"),
+    ("wanted", "people", "number"),
     [
-        (None, 2 * PEOPLE_PER_THREAD - 1, Dem(), 1),
-        (None, 2 * PEOPLE_PER_THREAD, Dem(), 2),
-        (None, 100 * PEOPLE_PER_THREAD, Dem(), MOST_BY_DEFAULT),
-        (None, 100 * PEOPLE_PER_THREAD, Nsm1(), 1),
-        (1, 100 * PEOPLE_PER_THREAD, Dem(), 1),
-        (3, 1, Nsm1(), 3),
-        (9, 100 * PEOPLE_PER_THREAD, Dem(), 4),
+        (None, 2 * PEOPLE_PER_THREAD - 1, 1),
+        (None, 2 * PEOPLE_PER_THREAD, 2),
+        (None, 100 * PEOPLE_PER_THREAD, MOST_BY_DEFAULT),
+        (1, 100 * PEOPLE_PER_THREAD, 1),
+        (3, 1, 3),
+        (9, 100 * PEOPLE_PER_THREAD, 4),
     ],
 )
-def test_model_and_size_decide_unless_a_number_is_given(monkeypatch, wanted, people, model, number):
+def test_the_size_decides_unless_a_number_is_given(monkeypatch, wanted, people, number):
     monkeypatch.setattr(threads, "cores", lambda: 4)
-    assert number_of_threads(wanted, people, model) == number
+    assert number_of_threads(wanted, people) == number
 
 
 def test_no_thread_is_refused():
     with pytest.raises(ScenarioError, match="threads"):
-        number_of_threads(0, 10, Dem())
+        number_of_threads(0, 10)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from shapely.geometry import box
 
-from evac.arrays import FloatArray
+from evac.arrays import FloatArray, IndexArray
 from evac.building.model import Building, Exit, Level
 from evac.directions.build import build_fields
 from evac.directions.fields import Fields
@@ -62,7 +62,7 @@ def make_hall(people: int, density: float, seed: int, deepest: float = math.inf)
 def hall_case(people: int) -> dict[str, Any]:
     """Return the content of a case: a square hall with `people` at random places, `DENSITY` per m2."""
     side = math.sqrt(people / DENSITY)
-    low, high = _doors(side)
+    low, high = doors_along(side)
     walls = [[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]]
     exits = [
         {"name": f"door {k}", "storey": "hall", "segment": [[side, start], [side, end]]}
@@ -76,6 +76,20 @@ def hall_case(people: int) -> dict[str, Any]:
         "directions": {"spacing": SPACING if side <= LARGE else COARSE},
         "people": [group],
     }
+
+
+def doors_along(length: float) -> tuple[FloatArray, FloatArray]:
+    """Return where the doors in a wall of a length begin and end [m]."""
+    doors = max(1, round(length / STRETCH))
+    middle = length * (np.arange(doors) + 0.5) / doors
+    return middle - 0.5 * DOOR, middle + 0.5 * DOOR
+
+
+def nearest_door(length: float, y: FloatArray) -> IndexArray:
+    """Return the index of the door (n,) in a wall of a length [m] that is nearest to places along it (n,) [m]."""
+    middle = np.mean(doors_along(length), axis=0)
+    nearest: IndexArray = np.abs(middle - y[:, None]).argmin(axis=1)
+    return nearest
 
 
 def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, float, float]:
@@ -92,7 +106,7 @@ def _lattice(people: int, pitch: float, deepest: float) -> tuple[FloatArray, flo
 
 
 def _building(depth: float, length: float) -> Building:
-    low, high = _doors(length)
+    low, high = doors_along(length)
     walls = [[depth, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, length], [0.0, length, depth, length]]
     edges = [0.0, *np.stack([low, high], axis=1).ravel(), length]
     walls += [[depth, end, depth, start] for start, end in zip(edges[::2], edges[1::2], strict=True)]
@@ -111,13 +125,6 @@ def _building(depth: float, length: float) -> Building:
         wall_level=np.zeros(len(walls), np.int32),
         stairs={},
     )
-
-
-def _doors(length: float) -> tuple[FloatArray, FloatArray]:
-    """Return where the doors in a wall of a length begin and end [m]."""
-    doors = max(1, round(length / STRETCH))
-    middle = length * (np.arange(doors) + 0.5) / doors
-    return middle - 0.5 * DOOR, middle + 0.5 * DOOR
 
 
 def _crowd(position: FloatArray, generator: np.random.Generator) -> Crowd:

@@ -28,15 +28,15 @@ def run(evidence: Evidence, models: tuple[str, ...], step: float) -> None:
     ratios = [row["with / without"] for row in rows]
     section = "What headway costs and saves"
     told = f"{min(ratios):.2f} to {max(ratios):.2f}"
-    evidence.verdict(reported("Time with headway over time without", told, "-", section))
+    evidence.verdict(reported("Time with headway divided by time without", told, "-", section))
     evidence.heading(section)
     evidence.table(
         "headway",
         rows,
-        f"""Nanoseconds of CPU time per person-step in a hall of {people} people, in seconds {WARM * TICK:g} to
-        {(WARM + TIMED) * TICK:g} of a walk: the steps without and with the behaviour headway, and the behaviour
-        itself, which acts every {TICK:g} s. Both and the minimal kernel, with the crowd without headway as it stood
-        when the timing began, walk in turns, tick by tick; medians over ticks.""",
+        f"""CPU time per person-step [ns] in a hall of {people:,} people, in seconds {WARM * TICK:g} to
+        {(WARM + TIMED) * TICK:g} of a walk: the steps without and with the behaviour headway, and the behaviour itself,
+        which acts every {TICK:g} s. The two crowds and the minimal kernel, which starts from the crowd without headway
+        at the beginning of the timing, make ticks in turns; medians over ticks.""",
         {"start [1/m2]": "g"},
     )
 

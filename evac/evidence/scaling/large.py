@@ -52,19 +52,19 @@ def run(evidence: Evidence) -> None:
         max(row[column] for row in rows if row["people"] == people) for column in ("set-up [s]", "peak memory [MB]")
     )
     scenes = ", ".join(model + (f" with {behaviour}" if behaviour else "") for model, behaviour in SCENES)
-    what = f"{people:,} people, the most of {scenes}:"
+    what = f"{people:,} people, maximum of {scenes}:"
     evidence.verdict(at_most(f"{what} CPU time before the first tick", seconds, MOST_SECONDS, "s", SECTION))
     evidence.verdict(at_most(f"{what} peak memory", 1e-3 * memory, MOST_MEMORY, "GB", SECTION))
     evidence.heading(SECTION)
     evidence.table(
         "large",
         rows,
-        f"""A case of a hall, {DENSITY:g} people per m2 at random places, made ready to run and run for
-        {WARM + TIMED} ticks, in a process of its own after a case of {FEWEST} people. Set-up is the CPU time until the
-        first tick, and the shares are those of its wall time; the first tick builds the first lists. Times of a
-        person-step are medians of {TIMED} ticks with all that a simulation does in them, each followed by as many steps
-        of the minimal kernel. Set-up and first tick are also given as so many steps of the minimal kernel with all
-        people, memory as so many times that of its arrays without the directions.""",
+        f"""The case of a hall with {DENSITY:g} people per m2 at random places is set up and run for {WARM + TIMED}
+        ticks, in a process of its own, after a case of {FEWEST} people. Set-up is the CPU time before the first tick,
+        and the shares are those of its wall time; the first tick includes the first build of the neighbour lists. The
+        time of a person-step is the median of {TIMED} ticks of the whole simulation, each followed by the same number
+        of steps of the minimal kernel. Set-up and first tick are also given as a number of steps of the minimal kernel
+        with all people, and memory as a multiple of that of its arrays without the directions.""",
         {"people": ",", "nodes": ",", "peak memory [MB]": ".0f", "set-up [minimal steps]": ".0f"}
         | {f"{phase} [%]": ".0f" for phase in SHOWN},
     )

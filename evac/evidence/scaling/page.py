@@ -15,9 +15,10 @@ from evac.errors import SimulationError
 from evac.evidence.models import COARSE
 from evac.evidence.models import MODELS as PARAMETERS
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure, timed
-from evac.evidence.scaling import headway, large, laws, peers, phases, threads
+from evac.evidence.scaling import headway, large, laws, phases, threads
 from evac.evidence.scaling.halls import RADIUS, STRETCH, Hall, make_hall
 from evac.evidence.scaling.minimal import make_minimal
+from evac.evidence.scaling.peers import comparison
 from evac.evidence.scaling.walks import (
     JAMMED,
     LONGEST,
@@ -73,11 +74,11 @@ def run(evidence: Evidence) -> None:
         evidence.verdict(judge(row["what"], row["measured"], bound))
     _judge_halls(evidence, rows)
     evidence.text(
-        """A minimal kernel walks the same crowds in the same run, tick by tick in turns with evac: DEM with neighbour
-        half lists and bilinear directions, without walls (`evac/evidence/scaling/minimal.py`). It begins with the
-        people as they stand when the timing begins. "Times minimal" is the median over ticks of evac's time for a
-        person-step over that of the minimal kernel, whatever the contact model of evac; of memory, it is the bytes of
-        the arrays over those of the minimal kernel. The rows on the school have no minimal kernel beside them."""
+        """A minimal kernel is timed in the same run, in turns with evac, tick by tick: DEM with half neighbour lists
+        and bilinear interpolation of directions, without walls (`evac/evidence/scaling/minimal.py`). It starts from the
+        positions and velocities at which the timing of evac starts. "Times minimal" is the time of a person-step of
+        evac divided by that of the minimal kernel, as a median over ticks, for every contact model of evac; for memory,
+        it is the ratio of the bytes of the arrays. The school is not compared with the minimal kernel."""
     )
     _report_halls(evidence, rows, sizes)
     _report_shares(evidence, [row for row in rows if row["ns per person-step"] is not None])
@@ -85,12 +86,13 @@ def run(evidence: Evidence) -> None:
     headway.run(evidence, MODELS, STEP)
     laws.run(evidence, STEP)
     threads.run(evidence, STEP)
-    peers.run(evidence, STEP)
-    evidence.data("claims", claims, "Medians of what has a target")
+    comparison.run(evidence, STEP)
+    evidence.data("claims", claims, "Medians of the quantities with a target")
     evidence.write_page(
         "Time and memory against the number of people",
-        "Examined: time and memory of a step per person in halls from small to large, beside those of a minimal"
-        " kernel, where the time goes, the set-up of large halls, and the whole command on the shipped school.",
+        "Examined: time and memory per person-step in halls of different sizes, compared with those of a minimal kernel"
+        " and of other programs, the shares of the phases, the set-up of large halls, the cost of headway, the gain by"
+        " threads, and the whole command on the shipped school.",
     )
 
 
@@ -126,7 +128,7 @@ def _judge_halls(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
     memory_used = max(row["bytes per person"] for row in rows if row["people"] == largest)
     evidence.verdict(reported(f"Memory, {largest:,} people [bytes per person]", f"{memory_used:.0f}", "-", HALLS))
     walked = sum(row["ns per person-step"] is not None for row in rows)
-    evidence.verdict(all_of("Walks that no model refused", walked, len(rows), HALLS))
+    evidence.verdict(all_of("Walks that ended without an error", walked, len(rows), HALLS))
 
 
 def _variants(state: str, people: int) -> Iterator[Variant]:
@@ -267,31 +269,32 @@ def _report_halls(evidence: Evidence, rows: list[dict[str, Any]], sizes: dict[in
     ticks = ", ".join(f"{timed} for {people:,} people" for people, (_, timed) in sizes.items())
     evidence.heading(HALLS)
     evidence.text(
-        f"""Square halls with a door about every {STRETCH:g} m of one wall and directions by fast marching; jammed
-        ones are at most {DEEPEST:g} m deep. People have radii of {RADIUS[0]} to {RADIUS[1]} m and start at rest on
-        a jittered hexagonal lattice: {DENSITIES["free"]:g} per m2 (free), {DENSITIES["jammed"]:g} per m2
-        (jammed)."""
+        f"""The halls are square, with a door about every {STRETCH:g} m along one wall; those of jammed crowds are at
+        most {DEEPEST:g} m deep. Directions are computed by fast marching. People have radii of {RADIUS[0]} to
+        {RADIUS[1]} m and start at rest on a jittered hexagonal lattice, with {DENSITIES["free"]:g} people per m2 (free)
+        or {DENSITIES["jammed"]:g} people per m2 (jammed)."""
     )
     evidence.text(
-        f"""Free crowds walk for the time in the table. Jammed ones walk until, {STARTED:g} s or later, half of them
-        are slower than {100.0 * JAMMED:.0f} % of their desired speed, at most for {LONGEST:g} s or until
-        {100.0 * WALKED_OUT:.0f} % are out, and {SETTLING * TICK:g} s more; NSM1 is solved to
-        {COARSE["gap_tolerance"]:g} m only before these last {SETTLING * TICK:g} s. Then the CPU time of ticks of
-        {TICK:g} s is taken on one core, with Python's part: {ticks}. Spread is the slowest over the fastest tick."""
+        f"""Free crowds walk for the time in the file. Jammed crowds walk for at least {STARTED:g} s, until half of the
+        people are slower than {100.0 * JAMMED:.0f} % of their desired speed, but not longer than {LONGEST:g} s, and not
+        after {100.0 * WALKED_OUT:.0f} % have left; then they walk for {SETTLING * TICK:g} s more. Before these last
+        {SETTLING * TICK:g} s, NSM1 is solved with a tolerance of only {COARSE["gap_tolerance"]:g} m. Then the CPU time
+        of ticks of {TICK:g} s on one core is measured, including the part in Python; the number of ticks is {ticks}.
+        Spread is the time of the slowest tick divided by that of the fastest."""
     )
     evidence.text(
-        f"""Where the column "walk ended by" says "longest time" the crowd did not jam, because its bodies give way:
-        look at the greatest overlap. "Refused" is an error of the run. DEM's contacts harden at large overlap and
-        its steps are then cut into parts, whose time counts; the stiffer DEM has {STIFFER:g} times the stiffness
-        and 1/{FINER} of the step. Memory is that of all arrays that grow with the people; the direction grid is
-        in the file, which has more columns than the table."""
+        f"""Where "walk ended by" is "longest time", the crowd did not jam, because bodies overlap instead (see the
+        greatest overlap). "Refused" means that the run ended with an error. Contacts of DEM become stiffer at large
+        overlaps, and steps are then divided into parts, whose time is included; the stiffer DEM has {STIFFER:g} times
+        the stiffness and 1/{FINER} of the step. Memory is that of all arrays whose size grows with the number of
+        people. The file has more columns than the table, for example the memory of the direction grid."""
     )
     columns = ["people", "state", "model", "h [s]", "walk ended by", "greatest overlap [m]", "ns per person-step"]
     columns += ["times minimal", "spread", "iterations per step", "bytes per person", "bytes, times minimal"]
     formats = {"bytes per person": ".0f", "people": ",", "ns per person-step": ",.0f", "spread": ".2f", "h [s]": "g"}
     formats |= {"times minimal": ".1f", "bytes, times minimal": ".1f"}
     evidence.table("scaling", rows, "Time and memory; medians.", formats, columns)
-    caption = "Time per person-step against the number of people; a refusal has no point."
+    caption = "Time per person-step against the number of people; walks that were refused have no point."
     evidence.plot("scaling", lambda: _draw_halls(rows), caption)
 
 
@@ -314,11 +317,11 @@ def _report_shares(evidence: Evidence, rows: list[dict[str, Any]]) -> None:
     """Add the shares of the phases in the time of a step, for the timed walks."""
     evidence.heading(SHARES)
     evidence.text(
-        """The phases of a compiled step cannot be timed while it runs, so each is repeated alone on the crowd that
-        the last step left: neighbour lists (times how often they were built), search for contacts, drive, move, and
-        sorting the people in and out once a tick. "Contact and rest" is what they leave of the whole step: the
-        contact law or solve, checks and counts, Python's part of a tick, and the error of the other five, which
-        find warmer caches."""
+        """The phases of a compiled step cannot be timed while it runs. Therefore each phase is repeated alone on the
+        crowd after the last step: neighbour lists (multiplied by the number of builds per step), search for contacts,
+        drive, move, and the sorting of people at the start and end of a tick. "Contact and rest" is the remainder of
+        the step: the contact law or solver, checks and counts, Python's part of a tick, and the error of the times of
+        the other phases, whose data are already in the caches."""
     )
     shares = [f"{phase} [%]" for phase in PHASES]
     formats = dict.fromkeys(shares, ".0f") | {"people": ","}

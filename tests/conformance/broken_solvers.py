@@ -1,13 +1,12 @@
-"""Each check of a solver finds the promise it is there for, broken."""
+"""Broken solvers."""
 
-import pytest
+import math
 
-from evac.conformance import check_plugin
-from evac.errors import PluginError
 from evac.jit import inner, kernel
 from evac.physics.rows import AX, BIAS, push_row, row_residual, row_velocity, sweep_up
 from evac.physics.solver import Solver
 from evac.physics.state import Problem
+from tests.conformance.broken import Broken, odd
 
 
 @inner
@@ -98,41 +97,39 @@ def without_an_address(problem, tolerance, limit):
     return sweep(problem, tolerance, limit)
 
 
-def solver(kernel_of_it, **attributes):
+@kernel
+def infinite(problem: Problem, tolerance: float, limit: int) -> int:
+    problem.percussion[0] = math.nan
+    return 1
+
+
+@kernel
+def of_an_unknown_attribute(problem: Problem, tolerance: float, limit: int) -> int:
+    return problem.hardness
+
+
+def solver(solve, **attributes):
     """Return a solver class with a kernel."""
-    return type("Odd", (Solver,), {"name": "odd", "__doc__": "Odd.", "solve": kernel_of_it, **attributes})
+    return odd(Solver, solve=solve, **attributes)
 
 
-def test_a_sound_solver_passes():
-    check_plugin(solver(sound))
+APART, CORNER, QUEUE = "scene 'two people who move apart", "scene 'a person in a corner", "scene 'a queue of"
+SOLVE, SIGNATURE = "its kernel solve", r"solve must be a kernel \(Problem, float64, int64\) -> \(int64\), not "
 
-
-@pytest.mark.parametrize(
-    ("kernel_of_it", "words"),
-    [
-        (idle, "does not solve"),
-        (flattering, "reports a residual"),
-        (lying, "percussions are wrong by"),
-        (pulling, "people can only push"),
-        (forgetting, "velocities are inconsistent"),
-        (moving_walls, "velocities are inconsistent"),
-        (endless, "limit is 1"),
-        (remembering, "work arrays"),
-        (meddling, r"changes problem\.data"),
-        (swapped, r"solve must be a kernel \(Problem, float64, int64\) -> \(int64\)"),
-        (without_an_address, "solve must be a kernel"),
-    ],
-)
-def test_a_broken_solver_is_found(kernel_of_it, words):
-    with pytest.raises(PluginError, match=words):
-        check_plugin(solver(kernel_of_it))
-
-
-def test_a_solver_without_a_kernel_is_found():
-    with pytest.raises(PluginError, match="solve must be a kernel"):
-        check_plugin(type("Odd", (Solver,), {"name": "odd", "__doc__": "Odd."}))
-
-
-def test_a_solver_that_names_a_stronger_one_which_is_none_is_found():
-    with pytest.raises(PluginError, match="unknown solver 'conjugate'"):
-        check_plugin(solver(sound, stronger="conjugate"))
+BROKEN = [
+    Broken(solver(idle), "check_answers", CORNER, "the residual is .* m/s after .* iterations; iterate"),
+    Broken(solver(flattering), "check_limits", QUEUE, "reports a residual of .* m/s, which is"),
+    Broken(solver(lying), "check_answers", CORNER, "wrong by .* N s; satisfy"),
+    Broken(solver(pulling), "check_answers", APART, "people can only push"),
+    Broken(solver(infinite), "check_answers", APART, "nan N s; people can only push"),
+    Broken(solver(forgetting), "check_answers", APART, "inconsistent with percussions by .* m/s; change both"),
+    Broken(solver(moving_walls), "check_answers", APART, "inconsistent with percussions by 0.001 m/s"),
+    Broken(solver(endless), "check_limits", f"{QUEUE}.*at most 1 iteration", "its limit is 1; stop at the limit"),
+    Broken(solver(remembering), "check_work_arrays", QUEUE, "work arrays; initialise"),
+    Broken(solver(meddling), "check_work_arrays", QUEUE, r"changes problem\.data"),
+    Broken(solver(swapped), "check_signature", SOLVE, SIGNATURE + r"\(Problem, int64, float64\)"),
+    Broken(solver(without_an_address), "check_signature", SOLVE, SIGNATURE + "the Kernel"),
+    Broken(odd(Solver), "check_signature", SOLVE, SIGNATURE + "the NoneType"),
+    Broken(solver(of_an_unknown_attribute), "check_answers", APART, "cannot be compiled: .*'hardness'"),
+    Broken(solver(sound, stronger="conjugate"), "check_same_bits", "scene '20 ticks of", "unknown solver 'conjugate'"),
+]

@@ -1,0 +1,97 @@
+"""Failures of checks, all of one form: ``plugin: check, what is examined: what is wrong; remedy``.
+
+A check raises `CheckError` within a block of `examining` or `scene`, and is called by `run_check`. Exceptions that the
+plugin raises become failures too.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any, TypeVar
+
+from evac.errors import EvacError, PluginError, in_one_line, place_of, text_of
+
+Found = TypeVar("Found")
+
+#: Remedy for exceptions that state none.
+REMEDY = "correct the plugin"
+
+
+class CheckError(PluginError):
+    """A check has failed.
+
+    Parameters
+    ----------
+    wrong : str
+        What is wrong, and by how much.
+    remedy : str
+        What to change.
+
+    Attributes
+    ----------
+    place : str
+        What was examined, set by `examining`.
+    """
+
+    def __init__(self, wrong: str, remedy: str) -> None:
+        super().__init__(f"{wrong}; {remedy}")
+        self.place = ""
+
+
+@contextmanager
+def examining(what: str, remedy: str = REMEDY) -> Iterator[None]:
+    """Name what is examined in failures, and turn other exceptions into failures; the innermost block counts.
+
+    Parameters
+    ----------
+    what : str
+    remedy : str
+        Remedy for exceptions that state none.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        failure = error if isinstance(error, CheckError) else _failure_of(error, remedy)
+        failure.place = failure.place or what
+        raise failure from failure.__cause__
+
+
+def scene(title: str, remedy: str = REMEDY) -> AbstractContextManager[None]:
+    """Name the scene in failures, as `examining`."""
+    return examining(f"scene '{title}'", remedy)
+
+
+def run_check(plugin: Any, check: Callable[..., Found], *arguments: Any) -> Found:
+    """Run a check and return its result.
+
+    Raises
+    ------
+    PluginError
+        The check failed: names plugin, check, what was examined, and the remedy. Its cause is the exception that the
+        plugin raised, if there is one.
+    """
+    try:
+        with examining("the class"):
+            return check(*arguments)
+    except CheckError as failure:
+        text = f"{name_of(plugin)}: {check.__name__}, {failure.place}: {failure}"
+        raise PluginError(text) from failure.__cause__
+
+
+def name_of(plugin: Any) -> str:
+    """Return the name of a plugin class for messages, also if it has no valid one."""
+    name = getattr(plugin, "name", None)
+    return name if isinstance(name, str) and name else getattr(plugin, "__name__", repr(plugin))
+
+
+def _failure_of(error: BaseException, remedy: str) -> CheckError:
+    """Return the failure for an exception, with the exception that the plugin raised as its cause."""
+    if isinstance(error, EvacError):
+        wrong, _, stated = text_of(error).rpartition("; ")
+        failure = CheckError(wrong, stated) if wrong else CheckError(stated, remedy)
+        failure.__cause__ = error.__cause__ or error
+        return failure
+    failure = CheckError(f"raises {in_one_line(error)} ({place_of(error)})", remedy)
+    failure.__cause__ = error
+    return failure

@@ -1,0 +1,201 @@
+"""The section of the page that compares evac with other programs, from the same positions."""
+
+import importlib.util
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from evac.errors import SimulationError
+from evac.evidence.report import Evidence
+from evac.evidence.scaling.halls import Hall, make_hall
+from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
+from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk
+from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
+from evac.evidence.scaling.peers.program import Program
+from evac.evidence.scaling.peers.rvo2_walk import HORIZON, NEIGHBOURS, REACH, WALL_HORIZON, OrcaWalk
+from evac.evidence.scaling.walks import TICK
+from evac.evidence.verdicts import Finding, reported
+
+SIZES, QUICK_SIZES = (1_000, 10_000), (100,)
+
+#: People per m2 at the start.
+DENSITIES = {"free": 2.0, "dense": 5.0}
+
+#: Ticks before the timing, and ticks timed.
+WARM, TIMED = 5, 9
+
+#: What a program raises when it cannot make a step.
+FAILURES = (SimulationError, RuntimeError, ArithmeticError, IndexError)
+
+BASE = "evac, DEM"
+
+SECTION = "Beside other programs"
+
+#: From a hall and the length of a step [s].
+Maker = Callable[[Hall, float], Program]
+
+OWN: Mapping[str, Maker] = {
+    BASE: partial(EvacWalk, model="DEM"),
+    "evac, NSM1": partial(EvacWalk, model="NSM1 inertial"),
+    "evac, NSM1 overdamped": partial(EvacWalk, model="NSM1 overdamped"),
+    "evac, DEM with headway": partial(HeadwayWalk, model="DEM"),
+}
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another program, which is compared if its package is installed."""
+
+    name: str
+    package: str  # as it is imported
+    models: Mapping[str, Maker]  # by their names in the table
+    description: str  # for the page
+    most: float = math.inf  # people; larger halls are skipped
+    same: Mapping[str, str] = field(default_factory=dict)  # models of evac with the same law, by the peer's models
+
+
+#: Most people whom cromosim is given.
+FEW = 1_000
+
+PEERS = (
+    Peer(
+        "JuPedSim",
+        "jupedsim",
+        {
+            "JuPedSim, collision-free speed": partial(JupedsimWalk, model="CollisionFreeSpeedModel"),
+            "JuPedSim, social force": partial(JupedsimWalk, model="SocialForceModel"),
+        },
+        """JuPedSim: the collision-free speed model and the social force model, with the default parameters of the
+        package. Both consider everybody within 2.5 to 3 m, as headway does, whereas DEM acts only on contact.""",
+    ),
+    Peer(
+        "RVO2",
+        "pyrvo",
+        {"ORCA (RVO2)": OrcaWalk},
+        f"""RVO2: ORCA (van den Berg, Guy, Lin and Manocha, Reciprocal n-body collision avoidance, 2011) by the library
+        of its authors, in single precision, from the package pyrvo, with the default parameters of Menge: at most
+        {NEIGHBOURS} neighbours within {REACH:g} m, time horizons of {HORIZON:g} s for people and {WALL_HORIZON:g} s for
+        walls. The time is that of `doStep` alone: the preferred velocities, which point to the nearest door, are set in
+        Python before each step, and their time is excluded. The library in the wheels of pyrvo is compiled without
+        optimisation across source files, and is slower than one that is compiled with it.""",
+    ),
+    Peer(
+        "cromosim",
+        "cromosim",
+        {
+            "cromosim, overdamped": partial(CromosimWalk, is_inertial=False),
+            "cromosim, inertial": partial(CromosimWalk, is_inertial=True),
+        },
+        f"""cromosim: whole steps of its granular model, which consist of the desired velocities, the search for
+        contacts, the projection of velocities by cvxopt, and the motion. "Overdamped" is Maury and Venel's model, which
+        is also that of NSM1 overdamped; "inertial" projects velocities that approach the desired ones, as NSM1 does,
+        with equal masses. Walls are pixels of {PIXEL:g} m. Halls of more than {FEW:,} people are skipped, because they
+        would take minutes. [The accuracy page](../accuracy/README.md#beside-cromosim) compares the projection alone, on
+        the same contacts.""",
+        most=FEW,
+        same={"cromosim, overdamped": "evac, NSM1 overdamped", "cromosim, inertial": "evac, NSM1"},
+    ),
+)
+
+MENGE = """Menge is not measured: there is no package of it on PyPI or npm, or in Debian. The developers of Open-RMF
+distribute a modified copy of its core for ROS ([menge_vendor](https://docs.ros.org/en/jazzy/p/menge_vendor)). Its model
+ORCA is described as "based on the RVO2 library" in its source
+([ORCADBEntry.cpp](https://github.com/MengeCrowdSim/Menge/blob/master/src/Menge/MengeCore/Orca/ORCADBEntry.cpp)); a row
+of RVO2 shows the cost of that algorithm without the rest of Menge."""
+
+
+def run(evidence: Evidence, step: float) -> None:
+    """Add the section to the page, if a package of another program is installed."""
+    if evidence.page_only:
+        versions = evidence.conditions()["versions"]
+        peers = [peer for peer in PEERS if f"{peer.package} " in versions]
+    else:
+        peers = [peer for peer in PEERS if importlib.util.find_spec(peer.package) is not None]
+    if not peers:
+        return
+    sizes = QUICK_SIZES if evidence.quick else SIZES
+    rows = evidence.measured("peers", lambda: _rows(peers, sizes, evidence.seed, step))
+    for peer in peers:
+        evidence.verdict(_verdict(peer, rows))
+    evidence.heading(SECTION)
+    measured = ", ".join(peer.name for peer in peers)
+    missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"
+    evidence.text(
+        f"""Each program walks the same crowd in the same hall, from the same positions, with the same radii and desired
+        speeds, in steps of {step:g} s on one core. The models differ, and so do the motions: the table compares the
+        cost of a step, not the quality of results. Measured: {measured}. Not installed: {missing}."""
+    )
+    for peer in peers:
+        evidence.text(peer.description)
+    evidence.text(MENGE)
+    evidence.table(
+        "peers",
+        rows,
+        f"""CPU time per person-step in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g}. The programs make ticks of
+        {TICK:g} s in turns; medians over ticks, also of the time over that of DEM in the same turn. A program that
+        could not make a step has no times; its message is in the file.""",
+        {"people": ",", "ns per person-step": ",.0f"},
+        ("people", "start", "program", "ns per person-step", "times DEM"),
+    )
+
+
+def _verdict(peer: Peer, rows: list[dict[str, Any]]) -> Finding:
+    """Return the range of the times of a program divided by those of evac, of the same model where evac has it."""
+    times = {(row["people"], row["start"], row["program"]): row["times DEM"] for row in rows}
+    ratios = []
+    for (people, start, name), theirs in times.items():
+        own = times.get((people, start, peer.same.get(name, BASE)))
+        if name in peer.models and theirs and own:
+            ratios.append(theirs / own)
+    told = f"{min(ratios):.1f} to {max(ratios):.1f}" if ratios else "no step made"
+    own_name = "the same model of evac" if peer.same else BASE
+    return reported(f"{peer.name}: time of a person-step divided by that of {own_name}", told, "-", SECTION)
+
+
+def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float) -> list[dict[str, Any]]:
+    """Return a row for each hall and program."""
+    rows = []
+    for people in sizes:
+        makers = dict(OWN)
+        for peer in peers:
+            makers |= peer.models if people <= peer.most else {}
+        for state, density in DENSITIES.items():
+            hall = make_hall(people, density, seed)
+            costs = compare({name: make(hall, step) for name, make in makers.items()}, step)
+            base = np.array(costs[BASE])
+            for name, found in costs.items():
+                spans = None if isinstance(found, str) else np.array(found)
+                rows.append(
+                    {
+                        "people": people,
+                        "start": state,
+                        "program": name,
+                        "ns per person-step": None if spans is None else 1e9 * float(np.median(spans)),
+                        "times DEM": None if spans is None else float(np.median(spans / base)),
+                        "message": found if spans is None else "",
+                    }
+                )
+    return rows
+
+
+def compare(programs: Mapping[str, Program], step: float) -> dict[str, list[float] | str]:
+    """Return the time of a person-step [s] of each program in each timed tick, or the message with which it stopped."""
+    costs: dict[str, list[float] | str] = {}
+    spans: dict[str, list[float]] = {name: [] for name in programs}
+    for tick in range(WARM + TIMED):
+        for name, program in programs.items():
+            if name in costs:
+                continue
+            people = max(program.inside, 1)
+            try:
+                span = program.advance()
+            except FAILURES as failure:
+                costs[name] = str(failure)
+                continue
+            if tick >= WARM:
+                spans[name].append(span / people / round(TICK / step))
+    return {**spans, **costs}

@@ -1,0 +1,46 @@
+"""evac as one of the programs that are compared."""
+
+import numpy as np
+
+from evac.behaviour import BehaviourScene
+from evac.evidence.models import plugins
+from evac.evidence.scaling.halls import Hall
+from evac.evidence.scaling.walks import TICK, Walk, cpu_time, make_variant
+from evac.scene import Scene, make_ground
+
+
+class EvacWalk:
+    """A contact model of evac by its name in `models.MODELS`."""
+
+    def __init__(self, hall: Hall, step: float, model: str) -> None:
+        self.walk = Walk(hall, step)
+        self.model = make_variant(model, step).model
+
+    @property
+    def inside(self) -> int:
+        """Number of people in the hall."""
+        return self.walk.inside
+
+    def advance(self) -> float:
+        """Make the steps of a tick; return their CPU time [s]."""
+        return cpu_time(lambda: self.walk.advance(self.model))
+
+
+class HeadwayWalk(EvacWalk):
+    """A contact model of evac with the behaviour headway, which acts at the start of every tick."""
+
+    def __init__(self, hall: Hall, step: float, model: str) -> None:
+        super().__init__(hall, step, model)
+        self.behaviour = plugins().get("behaviour", "headway")()
+        scene = Scene(make_ground(hall.building, hall.fields))
+        self.behaviour.prepare(BehaviourScene(self.walk.crowd, scene, (), np.random.default_rng(0), TICK))
+
+    def advance(self) -> float:
+        """Let the behaviour act and make the steps of a tick; return the CPU time of both [s]."""
+        return cpu_time(self._act) + super().advance()
+
+    def _act(self) -> None:
+        crowd = self.walk.crowd
+        crowd.speed_factor[:] = 1.0
+        crowd.extra_direction[:] = 0.0
+        self.behaviour.act(crowd, self.walk.time)

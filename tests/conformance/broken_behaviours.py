@@ -1,0 +1,225 @@
+"""Broken behaviours."""
+
+import numpy as np
+
+from evac.behaviour import Behaviour
+from tests.conformance.broken import Broken, odd, raising
+
+
+class Slower(Behaviour):
+    """Slows everybody a little; declares what it touches."""
+
+    name = "slower"
+    reads = ("velocity",)
+    writes = ("speed_factor",)
+
+    def act(self, crowd, time):
+        crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
+
+
+class Misspelt(Behaviour):
+    """Means to act."""
+
+    name = "misspelt"
+
+    def acts(self, crowd, time):
+        raise AssertionError("never called")
+
+
+class WritesUndeclared(Slower):
+    """Sets routes it does not declare."""
+
+    writes = ()
+
+
+class ReadsUndeclared(Slower):
+    """Looks at velocities without saying so."""
+
+    reads = ()
+
+
+class ReadsForces(Slower):
+    """Looks at contact forces, which are worked out at every tick only for who declares it."""
+
+    def act(self, crowd, time):
+        crowd.speed_factor[crowd.contact_force > 300.0] *= 0.5
+
+
+class SneaksIn(Slower):
+    """Writes through the base of a read-only array."""
+
+    def act(self, crowd, time):
+        crowd.velocity.base[:] += 1e-9
+
+
+class WritesPositions(Slower):
+    """Wants to move people itself."""
+
+    writes = ("position",)
+
+
+class Invents(Slower):
+    """Declares an array that nobody has."""
+
+    reads = ("mood",)
+
+
+class Remembers(Slower):
+    """Has private arrays that it does not hand over."""
+
+    def prepare(self, scene):
+        self.calls = 0
+
+    def act(self, crowd, time):
+        self.calls += 1
+        crowd.speed_factor[:] = 1.0 / self.calls
+
+
+class Left(Slower):
+    """Says that it is not needed, and is."""
+
+    def is_needed(self, scene):
+        return False
+
+
+class LateReader(Slower):
+    """Looks at velocities after a while."""
+
+    reads = ()
+
+    def act(self, crowd, time):
+        if time > 6.0:
+            crowd.speed_factor[np.hypot(*crowd.velocity.T) > 0.5] *= 0.9
+
+
+class CrushReader(Slower):
+    """Looks at contact forces in crowds that are denser than any of the shipped case."""
+
+    reads = ("position", "level")
+
+    def act(self, crowd, time):
+        place = crowd.position[crowd.level >= 0]
+        if len(place) > 1 and np.ptp(place, axis=0).max() < 0.1:
+            crowd.speed_factor[crowd.contact_force > 10.0] *= 0.5
+
+
+class LastReader(Slower):
+    """Treats the last one specially."""
+
+    reads = ("level",)
+
+    def act(self, crowd, time):
+        if (crowd.level >= 0).sum() == 1:
+            crowd.speed_factor[crowd.tau > 0.2] *= 0.5
+
+
+class Keeps(Slower):
+    """Keeps something, and does not say whether it matters."""
+
+    def prepare(self, scene):
+        self.scratch = np.zeros(3)
+
+
+class Exhausted(Slower):
+    """Takes from what is empty."""
+
+    def act(self, crowd, time):
+        next(iter(()))
+
+
+class Idles(Slower):
+    """Has lines that are not reached."""
+
+    name = "idles"
+
+    def act(self, crowd, time):
+        if len(crowd.velocity) > 1000:
+            crowd.speed_factor[:] *= 0.9
+
+
+class LostFollower(Slower):
+    """Takes a person who does not exist when nobody else is left."""
+
+    reads = ("level",)
+
+    def act(self, crowd, time):
+        if (crowd.level >= 0).sum() == 1:
+            crowd.speed_factor[len(crowd.level)] = 1.0
+
+
+class PreparesTooMuch(Slower):
+    """Looks at relaxation times beforehand."""
+
+    def prepare(self, scene):
+        scene.crowd.speed_factor[scene.crowd.tau > 0.2] *= 0.5
+
+
+class PreparesForOthers(Slower):
+    """Changes relaxation times beforehand."""
+
+    def prepare(self, scene):
+        scene.crowd.tau[:] = 0.5
+
+
+def writes_nan(self, crowd, time):
+    """Write what is no number."""
+    crowd.speed_factor[0] = np.nan
+
+
+def writes_another_route(self, crowd, time):
+    """Write a route that does not exist."""
+    crowd.route[:] = 9
+
+
+def takes_moods(self, crowd, time):
+    """Read an array that does not exist."""
+    crowd.speed_factor *= crowd.mood
+
+
+def takes_chances(self, crowd, time):
+    """Use a generator of its own."""
+    crowd.speed_factor *= np.random.default_rng().random()
+
+
+ROOM, TICK, TICKS = "scene 'Twenty people", "scene 't = .* s of Twenty people", "scene '20 ticks of Twenty people"
+DECLARED = "its reads and writes"
+
+BROKEN = [
+    Broken(Misspelt, "check_declarations", "the class", r"no effect; define act\(\) or prepare\(\)"),
+    Broken(WritesUndeclared, "check_declared_arrays", TICK, "writes an array without .*; add it to `writes`"),
+    Broken(LateReader, "check_declared_arrays", TICK, "reads velocity without .*; add it to `reads`"),
+    Broken(CrushReader, "check_declared_arrays", "scene 'a crush", "reads contact_force"),
+    Broken(LastReader, "check_declared_arrays", "scene '", "reads tau"),
+    Broken(ReadsUndeclared, "check_declared_arrays", TICK, "reads velocity"),
+    Broken(ReadsForces, "check_declared_arrays", TICK, "reads contact_force"),
+    Broken(SneaksIn, "check_declared_arrays", TICK, "writes 'velocity'"),
+    Broken(PreparesTooMuch, "check_declared_arrays", ROOM, "reads tau"),
+    Broken(PreparesForOthers, "check_declared_arrays", ROOM, "read-only .*; add it to `writes`", ValueError),
+    Broken(
+        odd(Slower, act=lambda self, crowd, time: crowd.mood), "check_declared_arrays", TICK, "mood", AttributeError
+    ),
+    Broken(WritesPositions, "check_declarations", DECLARED, "'position'; behaviours write start_time"),
+    Broken(Invents, "check_declarations", DECLARED, "Crowd does not have; choose from"),
+    Broken(odd(Slower, reads="velocity"), "check_declarations", DECLARED, "'velocity', not a tuple"),
+    Broken(odd(Slower, writes=5), "check_declarations", DECLARED, "writes is 5, not a tuple"),
+    Broken(Remembers, "check_same_bits", f"{TICKS}.*resumed", r"differs in .*; state\(\) must"),
+    Broken(Keeps, "check_same_bits", f"{TICKS}.*resumed", r"'slower' has the attributes scratch .* state\(\)"),
+    Broken(Left, "check_same_bits", f"{TICKS}.*optional parts", r"changes .*; correct is_needed\(\)"),
+    Broken(Exhausted, "check_declared_arrays", TICK, "StopIteration", StopIteration),
+    Broken(LostFollower, "check_declared_arrays", "scene '", "out of bounds", IndexError),
+    Broken(odd(Slower, act=raising), "check_declared_arrays", TICK, "partner", KeyError),
+    Broken(odd(Slower, act=lambda self: 0), "check_declared_arrays", TICK, "takes 1 positional", TypeError),
+    Broken(odd(Slower, act=writes_nan), "check_declared_arrays", TICK, "nan to speed_factor of person 0; it must be"),
+    Broken(
+        odd(Slower, act=writes_another_route, writes=("route",)), "check_declared_arrays", TICK, "route 9 .*; it must"
+    ),
+    Broken(odd(Slower, act=takes_chances), "check_same_bits", f"{TICKS}.*repeated", "two runs differ"),
+    Broken(odd(Slower, prepare=raising), "check_declared_arrays", ROOM, "prepare: .*partner", KeyError),
+    Broken(odd(Slower, routes=raising), "check_declared_arrays", ROOM, "routes: .*partner", KeyError),
+    Broken(odd(Slower, acts_at_ticks=raising), "check_declared_arrays", ROOM, "acts_at_ticks: .*partner", KeyError),
+    Broken(odd(Slower, is_needed=raising), "check_same_bits", TICKS, "is_needed: .*partner", KeyError),
+    Broken(odd(Slower, state=raising), "check_same_bits", TICKS, "state: .*partner", KeyError),
+    Broken(odd(Slower, state=lambda self: None), "check_same_bits", TICKS, "returns None; return a dict of arrays"),
+    Broken(odd(Slower, state=lambda self: {"a": [1]}), "check_same_bits", TICKS, r"\[1\] for 'a'; return arrays"),
+    Broken(odd(Slower, restore=raising), "check_same_bits", f"{TICKS}.*resumed", "restore: .*partner", KeyError),
+]

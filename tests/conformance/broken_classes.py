@@ -1,0 +1,102 @@
+"""Classes that are no plugins, and plugins with invalid declarations."""
+
+import math
+import sys
+from types import ModuleType
+
+from evac.building.importer import Importer
+from evac.errors import PluginError
+from evac.output.exporter import Exporter
+from evac.output.recorder import Recorder
+from evac.parameters import Configurable, Parameter
+from evac.physics.contact_model import ContactModel
+from evac.physics.force import Force
+from tests.conformance.broken import Broken, odd, raising
+from tests.conformance.broken_behaviours import Slower
+from tests.conformance.broken_contact_models import Bounce
+from tests.conformance.broken_files import Guessing
+
+
+def forgets(self, **values):
+    """Do not set the parameters."""
+
+
+def needs_more(self, needed, **values):
+    """Take an argument that nobody gives."""
+    super(Bounce, self).__init__(**values)
+
+
+def refuses(self, **values):
+    """Refuse large values."""
+    super(Bounce, self).__init__(**values)
+    if self.stiffness > 1.3e5:
+        raise PluginError("too stiff")
+
+
+def module(stated):
+    """Return the name of a module with hooks, which states a version of the interface unless it is None."""
+    made = ModuleType(f"module_of_{stated}")
+    made.evac_contact_models = list
+    if stated is not None:
+        made.evac_interface = stated
+    sys.modules[made.__name__] = made
+    return made.__name__
+
+
+def declaring(*given, **named):
+    """Return a contact model with a parameter `softness`."""
+    return odd(Bounce, softness=Parameter(*given, **named))
+
+
+CONTRACT, SOFTNESS, MODULE = (
+    ("check_contract", "the class"),
+    ("check_parameters", "the parameter softness"),
+    "the module",
+)
+MADE = ("check_construction", "the class with its defaults")
+
+BROKEN = [
+    Broken(Bounce(), *CONTRACT, "is not a class; pass a class, such as Bounce"),
+    Broken(odd(Configurable), *CONTRACT, "is not a plugin; derive it"),
+    Broken(odd(Bounce, __doc__=" "), *CONTRACT, "no docstring; add one"),
+    Broken(odd(Bounce, name="two words"), *CONTRACT, "'two words'; it must be one word in lower case"),
+    Broken(odd(Bounce, name=5), *CONTRACT, "is 5; it must be one word"),
+    Broken(odd(ContactModel, name="model"), *CONTRACT, r"\.name 'model'.*; choose another"),
+    Broken(odd(Force), *CONTRACT, r"no cutoff\(\).*; add it"),
+    Broken(odd(Recorder), *CONTRACT, r"no record\(\).*; add it"),
+    Broken(odd(Importer, suffixes=(".plan",)), *CONTRACT, r"no read\(\).*; add it"),
+    Broken(odd(Exporter), *CONTRACT, r"no write\(\).*; add it"),
+    Broken(odd(Guessing, suffixes=".plan"), *CONTRACT, r"suffixes is '\.plan'; it must be a tuple"),
+    Broken(odd(Exporter, suffix=".TXT", write=raising), *CONTRACT, r"suffix is '\.TXT'; it must be"),
+    Broken(odd(Bounce, __module__=module(None)), "check_contract", MODULE, "does not state .*; adapt it"),
+    Broken(odd(Bounce, __module__=module(1)), "check_contract", MODULE, "version 1 .*; adapt"),
+    Broken(odd(Bounce, __module__=module(99)), "check_contract", MODULE, "version 99 .*; install"),
+    Broken(odd(Bounce, __module__=module("2")), "check_contract", MODULE, "'2', not a whole number; write"),
+    Broken(declaring(1.0, " "), *SOFTNESS, "no description; add doc"),
+    Broken(declaring(1.0, "softness", above=2.0), *SOFTNESS, "must be greater than 2.0, got 1.0; change its default"),
+    Broken(declaring(math.nan, "softness"), *SOFTNESS, "must be finite.*; change its default"),
+    Broken(declaring("a", "softness", choices=("b", "c")), *SOFTNESS, "'a'; known: b, c"),
+    Broken(declaring("a", "softness", above=2.0), *SOFTNESS, "'a' is not a number; remove the bounds"),
+    Broken(odd(Bounce, step=Parameter(1.0, "step")), "check_parameters", "the parameter step", "a method; rename"),
+    Broken(odd(Bounce, __init__=forgets), *MADE, r"does not set the parameters; call super\(\)"),
+    Broken(odd(Bounce, __init__=raising), *MADE, "partner", KeyError),
+    Broken(odd(Bounce, __init__=needs_more), *MADE, "'needed'", TypeError),
+    Broken(
+        odd(Bounce, __init__=refuses),
+        "check_construction",
+        "the class with stiffness = 200000.0",
+        "too stiff; give other values",
+        values={"stiffness": 2e5},
+    ),
+    Broken(
+        Bounce,
+        "check_construction",
+        "the class with stiffness = -1.0",
+        "must be greater than 0.0 kg/s2, got -1.0; give other values",
+        values={"stiffness": -1.0},
+    ),
+    Broken(Slower, "check_construction", "the class with rate = 1", "no such parameter; known", values={"rate": 1}),
+    Broken(
+        odd(Slower, name="route_choice"), "check_registration", "the class", "'route_choice' is registered .*; rename"
+    ),
+]

@@ -1,0 +1,354 @@
+"""Broken contact models: by `step`, by a law, and by the force of a single contact."""
+
+import itertools
+
+import numpy as np
+
+from evac.errors import ScenarioError
+from evac.jit import Struct, inner, kernel, pair_contact
+from evac.parameters import Parameter
+from evac.physics import tallies as at
+from evac.physics.contact_model import ContactModel
+from evac.physics.pair_contact import PairContact
+from evac.physics.state import State
+from tests.conformance.broken import Broken, odd, raising
+
+
+class Bounce(ContactModel):
+    """A spring as the documented one, to be broken by what derives from it."""
+
+    name = "bounce"
+    stiffness = Parameter(1.2e5, "contact stiffness", unit="kg/s2", above=0.0)
+
+    def step(self, contacts, h):
+        contacts.percussion[:] = -h * self.stiffness * np.minimum(contacts.gap, 0.0)
+        return self.pushed(contacts, contacts.percussion[:, None] * contacts.normal)
+
+    def pushed(self, contacts, push):
+        velocity = contacts.free.copy()
+        pair = contacts.other >= 0
+        np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
+        np.subtract.at(velocity, contacts.other[pair], push[pair] / contacts.mass[contacts.other[pair], None])
+        return velocity
+
+
+class Drags(Bounce):
+    """Slows everybody down."""
+
+    def step(self, contacts, h):
+        return 0.99 * super().step(contacts, h)
+
+
+class LooksAround(Bounce):
+    """Depends on who is there at all."""
+
+    def step(self, contacts, h):
+        return super().step(contacts, h) + 1e-13 * (len(contacts.mass) - 1)
+
+
+class OneSided(Bounce):
+    """Pushes only one of two."""
+
+    def pushed(self, contacts, push):
+        velocity = contacts.free.copy()
+        np.add.at(velocity, contacts.body, push / contacts.mass[contacts.body, None])
+        return velocity
+
+
+class Ghosts(Bounce):
+    """Pushes nobody."""
+
+    def pushed(self, contacts, push):
+        return contacts.free.copy()
+
+
+class Slanted(Bounce):
+    """Knows x from y."""
+
+    def pushed(self, contacts, push):
+        return super().pushed(contacts, push * [1.0, 0.9])
+
+
+class Divides(Bounce):
+    """Divides by how far centres are apart."""
+
+    def pushed(self, contacts, push):
+        reach = contacts.radius[contacts.body] + np.where(contacts.other >= 0, contacts.radius[contacts.other], 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().pushed(contacts, push * (0.0 * reach / (contacts.gap + reach) + 1.0)[:, None])
+
+
+class Silent(Bounce):
+    """Does not say how hard it pushes."""
+
+    def step(self, contacts, h):
+        velocity = super().step(contacts, h)
+        contacts.percussion[:] = 0.0
+        return velocity
+
+
+class Restless(Bounce):
+    """Goes on from where the last run stopped."""
+
+    def step(self, contacts, h):
+        return super().step(contacts, h) + 1e-12 * next(COUNTER) * min(1, len(contacts.gap))
+
+
+COUNTER = itertools.count()
+
+
+class Forgetful(Bounce):
+    """Keeps a count of steps that no state holds."""
+
+    steps = 0
+
+    def step(self, contacts, h):
+        self.steps += min(1, len(contacts.gap))
+        return super().step(contacts, h) + 1e-12 * self.steps * min(1, len(contacts.gap))
+
+
+class CountsTwice(Bounce):
+    """Reports twice the percussion that it applies."""
+
+    def step(self, contacts, h):
+        velocity = super().step(contacts, h)
+        contacts.percussion[:] *= 2.0
+        return velocity
+
+
+class InPlace(Bounce):
+    """Writes to the free velocities."""
+
+    def step(self, contacts, h):
+        contacts.free[:] = super().step(contacts, h)
+        return contacts.free
+
+
+class WrongShape(Bounce):
+    """Returns one velocity for all."""
+
+    def step(self, contacts, h):
+        return contacts.free[:1]
+
+
+class Open(Bounce):
+    """Feels people, but no walls."""
+
+    def step(self, contacts, h):
+        velocity = super().step(contacts, h)
+        is_wall = contacts.other < 0
+        alone = np.isin(np.arange(len(velocity)), contacts.body[is_wall])
+        velocity[alone] = contacts.free[alone]
+        return velocity
+
+
+class Tunes(Bounce):
+    """Has the same frequency for every pair: twice the mass, twice the stiffness."""
+
+    name = "tunes"
+    frequency = Parameter(8.0, "frequency", unit="1/s", above=0.0)
+
+    def step(self, contacts, h):
+        mass = 1.0 / contacts.mass[contacts.body]
+        mass = 1.0 / (mass + np.where(contacts.other >= 0, 1.0 / contacts.mass[contacts.other], 0.0))
+        contacts.percussion[:] = -h * mass * self.frequency**2 * np.minimum(contacts.gap, 0.0)
+        return self.pushed(contacts, contacts.percussion[:, None] * contacts.normal)
+
+
+class HidesOverlaps(Bounce):
+    """Clears what the step loop has counted."""
+
+    def advance(self, engine):
+        status = super().advance(engine)
+        engine.state.tally[at.GREATEST_OVERLAP] = 0.0
+        return status
+
+
+class Refuses(Bounce):
+    """Refuses every scene."""
+
+    def check_scene(self, scene):
+        raise ScenarioError("simulation.step: is never short enough")
+
+
+class FailsAtWalls(Bounce):
+    """Cannot handle walls."""
+
+    def step(self, contacts, h):
+        if (contacts.other < 0).any():
+            raise LookupError("no such body")
+        return super().step(contacts, h)
+
+
+class Explodes(Bounce):
+    """Multiplies velocities."""
+
+    def step(self, contacts, h):
+        return 1e6 * super().step(contacts, h)
+
+
+# Laws
+
+
+class Softness(Struct):
+    softness: float
+
+
+@kernel
+def without_parameters(state: State, h: float) -> int:
+    return 0
+
+
+@kernel
+def with_an_unknown_status(state: State, own: Softness, h: float) -> int:
+    return 77
+
+
+@kernel
+def idle(state: State, own: Softness, h: float) -> int:
+    return 0
+
+
+@kernel
+def of_an_unknown_attribute(state: State, own: Softness, h: float) -> int:
+    return own.hardness
+
+
+@inner
+def without_an_address(state, own, h):
+    return 0
+
+
+class Lawful(ContactModel):
+    """Has a law that does nothing."""
+
+    name = "lawful"
+    law = idle
+    softness = Parameter(1.0, "softness")
+
+
+# Forces of a single contact
+
+
+@pair_contact
+def pulls(gap, closing_speed, reduced_mass, parameters):
+    return parameters[0] * gap
+
+
+@pair_contact
+def divides(gap, closing_speed, reduced_mass, parameters):
+    return parameters[0] * gap / gap
+
+
+@pair_contact
+def scribbles(gap, closing_speed, reduced_mass, parameters):
+    parameters[0] += 1.0
+    return -parameters[0] * gap
+
+
+class Pulls(PairContact):
+    """Pulls people who overlap together."""
+
+    name = "pulls"
+    pair = pulls
+    stiffness = Parameter(1e5, "stiffness", unit="kg/s2")
+
+
+class DividesGaps(Pulls):
+    """Divides by the gap."""
+
+    name = "divides"
+    pair = divides
+
+
+class Scribbles(Pulls):
+    """Changes its parameters."""
+
+    name = "scribbles"
+    pair = scribbles
+
+
+@pair_contact
+def linear(gap, closing_speed, reduced_mass, parameters):
+    return -parameters[0] * gap
+
+
+@pair_contact
+def beyond_its_parameters(gap, closing_speed, reduced_mass, parameters):
+    return -parameters[3] * gap
+
+
+@pair_contact
+def vector(gap, closing_speed, reduced_mass, parameters):
+    return -parameters[0] * gap, 0.0
+
+
+@pair_contact
+def nothing(gap, closing_speed, reduced_mass, parameters):
+    pass
+
+
+class Linear(Pulls):
+    """Pushes people apart, with a spring."""
+
+    name = "linear"
+    pair = linear
+
+
+FREE, TWO, PRESSED = "scene 'a person without contacts", "scene 'two people who collide", "scene 'nine people pressed"
+PAIR, ROOM = "scene 'two people of 80 kg", "scene '20 ticks of Twenty people"
+PLACE = "scene 'two people at one place"
+
+BROKEN = [
+    Broken(Drags, "check_free_walk", FREE, r"not at 1\.05.*free velocity"),
+    Broken(LooksAround, "check_free_walk", "scene 'two people 5 m apart", "use only the given contacts"),
+    Broken(OneSided, "check_momentum", TWO, "momentum changes by .* kg m/s; percussions on both"),
+    Broken(Ghosts, "check_momentum", TWO, "walk through each other"),
+    Broken(Slanted, "check_turn_and_shift", f"{PRESSED}.* rotated by 90 degrees", "differs by .* m; use gaps"),
+    Broken(Divides, "check_coincident_centres", PLACE, "step returned the velocity"),
+    Broken(Silent, "check_walls", PRESSED, r"set contacts\.percussion"),
+    Broken(
+        CountsTwice, "check_energy", "scene 'two people who collide head-on", "account for .* J; contacts.percussion"
+    ),
+    Broken(Open, "check_walls", PRESSED, "through a wall.*; apply percussions at walls"),
+    Broken(HidesOverlaps, "check_report", PRESSED, "reports a largest overlap of 0 m, but .* m occurred; let the"),
+    Broken(Restless, "check_same_bits", f"{ROOM}.*repeated", "two runs differ in .*; use only the generator"),
+    Broken(Forgetful, "check_same_bits", f"{ROOM}.*resumed", r"differs in .*; state\(\) must"),
+    Broken(InPlace, "check_pace", PLACE, "ValueError: .* read-only", ValueError),
+    Broken(WrongShape, "check_free_walk", "scene 'two people 5 m apart", r"\(1, 2\), not \(2, 2\); return one"),
+    Broken(FailsAtWalls, "check_pace", PLACE, "no such body", LookupError),
+    Broken(Explodes, "check_free_walk", FREE, "moves too fast .*; check speeds"),
+    Broken(Refuses, "check_free_walk", FREE, "never short enough"),
+    Broken(odd(Bounce, step=raising), "check_pace", PLACE, "partner", KeyError),
+    Broken(odd(Bounce, step=lambda self: 0.0), "check_pace", PLACE, "takes 1 positional argument", TypeError),
+    Broken(odd(Bounce, check_scene=raising), "check_pace", PLACE, "partner", KeyError),
+    Broken(odd(Bounce, own=raising), "check_pace", PLACE, "partner", KeyError),
+    Broken(odd(Bounce, promised_overlap=raising), "check_same_bits", ROOM, "promised_overlap: .*partner", KeyError),
+    Broken(odd(Bounce, state=raising), "check_same_bits", ROOM, "state: .*partner", KeyError),
+    Broken(odd(Bounce, state=lambda self: [1]), "check_same_bits", ROOM, r"returns \[1\]; return a dict of arrays"),
+    Broken(odd(Bounce, state=lambda self: {"a": 1}), "check_same_bits", ROOM, r"1 for 'a'; return arrays"),
+    Broken(odd(Bounce, restore=raising), "check_same_bits", f"{ROOM}.*resumed", "restore: .*partner", KeyError),
+    Broken(odd(ContactModel), "check_free_walk", FREE, r"neither a law nor step\(contacts, h\); define"),
+    Broken(Lawful, "check_free_walk", FREE, "not at 1.05"),
+    Broken(odd(Lawful, law=without_parameters), "check_free_walk", FREE, r"law must .*, not \(State, float64\)"),
+    Broken(
+        odd(Lawful, law=without_an_address), "check_free_walk", FREE, "law must .*, not the Kernel without_an_address"
+    ),
+    Broken(odd(Lawful, law=with_an_unknown_status), "check_free_walk", FREE, "returned 77"),
+    Broken(odd(Lawful, law=of_an_unknown_attribute), "check_free_walk", FREE, "cannot be compiled: .*'hardness'"),
+    Broken(odd(ContactModel, law=idle), "check_free_walk", FREE, r"reads Softness\.softness; give the model"),
+    Broken(Pulls, "check_pair_law", PAIR, "never positive; return a positive force"),
+    Broken(DividesGaps, "check_pair_law", PAIR, "must be finite there"),
+    Broken(Scribbles, "check_pair_law", PAIR, "changes its parameters; only return"),
+    Broken(odd(PairContact), "check_pair_law", "its function pair", "pair must be .*, not the NoneType"),
+    Broken(odd(Pulls, pair=staticmethod(raising)), "check_pair_law", "its function pair", "not the function raising"),
+    Broken(odd(Pulls, pair=beyond_its_parameters), "check_pair_law", PAIR, "index 3 is out of bounds", IndexError),
+    Broken(odd(Pulls, pair=vector), "check_pair_law", PAIR, r"returns \(.*\); return the force \[N\], one number"),
+    Broken(odd(Pulls, pair=nothing), "check_pair_law", PAIR, "returns None; return the force"),
+    Broken(odd(Linear, packed=raising), "check_pair_law", r"its packed\(\)", "partner", KeyError),
+    Broken(odd(Linear, packed=lambda self: [1e5]), "check_pair_law", r"its packed\(\)", "float64"),
+    Broken(odd(Linear, packed=lambda self: np.array([np.nan])), "check_pair_law", r"its packed\(\)", "finite numbers"),
+    Broken(
+        odd(Linear, word=Parameter("a", "word")), "check_pair_law", r"its packed\(\)", "; define packed", ValueError
+    ),
+]

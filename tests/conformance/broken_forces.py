@@ -1,0 +1,172 @@
+"""Broken forces between two people and on one person."""
+
+import numpy as np
+
+from evac.jit import body_force, pair_force
+from evac.parameters import Parameter
+from evac.physics.force import Force
+from evac.registry import Registry
+from tests.conformance.broken import Broken, odd, raising
+
+
+@pair_force
+def constant(gap, nx, ny, ex, ey, parameters):
+    return parameters[0] * nx, parameters[0] * ny
+
+
+@pair_force
+def eastward(gap, nx, ny, ex, ey, parameters):
+    if gap >= 1.0:
+        return 0.0, 0.0
+    return parameters[0], 0.0
+
+
+@pair_force
+def singular(gap, nx, ny, ex, ey, parameters):
+    if gap >= 1.0:
+        return 0.0, 0.0
+    return nx / abs(gap), ny / abs(gap)
+
+
+class Constant(Force):
+    """Never ends."""
+
+    name = "constant"
+    pair = constant
+    strength = Parameter(1.0, "strength", unit="N")
+
+    def cutoff(self):
+        return 1.0
+
+
+class Eastward(Constant):
+    """Does not turn."""
+
+    name = "eastward"
+    pair = eastward
+
+
+class Singular(Constant):
+    """Is infinite where people touch."""
+
+    name = "singular"
+    pair = singular
+
+
+@body_force
+def towards_walls(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return -parameters[0] * nx / gap, -gap * ny
+
+
+@body_force
+def endless(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return gap * nx, parameters[0]
+
+
+class TowardsWalls(Constant):
+    """Is infinite at a wall."""
+
+    name = "towards_walls"
+    pair = None
+    body = towards_walls
+
+
+class WithoutWalls(TowardsWalls):
+    """Multiplies with the gap to a wall that may not be there."""
+
+    name = "without_walls"
+    body = endless
+
+
+class Whole(Constant):
+    """Packs whole numbers."""
+
+    name = "whole"
+
+    def packed(self):
+        return np.array([1])
+
+
+class Endless(Constant):
+    """Has no cut-off."""
+
+    name = "endless"
+
+    def cutoff(self):
+        return float("inf")
+
+
+class Denied(Eastward):
+    """Says that it is not needed, and pushes."""
+
+    name = "denied"
+    pair = Registry().forces["social"].pair
+
+    def packed(self):
+        return np.array([1.0, 0.1, 0.0, 1.0, 1.0])
+
+    def is_needed(self):
+        return False
+
+
+@pair_force
+def zero(gap, nx, ny, ex, ey, parameters):
+    return 0.0, 0.0
+
+
+@pair_force
+def beyond_its_parameters(gap, nx, ny, ex, ey, parameters):
+    return parameters[7], 0.0
+
+
+@pair_force
+def single(gap, nx, ny, ex, ey, parameters):
+    return 0.0
+
+
+@pair_force
+def scribbles(gap, nx, ny, ex, ey, parameters):
+    parameters[0] += 1.0
+    return 0.0, 0.0
+
+
+@body_force
+def closes_in(x, y, vx, vy, ex, ey, gap, nx, ny, parameters):
+    return parameters[7], 0.0
+
+
+class Sound(Constant):
+    """Is zero everywhere."""
+
+    name = "sound"
+    pair = zero
+
+
+PAIR, PERSON = "scene 'two people at a gap of", "scene 'a person at a gap of"
+CUTOFF, PACKED = r"its cutoff\(\)", r"its packed\(\)"
+
+BROKEN = [
+    Broken(Constant, "check_pair_force", PAIR, r"N, beyond its cutoff\(\) of 1.000 m; return zero"),
+    Broken(Eastward, "check_pair_force", PAIR, "rotate .* by .* N; use the given normal"),
+    Broken(Singular, "check_pair_force", f"{PAIR} 0.000", "must be finite there"),
+    Broken(TowardsWalls, "check_body_force", f"{PERSON} 0.000", "must be finite there"),
+    Broken(WithoutWalls, "check_body_force", f"{PERSON} inf", "must be finite there"),
+    Broken(Whole, "check_functions", PACKED, "float64"),
+    Broken(Endless, "check_functions", CUTOFF, "returns inf; return a distance"),
+    Broken(Denied, "check_need", PAIR, r"is_needed\(\) is False, but the force is .* N"),
+    Broken(odd(Sound, pair=None), "check_functions", "the class", "names no function; define"),
+    Broken(odd(Sound, pair=staticmethod(raising)), "check_functions", "its function pair", "not the function raising"),
+    Broken(
+        odd(Sound, pair=towards_walls), "check_functions", "its function pair", r"kernel \(float64.*, not \(float64"
+    ),
+    Broken(odd(Sound, body=zero), "check_functions", "its function body", r"kernel \(float64.*, not \(float64"),
+    Broken(odd(Sound, pair=beyond_its_parameters), "check_pair_force", PAIR, "index 7 is out of bounds", IndexError),
+    Broken(odd(Sound, body=closes_in), "check_body_force", PERSON, "index 7 is out of bounds", IndexError),
+    Broken(odd(Sound, pair=single), "check_pair_force", PAIR, "returns 0.0; return the two components"),
+    Broken(odd(Sound, pair=scribbles), "check_pair_force", PAIR, "changes its parameters; only return"),
+    Broken(odd(Sound, cutoff=raising), "check_functions", CUTOFF, "partner", KeyError),
+    Broken(odd(Sound, cutoff=lambda self: "far"), "check_functions", CUTOFF, "returns 'far'; return a distance"),
+    Broken(odd(Sound, packed=raising), "check_functions", PACKED, "partner", KeyError),
+    Broken(odd(Sound, word=Parameter("a", "word")), "check_functions", PACKED, "; define packed", ValueError),
+    Broken(odd(Sound, is_needed=raising), "check_need", r"its is_needed\(\)", "partner", KeyError),
+]

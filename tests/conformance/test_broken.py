@@ -1,0 +1,113 @@
+"""Each check finds the promise it is there for, broken, and says so in a message of one form."""
+
+import re
+import sys
+
+import pytest
+
+from evac.conformance import check_plugin
+from evac.errors import ConformanceWarning, PluginError
+from evac.registry import Registry
+from evac.scenario.loading import load_case
+from tests.conformance import (
+    broken_behaviours,
+    broken_classes,
+    broken_contact_models,
+    broken_files,
+    broken_forces,
+    broken_recorders,
+    broken_solvers,
+)
+from tests.conformance.broken_behaviours import Idles, Slower
+from tests.conformance.broken_contact_models import Bounce, Linear, Tunes
+from tests.conformance.broken_files import Counting
+from tests.conformance.broken_solvers import solver, sound
+
+#: Plugin, check, what was examined, what is wrong, and the remedy.
+FORM = re.compile(r"(.+?): (check_\w+), (scene '.+?'|the [^:]+|its [^:]+): (.+); (.+)")
+
+BROKEN = [
+    pytest.param(broken, id=f"{module.__name__.rpartition('.')[2]}-{k}")
+    for module in (
+        broken_classes,
+        broken_contact_models,
+        broken_solvers,
+        broken_forces,
+        broken_behaviours,
+        broken_recorders,
+        broken_files,
+    )
+    for k, broken in enumerate(module.BROKEN)
+]
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+def test_a_failure_names_plugin_check_scene_and_remedy(broken):
+    with pytest.raises(PluginError) as failure:
+        check_plugin(broken.cls, **broken.values)
+    text = str(failure.value)
+    found = FORM.fullmatch(text)
+    assert found, text
+    plugin, check, examined, wrong, remedy = found.groups()
+    assert plugin in (broken.cls.name, getattr(broken.cls, "__name__", "")), text
+    assert re.fullmatch(broken.check, check), text
+    assert re.match(broken.examined, examined), text
+    assert re.search(broken.words, f"{wrong}; {remedy}"), text
+    if broken.raises:
+        assert isinstance(failure.value.__cause__, broken.raises)
+        assert re.search(r"\(\S+\.py, line \d+\)", wrong), text
+
+
+def test_every_check_is_failed_by_a_broken_plugin():
+    modules = [vars(module) for name, module in sys.modules.items() if name.startswith("evac.conformance.")]
+    checks = {name for module in modules for name, found in module.items() if name.startswith("check_")}
+    imported = {"check_writes", "check_class", "check_interface", "check_surface", "check_case"}
+    assert checks - imported == {broken.values[0].check for broken in BROKEN}
+
+
+@pytest.mark.parametrize("stiffness", [3e3, 6e4, 1e6, 1e8])
+def test_a_good_model_conforms_whatever_its_stiffness(stiffness):
+    check_plugin(Bounce, stiffness=stiffness)
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e9])
+def test_a_good_law_conforms_whatever_its_stiffness(stiffness):
+    check_plugin(Linear, stiffness=stiffness)
+    check_plugin(Registry().contact_models["dem"], stiffness=max(stiffness, 1e3))
+
+
+def test_a_model_may_scale_with_mass():
+    check_plugin(Tunes)
+
+
+def test_a_sound_solver_passes():
+    check_plugin(solver(sound))
+
+
+def test_a_good_behaviour_passes():
+    check_plugin(Slower)
+
+
+def test_lines_that_no_scene_reaches_are_named():
+    with pytest.warns(ConformanceWarning, match=r"^idles: check_declared_arrays, lines \d+ of .*give a case") as warned:
+        check_plugin(Idles)
+    assert warned[0].filename == __file__
+
+
+def test_a_behaviour_is_checked_in_a_case_that_uses_it():
+    with pytest.raises(PluginError, match=r"check_declared_arrays, scene 'Twenty .* behaviour 'slower'; give a case"):
+        check_plugin(Slower, load_case("square_room"))
+
+
+def test_an_importer_that_reads_another_surface_each_time_is_found(tmp_path):
+    registry = Registry()
+    registry.add_class(Counting)
+    (tmp_path / "room.plan").write_text("square")
+    changes = {"building.mesh": str(tmp_path / "room.plan"), "building.areas": []}
+    case = load_case("square_room", changes, registry=registry)
+    with pytest.raises(
+        PluginError, match=r"check_surface, scene '.*room\.plan': two readings .* points; keep no state"
+    ):
+        check_plugin(Counting, case)
+    with pytest.raises(PluginError, match=r"read by 'meshio'; give a case that uses 'counting'"):
+        check_plugin(Counting, load_case("square_room", registry=registry))

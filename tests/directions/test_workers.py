@@ -1,0 +1,172 @@
+"""Marches in worker processes: the same bits for any number, whatever happens to a worker."""
+
+import subprocess
+import threading
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from evac import processes
+from evac.directions import build, workers
+from evac.directions.build import build_fields
+from evac.directions.grids import build_grids
+from evac.directions.routes import Route
+from evac.directions.workers import WORKER_BYTES, March, march_all, number_of_workers
+
+ROUTES = (Route(), Route(("A",)), Route(("B",), "comfortable"))
+
+
+@pytest.fixture
+def building(drawing):
+    """Two storeys linked by a stair, with an exit on each."""
+    drawing.level((0, 0, 6, 5), z=3.0)
+    drawing.level((6, 2, 10, 3.5), uphill=(-1, 0), slope=0.64)
+    drawing.level((10, 0, 16, 5))
+    drawing.portal(0, 1, (6, 2), (6, 3.5))
+    drawing.portal(1, 2, (10, 2), (10, 3.5))
+    drawing.exit("A", 2, (16, 2), (16, 3.5))
+    drawing.exit("B", 0, (0, 2), (0, 3.5))
+    return drawing.build()
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """Let workers pay on small grids, on a machine with many cores; return those that are started."""
+    started = []
+
+    class Recorded(subprocess.Popen):
+        def __init__(self, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            started.append(self)
+
+    monkeypatch.setattr(workers, "NODES_PER_WORKER", 1)
+    monkeypatch.setattr(workers, "cores", lambda: 8)
+    monkeypatch.setattr(subprocess, "Popen", Recorded)
+    return started
+
+
+def _assert_same(fields, expected):
+    for name in ("direction", "travel_time", "field_of", "offset"):
+        np.testing.assert_array_equal(getattr(fields.packed, name), getattr(expected.packed, name))
+    for costs, expected_costs in zip(fields.marched.costs, expected.marched.costs, strict=True):
+        np.testing.assert_array_equal(costs, expected_costs)
+
+
+def _assert_ended(started):
+    assert all(process.returncode is not None and process.stdout.closed for process in started)
+    assert [thread.name for thread in threading.enumerate() if "attend" in thread.name] == []
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("clearance", [0.0, 0.25])
+def test_fields_are_the_same_to_the_bit_for_any_number_of_workers(building, started, threads, clearance):
+    expected = build_fields(building, ROUTES, clearance=clearance, threads=1)
+    assert started == []
+    fields = build_fields(building, ROUTES, clearance=clearance, threads=threads)
+    assert len(started) == threads
+    _assert_same(fields, expected)
+    _assert_ended(started)
+
+
+def test_fields_are_the_same_where_gaps_are_avoided_and_links_are_closed(building, started):
+    building = replace(building, closed=frozenset({building.link_of(building.exits[0])}))
+    routes = (Route(), Route(("B",), "shortest"))
+    alone, shared = (build_fields(building, routes, narrowest=2.0, threads=threads) for threads in (1, None))
+    assert len(started) == 4  # two fields for each route
+    _assert_same(shared, alone)
+
+
+@pytest.mark.parametrize("dying", [1, 3])
+def test_marches_of_workers_that_die_are_made_here(building, started, monkeypatch, dying):
+    def start(module):
+        worker = processes.start_worker(module)
+        if len(started) <= dying:
+            worker.kill()
+        return worker
+
+    expected = build_fields(building, ROUTES)
+    monkeypatch.setattr(workers, "start_worker", start)
+    _assert_same(build_fields(building, ROUTES, threads=3), expected)
+    assert len(started) == 3
+    _assert_ended(started)
+
+
+def test_a_worker_that_dies_during_a_march(building, started, monkeypatch):
+    """It is asked something that raises an error there, as a lack of memory would."""
+    expected = build_fields(building, ROUTES)
+    send, wrong = workers._send, []
+
+    def send_wrong(worker, question):
+        if len(question) == 4 and not wrong:
+            wrong.append(worker)
+            question = (*question[:3], "no exits")
+        send(worker, question)
+
+    monkeypatch.setattr(workers, "_send", send_wrong)
+    _assert_same(build_fields(building, ROUTES, threads=2), expected)
+    assert wrong
+    _assert_ended(started)
+
+
+def test_without_processes_everything_is_marched_here(building, started, monkeypatch):
+    def refuse(module):
+        raise OSError("no more processes")
+
+    expected = build_fields(building, ROUTES)
+    monkeypatch.setattr(workers, "start_worker", refuse)
+    _assert_same(build_fields(building, ROUTES, threads=3), expected)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_an_interruption_ends_the_workers(building, started, monkeypatch, error):
+    def stop(*_):
+        raise error
+
+    monkeypatch.setattr(build, "_directions", stop)
+    with pytest.raises(error):
+        build_fields(building, ROUTES, threads=2)
+    assert len(started) == 2
+    _assert_ended(started)
+
+
+def test_marches_that_nobody_waits_for_are_given_up(building, started):
+    grids = build_grids(building, 0.1, 0.25)
+    metric = workers.Metric(np.ones((3, 3)), np.broadcast_to(1.0, grids.size))
+    costs = march_all(grids, [March(metric, list(building.exits))] * 50, 2, 2)
+    next(costs)
+    costs.close()
+    _assert_ended(started)
+
+
+def test_small_buildings_have_no_workers(building, monkeypatch):
+    monkeypatch.setattr(workers, "cores", lambda: 8)
+    monkeypatch.setattr(workers, "start_worker", None)
+    build_fields(building, ROUTES, threads=None)
+    build_fields(building, ROUTES, threads=8)
+
+
+def test_the_number_of_workers(building, monkeypatch):
+    """At most as many as wanted, cores, marches, and as the nodes and the memory allow."""
+    grids = build_grids(building, 0.1, 0.25)
+    monkeypatch.setattr(workers, "cores", lambda: 8)
+    monkeypatch.setattr(workers, "NODES_PER_WORKER", grids.size)
+    much = 100.0 * WORKER_BYTES
+    assert number_of_workers(grids, 6, much, 4) == 4
+    assert number_of_workers(grids, 6, much, None) == 6
+    assert number_of_workers(grids, 20, much, None) == 8
+    assert number_of_workers(grids, 20, much, 12) == 8
+    assert number_of_workers(grids, 6, 3.5 * WORKER_BYTES, None) == 3
+    assert number_of_workers(grids, 6, 0.5 * WORKER_BYTES, None) == 1
+    assert number_of_workers(grids, 6, -1.0, None) == 1
+    monkeypatch.setattr(workers, "NODES_PER_WORKER", 3 * grids.size)
+    assert number_of_workers(grids, 6, much, None) == 2
+
+
+@pytest.mark.parametrize("nodes", [10**5, 10**6, 4 * 10**6, 10**7, 2 * 10**7])
+def test_one_large_level_has_no_workers(monkeypatch, nodes):
+    """Each would march the whole level at the same time: several times the memory."""
+    monkeypatch.setattr(workers, "cores", lambda: 8)
+    grids = SimpleNamespace(size=nodes, levels=[SimpleNamespace(sheet=SimpleNamespace(size=nodes))])
+    assert number_of_workers(grids, 2, build._memory_of_workers(nodes, 1), None) == 1
