@@ -13,7 +13,7 @@ from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import doors_along, make_hall
 from evac.evidence.scaling.page import STEP
 from evac.evidence.scaling.peers import comparison
-from evac.evidence.scaling.peers.comparison import BASE, OWN, PEERS, TIMED, WARM, Peer, compare
+from evac.evidence.scaling.peers.comparison import BASE, LEAST, OWN, PEERS, TIMED, WARM, Peer, compare
 from evac.evidence.scaling.peers.cromosim_walk import CromosimWalk
 from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
 from evac.evidence.scaling.peers.rvo2_walk import OrcaWalk
@@ -59,7 +59,13 @@ def fixed(monkeypatch):
     )
     monkeypatch.setattr(comparison, "PEERS", peers)
     monkeypatch.setattr(
-        comparison, "OWN", {BASE: lambda hall, step: Fixed(), "Own": lambda hall, step: Fixed(span=2.0)}
+        comparison,
+        "OWN",
+        {
+            LEAST: lambda hall, step: Fixed(span=0.5),
+            BASE: lambda hall, step: Fixed(),
+            "Own": lambda hall, step: Fixed(span=2.0),
+        },
     )
     monkeypatch.setattr(comparison, "QUICK_SIZES", (50, 200))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "pyrvo" else name)
@@ -78,9 +84,9 @@ def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixe
     assert "Measured: Slow, Stops. Not installed: Other." in page
     assert "Slow is slow." in page
     assert "Other is different." not in page
-    assert "| 50 | dense | Slow | 30,000,000 | 3 |" in page
+    assert "| 50 | dense | Slow | 30,000,000 | 3 | 6 |" in page
     assert "| 200 | dense | Slow |" not in page  # too many people for it
-    assert "| 200 | dense | Stops | - | - |" in page
+    assert "| 200 | dense | Stops | - | - | - |" in page
     assert "that of the same model of evac](#beside-other-programs) | 1.5 to 1.5 |" in page
     assert "that of evac, DEM](#beside-other-programs) | no step made |" in page
     assert "somebody is outside" in (tmp_path / "peers.csv").read_text()

@@ -16,7 +16,7 @@ from evac.evidence.scaling import page as scaling
 from evac.evidence.scaling.halls import DENSITY, DOOR, RADIUS, doors_along, hall_case, make_hall, nearest_door
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.page import PHASES, STEP, phase_times
-from evac.evidence.scaling.peers import comparison
+from evac.evidence.scaling.peers import comparison, evac_walk
 from evac.evidence.scaling.walks import JAMMED, LONGEST, SETTLING, TICK, Walk, make_variant, memory, time_ticks
 from evac.physics.allocation import SKIN, make_problem
 from evac.physics.state import copy_of
@@ -290,6 +290,7 @@ def test_headway_is_timed_beside_the_same_walk_without_it(monkeypatch):
 def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hardening(monkeypatch):
     """Ticks of the three laws take 2, 3 and 4 s."""
     spans = itertools.cycle((2.0, 3.0, 4.0))
+    monkeypatch.setattr(evac_walk, "cpu_time", lambda call: 0.5)
 
     def timed(call):
         call()
@@ -301,6 +302,7 @@ def test_laws_are_timed_in_turns_and_the_linear_spring_walks_as_dem_without_hard
     dem, spring, hertz = laws.compare(make_hall(100, 5.0, 1), STEP)
     assert (dem["ns per person-step"], dem["times DEM"]) == pytest.approx((1e9 * 2.0 / 100 / 10, 1.0))
     assert (spring["times DEM"], hertz["times DEM"]) == pytest.approx((1.5, 2.0))
+    assert (dem["times minimal"], hertz["times minimal"]) == pytest.approx((4.0, 8.0))
     assert spring["sub-steps per step"] == 1.0
     assert hertz["times DEM, per sub-step"] * hertz["sub-steps per step"] == pytest.approx(
         hertz["times DEM"] * dem["sub-steps per step"]

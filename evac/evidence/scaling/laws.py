@@ -9,6 +9,7 @@ from evac.arrays import FloatArray
 from evac.evidence.models import make_model
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
+from evac.evidence.scaling.peers.evac_walk import MinimalWalk
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time
 from evac.evidence.verdicts import at_most
 from evac.jit import pair_contact
@@ -78,8 +79,9 @@ def run(evidence: Evidence, step: float) -> None:
         f"""Two models defined by the force of a single contact (`evac.PairContact`), and the built-in DEM: the same
         hall of {people:,} people, in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk, tick by tick in
         turns; medians of the CPU time over ticks. The linear spring has the stiffness of DEM, whose contacts harden in
-        addition. The crowds of different laws differ, and with them the numbers of contacts and of sub-steps: a steep
-        law needs shorter sub-steps. The last column compares the times of a sub-step.""",
+        addition. The minimal kernel makes the same ticks. The crowds of different laws differ, and with them the
+        numbers of contacts and of sub-steps: a steep law needs shorter sub-steps. The last column compares the times
+        of a sub-step.""",
     )
 
 
@@ -96,7 +98,10 @@ def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
     laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring(), "Hertz": Hertz()}
     walks = {name: Walk(hall, step) for name in laws}
     spans: dict[str, list[float]] = {name: [] for name in laws}
+    minimal = MinimalWalk(hall, step)
+    least = []
     for tick in range(WARM + TIMED):
+        least.append(minimal.advance() / minimal.inside / round(TICK / step))
         for name, walk in walks.items():
             inside = max(walk.inside, 1)
             span = cpu_time(lambda walk=walk, law=laws[name]: walk.advance(law))  # type: ignore[misc]
@@ -112,6 +117,7 @@ def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
                 "law": name,
                 "ns per person-step": 1e9 * float(np.median(spans[name])),
                 "times DEM": times,
+                "times minimal": float(np.median(np.divide(spans[name], least[WARM:]))),
                 "contacts per person": float(tally[at.CONTACTS] / tally[at.SUB_STEPS]) / len(hall.crowd.level),
                 "sub-steps per step": sub_steps,
                 "times DEM, per sub-step": times * rows[0]["sub-steps per step"] / sub_steps if rows else 1.0,

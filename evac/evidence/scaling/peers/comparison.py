@@ -13,7 +13,7 @@ from evac.errors import SimulationError
 from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.peers.cromosim_walk import PIXEL, CromosimWalk
-from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk
+from evac.evidence.scaling.peers.evac_walk import EvacWalk, HeadwayWalk, MinimalWalk
 from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
 from evac.evidence.scaling.peers.program import Program
 from evac.evidence.scaling.peers.rvo2_walk import HORIZON, NEIGHBOURS, REACH, WALL_HORIZON, OrcaWalk
@@ -31,7 +31,7 @@ WARM, TIMED = 5, 9
 #: What a program raises when it cannot make a step.
 FAILURES = (SimulationError, RuntimeError, ArithmeticError, IndexError)
 
-BASE = "evac, DEM"
+BASE, LEAST = "evac, DEM", "minimal kernel"
 
 SECTION = "Beside other programs"
 
@@ -39,6 +39,7 @@ SECTION = "Beside other programs"
 Maker = Callable[[Hall, float], Program]
 
 OWN: Mapping[str, Maker] = {
+    LEAST: MinimalWalk,
     BASE: partial(EvacWalk, model="DEM"),
     "evac, NSM1": partial(EvacWalk, model="NSM1 inertial"),
     "evac, NSM1 overdamped": partial(EvacWalk, model="NSM1 overdamped"),
@@ -136,10 +137,10 @@ def run(evidence: Evidence, step: float) -> None:
         "peers",
         rows,
         f"""CPU time per person-step in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g}. The programs make ticks of
-        {TICK:g} s in turns; medians over ticks, also of the time over that of DEM in the same turn. A program that
-        could not make a step has no times; its message is in the file.""",
+        {TICK:g} s in turns; medians over ticks, also of the times over those of DEM and of the minimal kernel in the
+        same turn. A program that could not make a step has no times; its message is in the file.""",
         {"people": ",", "ns per person-step": ",.0f"},
-        ("people", "start", "program", "ns per person-step", "times DEM"),
+        ("people", "start", "program", "ns per person-step", "times DEM", "times minimal"),
     )
 
 
@@ -166,20 +167,20 @@ def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float)
         for state, density in DENSITIES.items():
             hall = make_hall(people, density, seed)
             costs = compare({name: make(hall, step) for name, make in makers.items()}, step)
-            base = np.array(costs[BASE])
-            for name, found in costs.items():
-                spans = None if isinstance(found, str) else np.array(found)
-                rows.append(
-                    {
-                        "people": people,
-                        "start": state,
-                        "program": name,
-                        "ns per person-step": None if spans is None else 1e9 * float(np.median(spans)),
-                        "times DEM": None if spans is None else float(np.median(spans / base)),
-                        "message": found if spans is None else "",
-                    }
-                )
+            rows += [{"people": people, "start": state, **_row(name, costs)} for name in costs]
     return rows
+
+
+def _row(name: str, costs: Mapping[str, list[float] | str]) -> dict[str, Any]:
+    """Return the columns of a program."""
+    row: dict[str, Any] = {"program": name, "ns per person-step": None, "times DEM": None, "times minimal": None}
+    found = costs[name]
+    if isinstance(found, str):
+        return {**row, "message": found}
+    row["ns per person-step"] = 1e9 * float(np.median(found))
+    for column, base in (("times DEM", BASE), ("times minimal", LEAST)):
+        row[column] = float(np.median(np.divide(found, costs[base])))
+    return {**row, "message": ""}
 
 
 def compare(programs: Mapping[str, Program], step: float) -> dict[str, list[float] | str]:

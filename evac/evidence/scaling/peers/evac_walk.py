@@ -5,6 +5,7 @@ import numpy as np
 from evac.behaviour import BehaviourScene
 from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import Hall
+from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time, make_variant
 from evac.scene import Scene, make_ground
 
@@ -24,6 +25,19 @@ class EvacWalk:
     def advance(self) -> float:
         """Make the steps of a tick; return their CPU time [s]."""
         return cpu_time(lambda: self.walk.advance(self.model))
+
+
+class MinimalWalk:
+    """The minimal kernel: DEM without walls."""
+
+    def __init__(self, hall: Hall, step: float) -> None:
+        self.minimal = make_minimal(hall.crowd, hall.fields.packed, step)
+        self.step = step
+        self.inside = len(self.minimal.radius)
+
+    def advance(self) -> float:
+        """Make the steps of a tick; return their CPU time [s]."""
+        return cpu_time(lambda: walk_minimal(self.minimal, round(TICK / self.step), self.step))
 
 
 class HeadwayWalk(EvacWalk):
