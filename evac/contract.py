@@ -1,16 +1,13 @@
 """The plugin contract: requirements that a module and a class must meet to be registered."""
 
 import inspect
-import reprlib
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pluggy
-from numpy.typing import NDArray
 
 from evac import hookspecs
-from evac.errors import PluginError, plugin_code
+from evac.errors import PluginError
 from evac.parameters import did_you_mean
 
 #: Module and name of the base class of each kind.
@@ -151,34 +148,6 @@ def _are_suffixes(value: Any) -> bool:
         and len(value) > 0
         and all(isinstance(one, str) and one.startswith(".") and one == one.lower() for one in value)
     )
-
-
-def state_of(plugin: Any, what: str, prefix: str) -> dict[str, NDArray[Any]]:
-    """Return copies of the arrays that `state` of a plugin returns.
-
-    Parameters
-    ----------
-    plugin : Behaviour, ContactModel or Recorder
-    what : str
-        Kind and name of the plugin, for the message.
-    prefix : str
-        Put before their names.
-
-    Raises
-    ------
-    PluginError
-        It fails, or returns something else than a dictionary of arrays.
-    """
-    with plugin_code(f"{what}: state"):
-        state = plugin.state()
-    if not isinstance(state, dict):
-        raise PluginError(f"{what}: state() returns {reprlib.repr(state)}; return a dict of arrays")
-    for key, value in state.items():
-        if not isinstance(value, np.ndarray | np.generic):
-            raise PluginError(
-                f"{what}: state() returns {reprlib.repr(value)} for {key!r}; return arrays, np.array(...) makes one"
-            )
-    return {f"{prefix}{key}": np.array(value) for key, value in state.items()}
 
 
 def kind_of(cls: Any) -> str:

@@ -13,7 +13,6 @@ from evac import assembly, plan
 from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
-from evac.contract import state_of
 from evac.directions.fields import Fields
 from evac.ending import INTERRUPTED, Ending, Stopped
 from evac.errors import naming, noting, plugin_code
@@ -34,6 +33,7 @@ from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
 from evac.physics.threads import number_of_threads
+from evac.plugin_state import state_of
 from evac.registry import Registry
 from evac.scenario.trust import run_plugin_files
 from evac.scene import Ground, Scene, make_ground
@@ -101,7 +101,7 @@ class Simulation:
     ) -> None:
         self.case = case = run_plugin_files(case)
         self.registry: Registry = case.registry
-        self.folder, self.full, self._wanted_threads = folder, full, threads
+        self.folder, self.full, self._threads = folder, full, threads
         self.seed, self.step = case.simulation.seed, 0
         self.phases, self.ended = Phases(), ""
         self.resumed: list[dict[str, Any]] = []
@@ -131,8 +131,7 @@ class Simulation:
         """Create scene, population, forces and engine for a building."""
         case = self.case
         with naming(case.source), self.phases.enter("directions"):
-            threads = self._wanted_threads
-            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=threads)
+            solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
@@ -146,7 +145,7 @@ class Simulation:
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        threads = number_of_threads(self._wanted_threads, n)
+        threads = number_of_threads(self._threads, n)
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
 
     def _prepare(self) -> None:

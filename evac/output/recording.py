@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from evac.contract import state_of
 from evac.errors import EvacError, PluginError, ResultError, plugin_code
 from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
 from evac.output.resultfolder import files_of_others, is_written
+from evac.plugin_state import state_of
 
 if TYPE_CHECKING:
     from evac.output.results import Results
