@@ -80,7 +80,7 @@ def march_all(
 
     def attend(worker: subprocess.Popen[bytes]) -> None:
         """Ask a worker until nothing is left to do or it has died."""
-        with suppress(Empty, OSError, EOFError, pickle.UnpicklingError):
+        with suppress(Exception):  # of any kind: what a worker writes may be cut off, or not be an answer at all
             _send(worker, (grids, order))
             while True:
                 index = todo.get_nowait()

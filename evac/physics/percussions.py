@@ -67,7 +67,11 @@ def solve_once(state, solver, free, velocity, compliance, tangential, tolerance,
     """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
     problem = state.problem
     pack(state, free, compliance, tangential)
+    conduct = problem.conduct
+    if solver != state.parts.solver:
+        problem.conduct = 0  # threads make the phases of the model's own solver
     problem.iterations += call_solver(solver, problem, tolerance, limit)
+    problem.conduct = conduct
     if not _unpack(state, velocity, tangential):
         problem.residual = math.inf  # with NaN values, comparisons of residuals are all false
 

@@ -85,9 +85,9 @@ class Threads:
             _align(member, self._state)
         self._is_serving = True
         try:
+            self._lend()
             for call in self._calls:
                 call.put(True)
-            self._lend()
             yield
         finally:
             self._state.parts.team = self._state.problem.conduct = 0
