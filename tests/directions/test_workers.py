@@ -117,7 +117,7 @@ def test_marches_of_workers_that_write_something_else_are_made_here(building, st
     expected = build_fields(building, ROUTES)
 
     def start(module):
-        program = f"import sys; sys.stdout.buffer.write({written}); sys.stdout.flush(); sys.stdin.buffer.read(1)"
+        program = f"import sys; sys.stdout.buffer.write({written}); sys.stdout.flush(); sys.stdin.buffer.read()"
         pipe = subprocess.PIPE
         return subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe)
 
