@@ -89,7 +89,7 @@ def pack(state, free, compliance, tangential):
     problem.size = contacts.number
     if tangential > 0.0:
         for c in range(contacts.number):
-            problem.size += contacts.sticky[c]
+            problem.size += 1 if contacts.sticky[c] else 0  # a byte, whose sum would overflow in Python
     divide(problem, contacts, tangential)
     for i in range(n, problem.ends):
         problem.inverse_root[i] = problem.free[i, 0] = problem.free[i, 1] = 0.0

@@ -1,5 +1,6 @@
 """Threads that share the step loop: no bit tells how many there are, and all end with the run."""
 
+import gc
 import math
 import os
 import threading
@@ -224,6 +225,29 @@ def test_an_interrupt_while_threads_leave_does_not_keep_them(monkeypatch):
         with pytest.raises(KeyboardInterrupt):
             engine.advance(Dem(), crowd, 10, 10, 0.01, False, True)
     engine.end_threads()
+    assert threading.active_count() == before
+
+
+def test_threads_of_which_an_interrupt_stopped_the_start_end_with_their_engine(monkeypatch):
+    before = threading.active_count()
+    crowd = copy_of(CROWD)
+    engine = make_engine(crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=3)
+    start = threading.Thread.start
+
+    def start_first(thread):
+        if thread.name == "evac 2":
+            raise KeyboardInterrupt
+        start(thread)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", start_first)
+        with pytest.raises(KeyboardInterrupt):
+            engine.advance(Dem(), crowd, 0, 10, 0.01, False, True)
+    waiting = [one for one in threading.enumerate() if one.name == "evac 1"]
+    assert len(waiting) == 1
+    del engine
+    gc.collect()
+    waiting[0].join(10.0)
     assert threading.active_count() == before
 
 
