@@ -20,7 +20,6 @@ from evac.conformance.scenes import (
     thrown,
     walked,
 )
-from evac.jit import call_pair_contact
 from evac.physics.contact_model import ContactModel
 from evac.physics.pair_contact import PairContact
 from evac.physics.state import make_crowd
@@ -35,7 +34,7 @@ SIGNED = ("driving_work", "contact_dissipation", "contact_creation")
 def check_pair_law(model: PairContact) -> None:
     """Check that the law of a single contact is finite and repulsive, and has no side effects."""
     with examining("its function pair"):
-        call_pair_contact.check(model.pair, "pair")
+        model.check_pair()
     packed = packed_row(model)
     before, greatest = packed.copy(), 0.0
     for overlap in (0.0, 1e-9, 1e-3, 0.05, 0.2, 0.4):

@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Generator, Sequence
 from contextlib import suppress
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import NamedTuple
 
 import numpy as np
@@ -79,8 +79,8 @@ def march_all(
         todo.put(index)
 
     def attend(worker: subprocess.Popen[bytes]) -> None:
-        """Ask a worker until nothing is left to do or it has died."""
-        with suppress(Empty, OSError, EOFError, pickle.UnpicklingError):
+        """Ask a worker until nothing is left to do (`queue.Empty`) or it has died."""
+        with suppress(Exception):  # of any kind: what a worker writes may be cut off, or not be an answer at all
             _send(worker, (grids, order))
             while True:
                 index = todo.get_nowait()

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.errors import ScenarioError
-from evac.jit import Entry, Floats, Struct, Triples
+from evac.errors import PluginError, ScenarioError
+from evac.jit import Entry, Floats, Struct, Triples, call_pair_contact
+from evac.jit.digest import kernels_in
 from evac.physics.contact_model import BorderScene, ContactModel
 from evac.physics.contacts import push, use_free_velocity
 from evac.physics.stability import (
@@ -79,8 +80,24 @@ class PairContact(ContactModel):
 
     def __init_subclass__(cls, **given: Any) -> None:
         super().__init_subclass__(**given)
-        if isinstance(cls.pair, Entry):
+        nearest = next(vars(one) for one in cls.__mro__ if "pair" in vars(one) or "law" in vars(one))
+        if "law" not in nearest and isinstance(cls.pair, Entry):
             cls.law = law_of(cls.pair, f"{cls.__module__}:{cls.__qualname__}.law")
+
+    def check_pair(self) -> None:
+        """Check that the law of this model is the one that has been compiled with its function.
+
+        Raises
+        ------
+        PluginError
+            `pair` is missing or of another signature, it has been replaced, or the class names a law of its own.
+        """
+        call_pair_contact.check(self.pair, f"contact model {self.name!r}: pair")
+        if self.law is None or self.pair not in kernels_in(self.law):
+            raise PluginError(
+                f"contact model {self.name!r}: its law does not call its function {self.pair.label}; name `pair` in the"
+                " body of the class, and derive a model with a law of its own from ContactModel"
+            )
 
     def packed(self) -> FloatArray:
         """Return the parameters (p,) float64 that the function reads; by default all declared numbers."""

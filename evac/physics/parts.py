@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from evac.directions.sampling import sample_travel_times
 from evac.errors import PluginError, plugin_code
-from evac.jit import Entry, call_body_force, call_pair_contact, call_pair_force
+from evac.jit import Entry, call_body_force, call_pair_force
 from evac.parameters import did_you_mean
 from evac.physics import driver
 from evac.physics.body_forces import add_body_forces
@@ -24,7 +24,7 @@ def entries_of_loop(
     """Return the kernels that the step loop of a run is known to need."""
     found = [drive_of(model)]
     if isinstance(model, PairContact):
-        call_pair_contact.check(model.pair, f"contact model {model.name!r}: pair")
+        model.check_pair()
     if model.along_the_way:
         found.append(sample_travel_times)
     if model.law is None:

@@ -67,7 +67,11 @@ def solve_once(state, solver, free, velocity, compliance, tangential, tolerance,
     """Solve the problem once by the solver at an address; the compliance is 2/K_N [1/kg], or INELASTIC."""
     problem = state.problem
     pack(state, free, compliance, tangential)
+    conduct = problem.conduct
+    if solver != state.parts.solver:
+        problem.conduct = 0  # threads make the phases of the model's own solver
     problem.iterations += call_solver(solver, problem, tolerance, limit)
+    problem.conduct = conduct
     if not _unpack(state, velocity, tangential):
         problem.residual = math.inf  # with NaN values, comparisons of residuals are all false
 
@@ -85,7 +89,7 @@ def pack(state, free, compliance, tangential):
     problem.size = contacts.number
     if tangential > 0.0:
         for c in range(contacts.number):
-            problem.size += contacts.sticky[c]
+            problem.size += 1 if contacts.sticky[c] else 0  # a byte, whose sum would overflow in Python
     divide(problem, contacts, tangential)
     for i in range(n, problem.ends):
         problem.inverse_root[i] = problem.free[i, 0] = problem.free[i, 1] = 0.0

@@ -21,7 +21,8 @@ class Solver(Configurable):
     make_phase : Entry or None
         A kernel ``make_phase(problem: Problem, phase: int, block: int) -> int`` that does a part of the work of `solve`
         on a block, see `evac.physics.blocks`. If `solve` calls `evac.physics.blocks.call_conduct` with a phase, all
-        threads call it on their blocks. The returned number is not used.
+        threads call it on their blocks. Phases have numbers from 0 to 50. The returned number is not used, and the
+        call must not be made where ``problem.conduct`` is 0, since there is only one thread.
     stronger : str
         Name of the solver that solves the problem again, without warm start, if this one did not converge.
     """

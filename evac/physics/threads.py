@@ -85,9 +85,9 @@ class Threads:
             _align(member, self._state)
         self._is_serving = True
         try:
+            self._lend()
             for call in self._calls:
                 call.put(True)
-            self._lend()
             yield
         finally:
             self._state.parts.team = self._state.problem.conduct = 0
@@ -126,10 +126,10 @@ class Threads:
             )
             for member, call in zip(self._members, self._calls, strict=True)
         ]
+        weakref.finalize(self, _dismiss, self._calls)  # also where an interrupt comes before all have begun
         for thread in self._threads:
             thread.start()
         self._process = os.getpid()
-        weakref.finalize(self, _dismiss, self._calls)
 
 
 def _address_of_rest() -> int:

@@ -1,6 +1,7 @@
 """Marches in worker processes: the same bits for any number, whatever happens to a worker."""
 
 import subprocess
+import sys
 import threading
 from dataclasses import replace
 from types import SimpleNamespace
@@ -107,6 +108,21 @@ def test_a_worker_that_dies_during_a_march(building, started, monkeypatch):
     monkeypatch.setattr(workers, "_send", send_wrong)
     _assert_same(build_fields(building, ROUTES, threads=2), expected)
     assert wrong
+    _assert_ended(started)
+
+
+@pytest.mark.parametrize("written", [b"I'm no answer\n", b"cno_module\nname\n"])
+def test_marches_of_workers_that_write_something_else_are_made_here(building, started, monkeypatch, written):
+    """As a start-up file of the interpreter that prints; whatever it is read as."""
+    expected = build_fields(building, ROUTES)
+
+    def start(module):
+        program = f"import sys; sys.stdout.buffer.write({written}); sys.stdout.flush(); sys.stdin.buffer.read()"
+        pipe = subprocess.PIPE
+        return subprocess.Popen([sys.executable, "-c", program], stdin=pipe, stdout=pipe)
+
+    monkeypatch.setattr(workers, "start_worker", start)
+    _assert_same(build_fields(building, ROUTES, threads=2), expected)
     _assert_ended(started)
 
 

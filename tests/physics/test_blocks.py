@@ -85,6 +85,17 @@ def test_rows_of_a_block_have_bodies_of_no_other_block(lines, blocks, tangential
     np.testing.assert_array_equal(rows.body[rows.row[: rows.size]], np.repeat(contacts.body, unknowns))
 
 
+def test_rows_are_the_same_in_python_as_compiled():
+    """There are more tangential rows than a byte can count."""
+    (compiled, free), (interpreted, _) = lattice(30, 40, 50.0), lattice(30, 40, 50.0)
+    assert compiled.contacts.sticky.sum() > 255
+    do_pack.function(interpreted, free, INELASTIC, 50.0)
+    assert interpreted.problem.size == compiled.problem.size
+    for name in ("row", "body", "other", "first_row", "first_body"):
+        np.testing.assert_array_equal(getattr(interpreted.problem, name), getattr(compiled.problem, name))
+    np.testing.assert_allclose(interpreted.problem.data, compiled.problem.data, rtol=0.0, atol=1e-15)
+
+
 @pytest.mark.parametrize("solver", ["accelerated_sweeps", "conjugate_faces"])
 def test_solvers_find_the_same_in_blocks_as_sweeps_over_all_rows(solver):
     """Percussions need not be unique; velocities are."""

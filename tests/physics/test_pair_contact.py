@@ -7,11 +7,13 @@ import pytest
 from scipy.integrate import quad
 
 from evac.errors import PluginError, ScenarioError
-from evac.jit import pair_contact
+from evac.jit import kernel, pair_contact
 from evac.parameters import Parameter
 from evac.physics.contact_model import border_scene
-from evac.physics.pair_contact import PairContact
-from evac.physics.state import copy_of, make_crowd
+from evac.physics.contacts import use_free_velocity
+from evac.physics.pair_contact import PairContact, PairLaw
+from evac.physics.state import State, copy_of, make_crowd
+from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import (
     cut_wall,
@@ -188,4 +190,63 @@ class Wrong(PairContact):
 @pytest.mark.parametrize("model", [Without(), Wrong()])
 def test_a_model_without_the_law_of_a_contact_is_named(model):
     with pytest.raises(PluginError, match=rf"contact model '{model.name}': pair must be a kernel"):
+        walk(model, make_crowd([(0, 0)]), 1)
+
+
+@pair_contact
+def stiffer(gap, closing_speed, reduced_mass, parameters):
+    return -3.0 * parameters[0] * gap
+
+
+class Stiffer(Linear):
+    """Has another function than its base class."""
+
+    name = "stiffer"
+    pair = stiffer
+
+
+class Renamed(Stiffer):
+    """Has the function of its base class."""
+
+    name = "renamed"
+
+
+def test_a_subclass_has_the_law_of_its_own_function_or_that_of_its_base():
+    wanted = collide(Linear(stiffness=3.6e5), (80.0, 60.0))[0]
+    for model in (Stiffer(), Renamed()):
+        np.testing.assert_array_equal(collide(model, (80.0, 60.0))[0].velocity, wanted.velocity)
+    assert Renamed.law is Stiffer.law is not Linear.law
+
+
+@kernel
+def no_contact(state: State, own: PairLaw, h: float) -> int:
+    use_free_velocity(state)
+    return OK
+
+
+class WithLaw(Linear):
+    """Names a law besides the function of its base class."""
+
+    name = "with_law"
+    law = no_contact
+
+
+class WithProperty(PairContact):
+    """Has a function that the class does not know."""
+
+    name = "with_property"
+    pair = property(lambda self: linear)
+
+
+def replaced():
+    """Return a model whose function has been replaced after its law was made."""
+    model = Linear()
+    model.pair = stiffer
+    return model
+
+
+@pytest.mark.parametrize("make", [WithLaw, WithProperty, replaced])
+def test_a_law_that_does_not_call_the_function_is_refused(make):
+    model = make()
+    with pytest.raises(PluginError, match=rf"contact model '{model.name}': its law does not call its function .*pair"):
         walk(model, make_crowd([(0, 0)]), 1)

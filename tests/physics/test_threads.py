@@ -1,5 +1,7 @@
 """Threads that share the step loop: no bit tells how many there are, and all end with the run."""
 
+import gc
+import math
 import os
 import threading
 from unittest.mock import Mock
@@ -8,18 +10,20 @@ import numpy as np
 import pytest
 
 from evac.errors import ScenarioError, SimulationError
+from evac.jit import kernel
 from evac.jit.kernels import INTERPRETED
 from evac.physics import threads
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
 from evac.physics.order import rows_by_place
 from evac.physics.pieces import CHUNK
-from evac.physics.state import Events, copy_of, make_crowd
+from evac.physics.solver import Solver
+from evac.physics.state import Events, Problem, copy_of, make_crowd
 from evac.physics.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import fields_towards, make_building, make_engine, random_crowd
+from tests.physics.scenes import SOLVERS, fields_towards, make_building, make_engine, random_crowd
 
 pytestmark = pytest.mark.skipif(INTERPRETED, reason="kernels that are not compiled have one thread")
 
@@ -110,6 +114,33 @@ def test_blocks_of_a_large_problem_are_solved_to_the_same_bits(name):
         assert_same(other, found[0])
 
 
+@kernel
+def spoil(rows: Problem, phase: int, block: int) -> int:
+    rows.sums[block, 0] = rows.sums[block, 1] = rows.sums[block, 2] = -1.0
+    return 0
+
+
+@kernel
+def give_up(rows: Problem, tolerance: float, limit: int) -> int:
+    rows.residual = math.inf
+    return 1
+
+
+class Weak(Solver):
+    """Solves nothing, and has phases that would spoil the work of a solver that takes them for its own."""
+
+    name = "weak"
+    solve = give_up
+    make_phase = spoil
+    stronger = "accelerated_sweeps"
+
+
+def test_threads_do_not_make_the_phases_of_one_solver_for_another(monkeypatch):
+    """The stronger solver of this one has phases too."""
+    monkeypatch.setitem(SOLVERS, "weak", Weak)
+    assert_same(walked(Nsm1(solver="weak"), 2, 20), walked(Nsm1(solver="weak"), 1, 20))
+
+
 def test_forces_at_a_distance_are_the_same_with_threads():
     wanted = walked(Dem(), 1, forces=[SocialForce()])
     assert_same(walked(Dem(), 3, forces=[SocialForce()]), wanted)
@@ -194,6 +225,29 @@ def test_an_interrupt_while_threads_leave_does_not_keep_them(monkeypatch):
         with pytest.raises(KeyboardInterrupt):
             engine.advance(Dem(), crowd, 10, 10, 0.01, False, True)
     engine.end_threads()
+    assert threading.active_count() == before
+
+
+def test_threads_of_which_an_interrupt_stopped_the_start_end_with_their_engine(monkeypatch):
+    before = threading.active_count()
+    crowd = copy_of(CROWD)
+    engine = make_engine(crowd, ROOMS, fields_towards((13.0, 5.0), 2), threads=3)
+    start = threading.Thread.start
+
+    def start_first(thread):
+        if thread.name == "evac 2":
+            raise KeyboardInterrupt
+        start(thread)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", start_first)
+        with pytest.raises(KeyboardInterrupt):
+            engine.advance(Dem(), crowd, 0, 10, 0.01, False, True)
+    waiting = [one for one in threading.enumerate() if one.name == "evac 1"]
+    assert len(waiting) == 1
+    del engine
+    gc.collect()
+    waiting[0].join(10.0)
     assert threading.active_count() == before
 
 
