@@ -29,6 +29,9 @@ WARM, TIMED = 10, 15
 #: Target: greatest ratio of the cost of a law to that of DEM.
 MOST_TIMES = 1.1
 
+#: Overlap at which one of the stiffnesses of Hertz's law gives the force of DEM [m].
+OVERLAP = 0.05
+
 SECTION = "What a contact law of a few lines costs"
 
 
@@ -79,9 +82,10 @@ def run(evidence: Evidence, step: float) -> None:
         f"""Two models defined by the force of a single contact (`evac.PairContact`), and the built-in DEM: the same
         hall of {people:,} people, in seconds {WARM * TICK:g} to {(WARM + TIMED) * TICK:g} of a walk, tick by tick in
         turns; medians of the CPU time over ticks. The linear spring has the stiffness of DEM, whose contacts harden in
-        addition. The minimal kernel makes the same ticks. The crowds of different laws differ, and with them the
-        numbers of contacts and of sub-steps: a steep law needs shorter sub-steps. The last column compares the times
-        of a sub-step.""",
+        addition. The law of Hertz has the force of DEM at an overlap of {OVERLAP:g} m, or the stiffness of the example
+        in [plugins.md](../../plugins.md#a-contact-law-in-ten-lines). The minimal kernel makes the same ticks. The
+        crowds of different laws differ, and with them the numbers of contacts and of sub-steps: a steep law needs
+        shorter sub-steps. The last column compares the times of a sub-step.""",
     )
 
 
@@ -95,7 +99,9 @@ def _rows(people: int, seed: int, step: float) -> list[dict[str, Any]]:
 
 def compare(hall: Hall, step: float) -> list[dict[str, Any]]:
     """Return the costs of the laws, taken alternately."""
-    laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring(), "Hertz": Hertz()}
+    laws: dict[str, ContactModel] = {"DEM": make_model("DEM"), "linear spring": Spring()}
+    for stiffness in (Spring().stiffness / math.sqrt(OVERLAP), Hertz().stiffness):
+        laws[f"Hertz, K = {stiffness:.2g}"] = Hertz(stiffness=stiffness)
     walks = {name: Walk(hall, step) for name in laws}
     spans: dict[str, list[float]] = {name: [] for name in laws}
     minimal = MinimalWalk(hall, step)
