@@ -87,8 +87,7 @@ def test_section_shows_what_is_installed_and_is_written_again_from_its_file(fixe
     assert "| 50 | dense | Slow | 30,000,000 | 3 | 6 |" in page
     assert "| 200 | dense | Slow |" not in page  # too many people for it
     assert "| 200 | dense | Stops | - | - | - |" in page
-    assert "that of the same model of evac](#beside-other-programs) | 1.5 to 1.5 |" in page
-    assert "that of evac, DEM](#beside-other-programs) | no step made |" in page
+    assert "| Slow 1.5 to 1.5 (the same model); Stops no step made (DEM) |" in page
     assert "somebody is outside" in (tmp_path / "peers.csv").read_text()
     assert written(Evidence("scaling", tmp_path, page_only=True)) == page
 

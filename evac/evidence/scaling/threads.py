@@ -46,12 +46,10 @@ def run(evidence: Evidence, step: float) -> None:
     )
     what = f"Hall of {judged['people']:,} people, DEM: time with one thread divided by that with two"
     evidence.verdict(at_least(what, judged["one over two"], LEAST_RATIO, "", SECTION))
-    for row in rows:
-        if row["start"] == "dense":
-            what = (
-                f"Dense hall of {row['people']:,} people, {row['model']}: time with one thread divided by that with two"
-            )
-            evidence.verdict(reported(what, f"{row['one over two']:.2f}", "-", SECTION))
+    dense = [row for row in rows if row["start"] == "dense"]
+    if dense:
+        told = "; ".join(f"{row['one over two']:.2f} ({row['model']}, {row['people']:,} people)" for row in dense)
+        evidence.verdict(reported("Dense halls: time with one thread divided by that with two", told, "-", SECTION))
     evidence.heading(SECTION)
     evidence.table(
         "threads",

@@ -18,7 +18,7 @@ from evac.evidence.scaling.peers.jupedsim_walk import JupedsimWalk
 from evac.evidence.scaling.peers.program import Program
 from evac.evidence.scaling.peers.rvo2_walk import HORIZON, NEIGHBOURS, REACH, WALL_HORIZON, OrcaWalk
 from evac.evidence.scaling.walks import TICK
-from evac.evidence.verdicts import Finding, reported
+from evac.evidence.verdicts import reported
 
 SIZES, QUICK_SIZES = (1_000, 10_000), (100,)
 
@@ -120,8 +120,8 @@ def run(evidence: Evidence, step: float) -> None:
         return
     sizes = QUICK_SIZES if evidence.quick else SIZES
     rows = evidence.measured("peers", lambda: _rows(peers, sizes, evidence.seed, step))
-    for peer in peers:
-        evidence.verdict(_verdict(peer, rows))
+    told = "; ".join(_told(peer, rows) for peer in peers)
+    evidence.verdict(reported("Time of a person-step of other programs divided by that of evac", told, "-", SECTION))
     evidence.heading(SECTION)
     measured = ", ".join(peer.name for peer in peers)
     missing = ", ".join(peer.name for peer in PEERS if peer not in peers) or "none"
@@ -144,7 +144,7 @@ def run(evidence: Evidence, step: float) -> None:
     )
 
 
-def _verdict(peer: Peer, rows: list[dict[str, Any]]) -> Finding:
+def _told(peer: Peer, rows: list[dict[str, Any]]) -> str:
     """Return the range of the times of a program divided by those of evac, of the same model where evac has it."""
     times = {(row["people"], row["start"], row["program"]): row["times DEM"] for row in rows}
     ratios = []
@@ -153,8 +153,7 @@ def _verdict(peer: Peer, rows: list[dict[str, Any]]) -> Finding:
         if name in peer.models and theirs and own:
             ratios.append(theirs / own)
     told = f"{min(ratios):.1f} to {max(ratios):.1f}" if ratios else "no step made"
-    own_name = "the same model of evac" if peer.same else BASE
-    return reported(f"{peer.name}: time of a person-step divided by that of {own_name}", told, "-", SECTION)
+    return f"{peer.name} {told} ({'the same model' if peer.same else 'DEM'})"
 
 
 def _rows(peers: Iterable[Peer], sizes: tuple[int, ...], seed: int, step: float) -> list[dict[str, Any]]:
