@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac import assembly, plan
-from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
+from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
@@ -22,6 +22,7 @@ from evac.output.recorder import Recorder
 from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
+from evac.outside import PeopleOutside
 from evac.people.distributions import generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
 from evac.people.population import build_population
@@ -136,6 +137,8 @@ class Simulation:
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
             check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
+            sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
+            self.outside = PeopleOutside(building, people.crowd) if sees_outside else None
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
@@ -161,7 +164,7 @@ class Simulation:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 self._force_is_read |= "contact_force" in behaviour.reads
                 behaviour.prepare(scene)
-            check_written(behaviour, crowd, len(self.fields.routes), 0.0)
+            self._check_written(behaviour)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
@@ -170,8 +173,9 @@ class Simulation:
         effects = self.engine.explain_forces()
         acting = {force.name: effects.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
+        keepers = [behaviour.name for behaviour, _ in self.behaviours if behaviour.keeps_distance]
         loop = self.engine.explain(self.contact)
-        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts)
+        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts, keepers)
 
     @property
     def building(self) -> Building:
@@ -218,7 +222,8 @@ class Simulation:
             while people remain and time < end:
                 for behaviour in due(step): behaviour.act(crowd, time)    # Python, whole arrays, every tick = k h
                 events = engine.advance(contact, crowd, step, k, ...)     # compiled: drive, forces, contact, move
-                population.settle(events)                                 # exits and portals crossed
+                left = population.settle(events)                          # exits and portals crossed
+                outside.advance(left, time, tick)                         # if behaviours keep distances to who has left
                 watch.look_at_velocities(...)                             # for quality warnings
                 for recorder in due(step): recorder.record(simulation)
 
@@ -287,7 +292,9 @@ class Simulation:
         with self.phases.enter("recording"):
             self.step += steps
             self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
-            self.population.settle(events)
+            left = self.population.settle(events)
+            if self.outside is not None:
+                self.outside.advance(left, self.time, steps * settings.step)
             self._watch.look_at_velocities(self.time, crowd, self.displacement_velocity)
             if is_output:
                 self._watch.look_at_forces(self.time, crowd)
@@ -335,6 +342,8 @@ class Simulation:
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         state |= state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
+        if self.outside is not None:
+            state |= {f"outside.{key}": value for key, value in self.outside.state().items()}
         state["simulation.clock"] = np.array([self.step, self._version])
         state["simulation.ending"] = self._ending.state()
         state["simulation.start_position"], state["simulation.start_level"] = self._start
@@ -348,6 +357,10 @@ class Simulation:
             self.engine.load(self.contact)
         self.scene.restore(_part(state, "scene."))
         self.population.restore(_part(state, "population."))
+        if self.outside is not None and (
+            outside := _part(state, "outside.")
+        ):  # absent if a changed case adds it
+            self.outside.restore(outside)
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
                 with plugin_code(f"behaviour {behaviour.name!r}: restore"):
@@ -385,15 +398,22 @@ class Simulation:
             crowd.speed_factor[:] = 1.0
         if "extra_direction" in renewed:
             crowd.extra_direction[:] = 0.0
+        if self.outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
+            self.outside.arrays.speed_factor[:] = 1.0
         for behaviour, scene in self.behaviours if self.full else acting:
             with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
                 behaviour.act(scene.crowd, self.time)
-            check_written(behaviour, crowd, len(self.fields.routes), self.time)
+            self._check_written(behaviour)
+
+    def _check_written(self, behaviour: Behaviour) -> None:
+        outside = self.outside.arrays if self.outside is not None else None
+        check_written(behaviour, self.population.crowd, outside, len(self.fields.routes), self.time)
 
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
         crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
         generator = generator_for(self.seed, "behaviour", behaviour.name)
-        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick)
+        outside = outside_for(behaviour, self.outside.arrays) if self.outside is not None else None
+        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick, outside)
 
 
 def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:

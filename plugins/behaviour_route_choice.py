@@ -238,7 +238,7 @@ def _words(key: str, value: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(value))
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

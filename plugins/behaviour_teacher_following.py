@@ -243,7 +243,7 @@ def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[n
         memory[g, vain] += spent
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -162,7 +162,7 @@ class Dem(ContactModel):
         }
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -57,7 +57,7 @@ class ReplayRecorder(Recorder):
             self._recorded = float(state["recorded"][0])
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -80,7 +80,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
     }
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -34,7 +34,7 @@ HALL = {
 PLUGIN = """
     import numpy as np
     from evac import Behaviour, Recorder, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Closing(Behaviour):
         '''Closes the front door after 1 s.'''

@@ -78,7 +78,7 @@ def test_ctrl_c_in_python_leaves_tables_and_a_state(tmp_path):
 
 RECORDER = """
     from evac import Recorder, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Odd(Recorder):
         '''Fails.'''
@@ -122,7 +122,7 @@ def test_a_run_that_fails_leaves_its_tables(tmp_path):
         tmp_path,
         """
         from evac import Behaviour, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Odd(Behaviour):
             '''Fails late.'''
@@ -155,7 +155,7 @@ def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
 def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
     text = """
         from evac import hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         @hookimpl
         def evac_finish(results, error):
@@ -198,7 +198,7 @@ def test_a_stop_after_the_last_tick_leaves_how_it_ended():
 def test_a_recorder_that_fails_after_the_run_has_failed_is_told_too(tmp_path):
     text = """
         from evac import Behaviour, Recorder, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Odd(Behaviour):
             '''Fails.'''

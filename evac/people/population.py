@@ -93,13 +93,18 @@ class Population:
         """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
-    def settle(self, events: Events) -> None:
+    def settle(self, events: Events) -> IntArray:
         """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
 
         Parameters
         ----------
         events : Events
             The first `number` are new; ``link`` counts portals first, then exits.
+
+        Returns
+        -------
+        (m,) int32
+            The people who left.
         """
         count = int(events.number)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]
@@ -108,6 +113,7 @@ class Population:
         self.crowd.exit_used[row[is_exit]] = link[is_exit] - self._n_portals
         if not is_exit.all():
             self._log.append((row[~is_exit].copy(), link[~is_exit].copy(), time[~is_exit].copy()))
+        return row[is_exit]
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays and of the log, for a checkpoint."""

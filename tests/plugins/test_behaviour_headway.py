@@ -9,6 +9,7 @@ import shapely
 
 from evac.assembly import make_behaviours
 from evac.behaviour import BehaviourScene
+from evac.outside import make_outside
 from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
 from evac.scene import Scene, make_ground
@@ -19,12 +20,13 @@ from tests.physics.scenes import fields_towards, make_building, make_engine, uni
 EAST, WEST, NORTH, NORTH_EAST = (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (math.sqrt(0.5), math.sqrt(0.5))
 
 
-def prepared(crowd, building=None, fields=None, **parameters):
+def prepared(crowd, building=None, fields=None, outside=None, **parameters):
     """Return the behaviour, ready to act on a crowd."""
     building = building or make_building()
     behaviour = Headway(**parameters)
-    fields = fields or uniform_fields(len(building.levels))
-    behaviour.prepare(BehaviourScene(crowd, Scene(make_ground(building, fields)), (), np.random.default_rng(1), 0.1))
+    scene = Scene(make_ground(building, fields or uniform_fields(len(building.levels))))
+    outside = outside or make_outside(len(crowd.level))
+    behaviour.prepare(BehaviourScene(crowd, scene, (), np.random.default_rng(1), 0.1, outside))
     return behaviour
 
 

@@ -191,7 +191,7 @@ def test_one_run_is_made_again_into_a_folder(case, tmp_path):
 
 FAILING = """
     from evac import Behaviour, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Odd(Behaviour):
         '''Fails or kills its process.'''
