@@ -36,6 +36,13 @@ def test_what_prepare_writes_is_checked(tmp_path, line, words):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
+def test_what_a_behaviour_writes_for_people_outside_is_checked(tmp_path):
+    text = SQUEEZED.replace("def act(self, crowd, time)", "keeps_distance = True\n\n        def prepare(self, scene)")
+    text = text.replace(IN_PLACE, "scene.outside.speed_factor[3] = float('nan')")
+    with pytest.raises(PluginError, match=r"'squeezed' wrote nan to outside\.speed_factor of person 3; it must be"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
 def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
     text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
     with pytest.raises(PluginError, match=r"squeezed: .*'position'"):

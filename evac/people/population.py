@@ -113,7 +113,8 @@ class Population:
         self.crowd.exit_used[row[is_exit]] = link[is_exit] - self._n_portals
         if not is_exit.all():
             self._log.append((row[~is_exit].copy(), link[~is_exit].copy(), time[~is_exit].copy()))
-        return row[is_exit]
+        left: IntArray = row[is_exit]
+        return left
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays and of the log, for a checkpoint."""
