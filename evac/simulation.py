@@ -357,9 +357,7 @@ class Simulation:
             self.engine.load(self.contact)
         self.scene.restore(_part(state, "scene."))
         self.population.restore(_part(state, "population."))
-        if self.outside is not None and (
-            outside := _part(state, "outside.")
-        ):  # absent if a changed case adds it
+        if self.outside is not None and (outside := _part(state, "outside.")):  # absent if a changed case adds it
             self.outside.restore(outside)
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour

@@ -228,7 +228,7 @@ def failed_tests(rows: Sequence[Row]) -> dict[str, list[str]]:
 
 
 def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], doors: Sequence[Row]) -> None:
-    """Add the verdicts: tests passed by each model and by none, flows on stairs, runs that block at doors."""
+    """Add the verdicts: tests passed by each model and by none, flows on stairs, doors that block, flows at exits."""
     total = len({row["test"] for row in tests})
     failed = failed_tests(tests)
     for model, names in failed.items():
@@ -246,6 +246,9 @@ def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], door
         evidence.verdict(at_most(question, flow, flows.STAIR_FLOW[1], section=STAIRS))
         runs, blocked = (sum(row[key] for row in doors if row["model"] in models) for key in ("runs", "blocked"))
         evidence.verdict(all_of(f"Runs at doors {words} headway that do not block", runs - blocked, runs, DOORS))
+    ratios = [row[capacity.AT_EXIT] for row in doors if row["model"].endswith("headway") and row[capacity.AT_EXIT]]
+    question = "Flow with the exit at the door against ground behind it, with headway, greatest difference [-]"
+    evidence.verdict(at_most(question, max(abs(ratio - 1.0) for ratio in ratios), capacity.SAME_FLOW, section=DOORS))
 
 
 def _report_tests(evidence: Evidence, tests: Sequence[Row], verdicts: Sequence[Row], figure: Callable[[], Any]) -> None:
@@ -291,10 +294,11 @@ def _report_stairs(evidence: Evidence, rows: Sequence[Row]) -> None:
 def _report_doors(evidence: Evidence, rows: Sequence[Row]) -> None:
     evidence.heading(DOORS)
     evidence.text(
-        f"""A hundred people in a room of 8 x 5 m with one door in the middle of the short wall (IMO 4). Flows are
-        of the runs that do not block, from the first to the last person; IMO allows {capacity.IMO_FLOW} /s through
-        {capacity.IMO_DOOR:g} m. Beside them are the least and the greatest flow that laboratories measured at each
-        width, without hurry."""
+        f"""A hundred people in a room of 8 x 5 m with one door in the middle of the short wall (IMO 4), and
+        {capacity.GROUND:g} m of ground behind the wall, as wide as the room. Flows are of the runs that do not block,
+        from the first to the last person; IMO allows {capacity.IMO_FLOW} /s through {capacity.IMO_DOOR:g} m. Beside
+        them are the flows with the exit right at the door instead of the ground behind it, and the least and the
+        greatest flow that laboratories measured at each width, without hurry."""
     )
     evidence.table("doors", rows, "Doors.", {"width [m]": "g", "runs": "d", "blocked": "d", "share blocked": ".2f"})
 
