@@ -200,13 +200,18 @@ class Results:
     def quality_warnings(self) -> tuple[str, ...]:
         """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
         levels = [level.name for level in self.building.levels]
-        keeps_distance = self.case.behaviours.get("headway", False) is not False
         lines = [*contact_warnings(self.report)]
         if self.chatter:
             lines.append(chatter_warning(self.chatter, levels))
         if self.crushing:
-            lines.append(crushing_warning(self.crushing, levels, keeps_distance))
-        return (*lines, *flow_warnings(self.exits, keeps_distance))
+            lines.append(crushing_warning(self.crushing, levels, self.keeps_distance))
+        return (*lines, *flow_warnings(self.exits, self.keeps_distance))
+
+    @property
+    def keeps_distance(self) -> bool:
+        """Whether a behaviour of the case keeps distances, so that people slow down before bodies touch."""
+        used = [name for name, table in self.case.behaviours.items() if table is not False]
+        return any(self.case.registry.behaviours[name].keeps_distance for name in used)
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:
