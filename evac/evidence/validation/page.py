@@ -13,7 +13,7 @@ import numpy as np
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.validation import capacity, choices, flows, kinematics
 from evac.evidence.validation.trial import CONFIDENCE, Check, Criterion, Trial
-from evac.evidence.verdicts import all_of, at_most, reported
+from evac.evidence.verdicts import all_of, at_least, at_most, reported
 
 Row = Mapping[str, Any]
 
@@ -228,7 +228,7 @@ def failed_tests(rows: Sequence[Row]) -> dict[str, list[str]]:
 
 
 def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], doors: Sequence[Row]) -> None:
-    """Add the verdicts: tests passed by each model and by none, flows on stairs, doors that block, flows at exits."""
+    """Add the verdicts: tests passed by each model and by none, flows on stairs, flows through doors."""
     total = len({row["test"] for row in tests})
     failed = failed_tests(tests)
     for model, names in failed.items():
@@ -246,9 +246,20 @@ def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], door
         evidence.verdict(at_most(question, flow, flows.STAIR_FLOW[1], section=STAIRS))
         runs, blocked = (sum(row[key] for row in doors if row["model"] in models) for key in ("runs", "blocked"))
         evidence.verdict(all_of(f"Runs at doors {words} headway that do not block", runs - blocked, runs, DOORS))
-    ratios = [row[capacity.AT_EXIT] for row in doors if row["model"].endswith("headway") and row[capacity.AT_EXIT]]
+    _judge_doors(evidence, [row for row in doors if row["model"].endswith("headway") and row["flow [1/s]"]])
+
+
+def _judge_doors(evidence: Evidence, doors: Sequence[Row]) -> None:
+    """Add the verdicts on flows through doors with headway: against laboratories, and with the exit at the door."""
+    for question, bound, judge, extreme in (
+        ("Flow through doors with headway over the least in laboratories, least [-]", 0, at_least, min),
+        ("Flow through doors with headway over the greatest in laboratories, greatest [-]", 1, at_most, max),
+    ):
+        known = [(row["flow [1/s]"], capacity.LABORATORY.get(row["width [m]"])) for row in doors]
+        evidence.verdict(judge(question, extreme(flow / lab[bound] for flow, lab in known if lab), 1.0, section=DOORS))
     question = "Flow with the exit at the door against ground behind it, with headway, greatest difference [-]"
-    evidence.verdict(at_most(question, max(abs(ratio - 1.0) for ratio in ratios), capacity.SAME_FLOW, section=DOORS))
+    differences = [abs(row[capacity.AT_EXIT] - 1.0) for row in doors if row[capacity.AT_EXIT]]
+    evidence.verdict(at_most(question, max(differences), capacity.SAME_FLOW, section=DOORS))
 
 
 def _report_tests(evidence: Evidence, tests: Sequence[Row], verdicts: Sequence[Row], figure: Callable[[], Any]) -> None:
