@@ -74,6 +74,8 @@ class Simulation:
         The parts of the simulation, see docs/architecture.md.
     behaviours : list of (Behaviour, BehaviourScene)
         The behaviours in use, each with the scene that it can access.
+    outside : PeopleOutside or None
+        The people who have left, if a behaviour keeps distances.
     plan : list of Part
         The parts that the scene needs and those that are left out, see `evac.plan.explain`.
     step, time : int, float

@@ -7,6 +7,7 @@ import pytest
 from shapely.geometry import box
 
 from evac.building.plan import Plan
+from evac.evidence.validation.buildings import across, rectangle, write_case
 from evac.output.flows import steady_flow
 from evac.outside import REACH, PeopleOutside
 from evac.physics.state import make_crowd
@@ -130,6 +131,23 @@ def test_two_outside_keep_their_distance():
             apart.append(outside.position[0, 0] - outside.position[1, 0])
     assert both > 10
     assert apart[-1] == pytest.approx(0.3 + 0.7, abs=0.02)
+
+
+def test_at_the_foot_of_a_stair_people_walk_on_at_their_flat_speed_and_are_followed(tmp_path):
+    faces = [rectangle(-4, 0, 0, 2, 2.0), rectangle(0, 0, 4, 2, 2.0, 0.0)]
+    places = (-1.0, 0.5), (-1.8, 0.9)
+    people = [{"positions": [[x, 1.0]], "z": 2.0, "speed": 1.0, "speed_down": down} for x, down in places]
+    sections = {"behaviours.headway": {"time_gap": 3.0}, "contact.model": "nsm2"}
+    simulation = Simulation(write_case(tmp_path, faces, [("foot", across(4, 0, 2), 0.0)], people, (), sections))
+    crowd, outside, factors = simulation.population.crowd, simulation.outside.arrays, []
+    while crowd.level[0] >= 0 or outside.level[0] >= 0:
+        simulation.advance_tick()
+        if crowd.level[0] < 0 <= crowd.level[1] and outside.level[0] >= 0:
+            factors.append(crowd.speed_factor[1])
+            assert outside.velocity[0, 0] <= 1.0
+    assert outside.velocity[0] == pytest.approx([1.0, 0.0], abs=0.05)
+    assert factors[0] < 0.9
+    assert factors == sorted(factors)
 
 
 def hall(seed, depth, width=1.2, **changes):
