@@ -56,4 +56,5 @@ def test_directions_are_normalised_and_the_nearest_nodes_where_they_cancel():
     assert not ridge.directions_at(1, [[0.5, 0.5]], 0).any()
     left, right = (-0.8, 0.6), (1.0, 0.0)
     leaning = fields(np.zeros((2, 2)), [[left, (0.8, -0.6)], [right, west]])
-    assert leaning.directions_at(0, [[0.45, 0.49]], 0)[0].tolist() == list(left)
+    near = [[0.45, 0.49], [0.55, 0.49], [0.45, 0.51], [0.55, 0.51]]
+    assert leaning.directions_at(0, near, 0).tolist() == [[-0.8, 0.6], [1.0, 0.0], [0.8, -0.6], [-1.0, 0.0]]
