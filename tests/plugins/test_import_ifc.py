@@ -84,6 +84,28 @@ def test_options(tmp_path):
     assert (len(plan.exits), len(plan.openings)) == (0, 1)
 
 
+def test_furniture_stands_on_its_storey_and_lamps_hang_above_it(tmp_path):
+    ifc = house(IfcFile(), storeys=2)
+    for z in (0, 3):
+        ifc.box("IFCFURNITURE", "desk", (1, 1, z), (2, 2, z + 0.7), tail=",$,.DESK.")
+        ifc.box("IFCFURNITURE", "lamp", (6, 3, z + 1.8), (7, 4, z + 2.2), tail=",$,.NOTDEFINED.")
+    path = ifc.write(tmp_path / "a.ifc")
+    free, full = (
+        sum(level.polygon.area for level in building_of(path, furniture=value).levels) for value in (False, True)
+    )
+    assert free - full == pytest.approx(2.0, rel=1e-2)
+
+
+def test_an_opening_that_ends_above_the_foot_of_its_wall_is_no_door(tmp_path):
+    ground = []
+    for sill in (0.0, 0.2):
+        ifc = house(IfcFile(), spaces=False)
+        wall = ifc.box("IFCWALL", "W", (2, 0.2, 0), (2.2, 6.2, 3.2))
+        ifc.opening((2, 4, sill), (2.2, 5, sill + 2.1), wall=wall)
+        ground.append(sum(level.polygon.area for level in building_of(ifc.write(tmp_path / "a.ifc")).levels))
+    assert ground[0] - ground[1] == pytest.approx(0.2 * 1.0, rel=1e-2)
+
+
 STRAIGHT = {"width": 1.2, "going": 0.28, "riser": 3.0 / 17, "count": 16}
 
 
