@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import evac
-from evac.errors import PluginError, ResultError, ScenarioError
+from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.output.files import RUNS_STREAM_NAME
 from evac.study.executors import in_processes
 
@@ -217,6 +217,29 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
     with pytest.raises(PluginError, match="oops") as caught:
         evac.repeat(with_plugin(tmp_path, "raise ValueError('oops')", **{"simulation.seed": 8}), 1, workers=1)
     assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
+
+
+def test_an_error_in_another_process_ends_the_study(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    case = with_plugin(tmp_path, "import multiprocessing; multiprocessing.parent_process() and int('three')")
+    with pytest.raises(PluginError, match="three"):
+        evac.repeat(case, 8, workers=2)
+
+
+@pytest.mark.parametrize("ending", ["error", "cancelled"])
+def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, ending):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            if ending == "error":
+                future.set_exception(MemoryError("no room"))
+            else:
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(SimulationError, match="runs 0 to"):
+        evac.repeat(case, 3, executor=Executor())
 
 
 def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):

@@ -60,6 +60,8 @@ def test_states_are_chosen_by_time(descent):
     trajectory = read_trajectory(path)
     assert replay_trajectory(trajectory, path.with_name("all.html")) == 9
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=1.0) == 5
+    # Nearest to 0, 0.8, ... 3.2 s are 0, 1, 1.5, 2.5 and 3 s.
+    assert replay_trajectory(trajectory, path.with_name("few.html"), every=0.8) == 6
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
 
 
