@@ -36,7 +36,15 @@ class ResultError(EvacError):
 
 
 class EvacWarning(UserWarning):
-    """Root of the Python warnings of evac; warnings about a case or a run are part of the results instead."""
+    """Root of the Python warnings of evac."""
+
+
+class RunWarning(EvacWarning):
+    """What the results of a run or a study say too: about building, people, people left inside, and quality."""
+
+
+class ProcessWarning(EvacWarning):
+    """A study cannot use other processes; it takes longer, and nothing else is affected."""
 
 
 class FolderWarning(EvacWarning):

@@ -60,10 +60,11 @@ def repeat(
         Number of consecutive runs with the same people, see `evac.study.points.Seeds`; `runs` counts all of them.
         100 populations with 5 repetitions, ``repeat(case, 500, repetitions=5)``, are the scheme of IMO MSC.1/Circ.1533.
     workers : int, optional
-        Number of processes; by default the number of cores. Results do not depend on it. With more than one, the
-        commands of a script must be under ``if __name__ == "__main__":``, because each process imports the script.
+        Number of processes; by default the number of cores. Results do not depend on it. The processes do not import
+        the main script, which needs no ``if __name__ == "__main__":``.
     executor : Executor, optional
         Executes all runs instead of local processes: any object with the interface of `concurrent.futures.Executor`.
+        A `ProcessPoolExecutor` may import the main script in each process, which then needs that line.
     resume : bool
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
