@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from evac.ending import Stopped
-from evac.errors import EvacError, PluginError, SimulationError, in_one_line
+from evac.errors import EvacError, SimulationError, in_one_line
 from evac.phases import Progress
 from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, workers_of
 from evac.study.points import Point
@@ -54,7 +54,6 @@ class Conductor:
         self._on_row = on_row
         self._executor = executor
         self._pool = LocalPool(workers - 1) if executor is None and workers > 1 else None
-        self._check_classes()
         self._waiting: deque[Task] = deque()
         self._running: dict[Future[list[Row]], Task] = {}
         self._deaths = 0
@@ -64,23 +63,6 @@ class Conductor:
         self._workers: tuple[float, int | None] = (-math.inf, None)
         self._folder = Path()
         self._files: dict[str, GroundFile] = {}
-
-    def _check_classes(self) -> None:
-        """Make all runs in this process if a plugin is a class, which other processes may not have.
-
-        Raises
-        ------
-        PluginError
-            There is an executor.
-        """
-        names = dict.fromkeys(name for point in self._points for name in point.case.registry.names_of_classes())
-        if not names or (self._executor is None and self._pool is None):
-            return
-        why = f"{', '.join(names)}: a class that other processes do not have; put it in a file for plugin_files"
-        if self._executor is not None:
-            raise PluginError(why)
-        self._pool = None
-        warn_alone(why)
 
     def ask(self, order: Order, runs: Iterable[int]) -> None:
         """Request runs of a point."""

@@ -190,6 +190,19 @@ def test_one_run_is_made_again_into_a_folder(case, tmp_path):
     assert results.crowd.exit_time.tobytes() == list(study.rows())[1]["exit_time"].tobytes()
 
 
+def test_a_script_is_told_what_the_command_tells():
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"people.people.number": 3, **late})
+    for make in (lambda: evac.repeat(case, 2, workers=1), lambda: evac.sweep(case, {"contact.model": ["dem"]}, 2)):
+        with pytest.warns(evac.RunWarning) as told:
+            make()
+        assert [word in str(one.message) for one, word in zip(told, ("1 s", "2 of 2 runs"), strict=True)] == [
+            True,
+            True,
+        ]
+        assert {one.filename for one in told} == {__file__}
+
+
 FAILING = """
     from evac import Behaviour, hookimpl
     evac_interface = 2
