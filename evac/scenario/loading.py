@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from evac.building.names import escaped
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, did_you_mean
 from evac.scenario.case import DICTIONARY, Case, Origin
@@ -357,4 +358,4 @@ def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden
     text = problem.text
     if len(text) > LONGEST_SHOWN:  # it contains a long value
         text = f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 2 :]}"
-    return f"{source}: {dotted(problem.key, content)}: {text}{note}"
+    return escaped(f"{source}: {dotted(problem.key, content)}: {text}{note}")
