@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from evac.checkpoints import Checkpoints, find_checkpoint
 from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
-from evac.errors import EvacError, ResultError, ScenarioError, note
+from evac.errors import EvacError, ResultError, ScenarioError, note, warn
 from evac.interrupt import Interrupt
 from evac.output.files import (
     CHECKPOINT_NAME,
@@ -76,6 +76,12 @@ def run(
         Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
         `resume` continues. A second Ctrl-C stops at once, without them.
 
+    Warns
+    -----
+    RunWarning
+        What the command says, which the results contain too: warnings about building and people, before the run;
+        people who are left inside or stuck; quality warnings.
+
     Examples
     --------
     >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
@@ -85,11 +91,17 @@ def run(
         if checkpoint is not None:
             raise ScenarioError("checkpoint: needs a result folder; give `folder`")
         with displayed(progress) as shown:
-            return Simulation(case, None, full, threads=threads).run(shown)
-    with ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, place.running, full, threads=threads)
-        place.start()
-        return _run_interruptible(simulation, place, shown, checkpoint)
+            simulation = Simulation(case, None, full, threads=threads)
+            warn(simulation.warnings())
+            results = simulation.run(shown)
+    else:
+        with ResultFolder(folder) as place, displayed(progress) as shown:
+            simulation = Simulation(case, place.running, full, threads=threads)
+            warn(simulation.warnings())
+            place.start()
+            results = _run_interruptible(simulation, place, shown, checkpoint)
+    warn((*results.remarks, *results.quality_warnings))
+    return results
 
 
 def resume(
@@ -138,6 +150,11 @@ def resume(
     EvacError
         As `run`.
 
+    Warns
+    -----
+    RunWarning
+        As `run`, all of them after the run.
+
     Examples
     --------
     >>> results = resume("classroom-result")  # doctest: +SKIP
@@ -145,7 +162,9 @@ def resume(
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
         simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
-        return _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
+        results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
+    warn((*results.warnings, *results.remarks, *results.quality_warnings))
+    return results
 
 
 def resumed(

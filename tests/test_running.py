@@ -50,6 +50,27 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
+def test_a_script_is_told_what_the_command_tells(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"output.picture": False, **late})
+    for folder in (None, tmp_path / "r"):
+        with pytest.warns(evac.RunWarning) as told:
+            results = evac.run(case, folder)
+        lines = [str(one.message) for one in told]
+        assert lines == [*results.warnings, *results.remarks, *results.quality_warnings]
+        assert "simulation.duration is 1 s" in lines[0]
+        assert "20 of 20 people still inside" in lines[-1]
+        assert {one.filename for one in told} == {__file__}
+
+
+@pytest.mark.filterwarnings("error::evac.errors.RunWarning")
+def test_warnings_about_a_case_can_be_made_errors_that_leave_nothing(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    with pytest.raises(evac.RunWarning, match="duration"):
+        run(evac.load("square_room", late), tmp_path / "r")
+    assert not list(tmp_path.glob("r*/*"))
+
+
 def interrupting(at):
     """A progress display that sends this process Ctrl-C, as a terminal or a notebook does."""
 

@@ -24,9 +24,6 @@ TITLE = "Evacuation time: when the last person left"
 #: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40
 
-#: Maximum number of kinds of quality warnings that are shown.
-MOST_WARNINGS = 10
-
 
 def declare_study(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a study."""
@@ -122,6 +119,8 @@ class Rows:
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    from evac.study.remarks import quality_of, remarks_of
+
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
     runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
@@ -133,12 +132,13 @@ def show_study(study: "Study") -> int:
         show_table(
             "Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study)
         )
-        _show_blocked(study)
     else:
         show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
         _show_points(study)
     _show_rule(study)
-    _show_quality(study)
+    for line in remarks_of(study):
+        print(f"evac: {line}", file=sys.stderr)
+    show_warnings(quality_of(study))
     show_facts({"results in": study.folder})
     return 0 if not blocked else 3
 
@@ -188,9 +188,6 @@ def _show_points(study: "Study") -> None:
     notes = dict.fromkeys(one.percentiles[-1].note for one in study.statistics if one.percentiles[-1].note)
     for note in list(notes)[:3]:
         print(f"evac: {percentile}: {note}", file=sys.stderr)
-    if any(one.blocked for one in study.statistics):
-        note = "people are left in blocked runs: percentiles count their times as infinite, means exclude these runs"
-        print(f"evac: {note}", file=sys.stderr)
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
@@ -205,54 +202,15 @@ def _settled_facts(study: "Study") -> dict[str, object]:
     return {"convergence (Ronchi et al.)": text}
 
 
-def _show_blocked(study: "Study") -> None:
-    one = study.statistics[0]
-    if not one.blocked:
-        return
-    seeds = [str(row["seed"]) for row in study.rows(0, ["seed", "blocked"]) if row["blocked"]]
-    listed = ", ".join(seeds[:20]) + (" and others" if len(seeds) > 20 else "")
-    print(
-        f"evac: people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
-        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; percentiles "
-        "count their times as infinite, means exclude these runs; evac run --seed N shows where people are left",
-        file=sys.stderr,
-    )
-
-
 def _show_rule(study: "Study") -> None:
-    """Show whether a study with --until has reached the required interval."""
-    rule = study.rule
-    if rule.until is None:
-        return
-    for point in study.points:
-        found, runs = study.deciding(point.index), study.runs_of(point.index)
-        where = f" at {point.label}" if len(study.points) > 1 else ""
-        half = found.relative_half_width
-        reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
-        if rule.is_known(study.times(point.index), study.populations(point.index)):
-            line = f"interval of the {found.name} narrow enough{where} after {counted(runs, 'run')}: {reached}"
-        else:
-            reason = found.note or "raise --most"
-            line = f"interval of the {found.name} too wide{where} after {counted(runs, 'run')}: {reached}, "
-            line += f"required {100 * rule.until:g} %; {reason}"
-        print(f"evac: {line}", file=sys.stderr)
-
-
-def _show_quality(study: "Study") -> None:
-    """Show the quality warnings, grouped by kind."""
-    found: dict[str, list[str]] = {}
-    for row in study.rows(columns=["point", "seed", "quality_warnings"]):
-        where = f"seed {row['seed']}" if len(study.points) == 1 else f"point {row['point']}, seed {row['seed']}"
-        for line in row["quality_warnings"]:
-            found.setdefault(_kind(line), []).append(f"{where}: {line}")
-    for lines in list(found.values())[:MOST_WARNINGS]:
-        others = counted(len(lines) - 1, "more run")
-        show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
-
-
-def _kind(line: str) -> str:
-    """Return the words with which a warning begins, without numbers."""
-    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
+    """Show the points at which a study with --until has reached the required interval."""
+    for point in study.points if study.rule.until is not None else ():
+        if study.rule.is_known(study.times(point.index), study.populations(point.index)):
+            found = study.deciding(point.index)
+            where = f" at {point.label}" if len(study.points) > 1 else ""
+            runs, half = counted(study.runs_of(point.index), "run"), 100 * found.relative_half_width
+            line = f"interval of the {found.name} narrow enough{where} after {runs}: half-width {half:.2g} %"
+            print(f"evac: {line}", file=sys.stderr)
 
 
 def seconds(value: float) -> str:

@@ -21,6 +21,7 @@ from evac.output.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NA
 from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.output.remarks import remarks_of
 from evac.output.watch import Finding
 from evac.physics.state import Crowd
 
@@ -195,6 +196,11 @@ class Results:
     def exit_status(self) -> int:
         """0 if everybody is out, 3 if people are left."""
         return 0 if self.evacuated == self.number_of_people else 3
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """People left inside or stuck, and people who left by an exit that is not on their route, one line each."""
+        return remarks_of(self)
 
     @property
     def quality_warnings(self) -> tuple[str, ...]:

@@ -161,7 +161,7 @@ def row_of(results: Results, point: int, run: int, population_seed: int | None, 
 def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
     """Return the order for the runs of a point."""
     case = point.case
-    return Order(point.index, digest, case.table, case.source, case.loaded_files, seeds, key)
+    return Order(point.index, digest, case.table, case.source, case.registry.files(), seeds, key)
 
 
 _cases: dict[str, "Case"] = {}

@@ -62,6 +62,7 @@ def test_response_times_beyond_the_duration_are_warned_of_before_the_run(evac, c
     err = capsys.readouterr().err
     assert err.count("simulation.duration is 1 s") == 1
     assert err.index("simulation.duration is 1 s") < err.index("still inside")
+    assert (err.count("simulation.duration is 1 s"), err.count("still inside")) == (1, 1)
     assert "20 of them had not started" in err
 
 

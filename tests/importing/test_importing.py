@@ -179,3 +179,45 @@ def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path, scale
     assert [one.width for one in made.openings] == pytest.approx([1.0])
     assert np.allclose(np.sort(made.openings[0].segment), [1.0, 2.0, 6.0, 6.0])
     assert (made.fault, made.building.exits[0].width) == ("", pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("name", ['Saal "Blau"', 'A101 12"', "back\\", "a\nb", "n" * 5000, "\x01", "\ud800"])
+def test_rooms_of_any_name_are_imported_and_run(name, tmp_path):
+    square = [[0, 0], [6, 0], [6, 4], [0, 4], [0, 0]]
+    shapes = [({}, "Polygon", [square]), ({"kind": "area", "name": name}, "Polygon", [square])]
+    shapes.append(({"kind": "exit", "name": name}, "LineString", [[0, 1], [0, 2]]))
+    features = [
+        {"type": "Feature", "properties": of, "geometry": {"type": kind, "coordinates": at}} for of, kind, at in shapes
+    ]
+    (tmp_path / "p.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    made = import_building([tmp_path / "p.geojson"], tmp_path / "case", people=3)
+    assert made.fault == ""
+    assert [room.name for room in made.rooms] == list(made.building.exits[0].name.splitlines())
+    results = evac.run(evac.load(made.folder, {"output.animation": True}), tmp_path / "r")
+    assert results.evacuated == 3
+    assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
+    def fail(*given):
+        raise BuildingError("fails")
+
+    import_building([room], tmp_path / "old", people=5)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
+    with monkeypatch.context() as patch:
+        patch.setattr("evac.importing.importer.find_openings", fail)
+        for name in ("new", "old"):
+            with pytest.raises(BuildingError, match="fails"):
+                import_building([room], tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {"room.wkt", "old"}
+    assert {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()} == before
+    import_building([room], tmp_path / "new", exits=[1])
+    assert {path.name for path in (tmp_path / "new").iterdir()} == set(before)
+
+
+def test_a_file_name_is_no_line_of_the_case(room, tmp_path):
+    named = tmp_path / ("a\n[plugins]\nfiles = ['x.py']\n" + "n" * 150 + ".wkt")
+    named.write_bytes(room.read_bytes())
+    made = import_building([named], tmp_path / "case", exits=[1])
+    assert made.fault == ""
+    assert "plugins" not in tomllib.loads(text_of(made, "case.toml"))

@@ -3,6 +3,7 @@
 import concurrent.futures
 import csv
 import json
+import os
 import textwrap
 
 import numpy as np
@@ -189,6 +190,19 @@ def test_one_run_is_made_again_into_a_folder(case, tmp_path):
     assert results.crowd.exit_time.tobytes() == list(study.rows())[1]["exit_time"].tobytes()
 
 
+def test_a_script_is_told_what_the_command_tells():
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"people.people.number": 3, **late})
+    for make in (lambda: evac.repeat(case, 2, workers=1), lambda: evac.sweep(case, {"contact.model": ["dem"]}, 2)):
+        with pytest.warns(evac.RunWarning) as told:
+            make()
+        assert [word in str(one.message) for one, word in zip(told, ("1 s", "2 of 2 runs"), strict=True)] == [
+            True,
+            True,
+        ]
+        assert {one.filename for one in told} == {__file__}
+
+
 FAILING = """
     from evac import Behaviour, hookimpl
     evac_interface = 3
@@ -246,8 +260,8 @@ def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
     monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
     mark = tmp_path / "killed"
     kill = "(mark.touch(), os.kill(os.getpid(), 9))"
-    act = f"import os, multiprocessing, pathlib; mark = pathlib.Path({str(mark)!r}); "
-    act += f"multiprocessing.parent_process() and not mark.exists() and {kill}"
+    act = f"import os, pathlib; mark = pathlib.Path({str(mark)!r}); "
+    act += f"os.getpid() != {os.getpid()} and not mark.exists() and {kill}"
     case = with_plugin(tmp_path, act)
     study = evac.repeat(case, 8, workers=2)
     assert mark.exists()
