@@ -18,7 +18,7 @@ from evac.errors import FolderWarning, PluginError, ResultError, ScenarioError, 
 from evac.made_with import differences_of, inputs_of, made_of
 from evac.output.checkpoint import Header, read_checkpoint, write_checkpoint
 from evac.output.files import CHECKPOINT_NAME
-from evac.output.jsonfile import checked
+from evac.output.reading import checked
 from evac.output.recorder import Recorder
 from evac.output.resultfolder import ResultFolder, find_result, is_link, is_within
 from evac.output.results import plain

@@ -204,14 +204,16 @@ ODD = (
 )
 
 
-def _places(value: Json, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def places(value: Json, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the place of everything in JSON data."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:
         yield (*place, key)
-        yield from _places(item, (*place, key))
+        yield from places(item, (*place, key))
 
 
-def _table(header: Json, place: tuple[Any, ...]) -> Json:
+def table(header: Json, place: tuple[Any, ...]) -> Json:
+    """Return the table or list that contains a place."""
     for key in place[:-1]:
         header = header[key]
     return header
@@ -219,23 +221,23 @@ def _table(header: Json, place: tuple[Any, ...]) -> Json:
 
 def _some_place(header: Json, generator: random.Random) -> tuple[Any, ...]:
     depth = generator.randrange(1, 7)  # shallow places are as likely as the many deep ones
-    return generator.choice([place for place in _places(header) if len(place) <= depth])
+    return generator.choice([place for place in places(header) if len(place) <= depth])
 
 
 def _header_value(header: Json, arrays: Arrays, generator: random.Random) -> None:
     place = _some_place(header, generator)
-    _table(header, place)[place[-1]] = generator.choice(ODD)
+    table(header, place)[place[-1]] = generator.choice(ODD)
 
 
 def _header_missing(header: Json, arrays: Arrays, generator: random.Random) -> None:
     place = _some_place(header, generator)
-    del _table(header, place)[place[-1]]
+    del table(header, place)[place[-1]]
 
 
 def _header_moved(header: Json, arrays: Arrays, generator: random.Random) -> None:
     source, target = _some_place(header, generator), _some_place(header, generator)
-    value = json.loads(json.dumps(_table(header, source)[source[-1]]))
-    _table(header, target)[target[-1]] = value
+    value = json.loads(json.dumps(table(header, source)[source[-1]]))
+    table(header, target)[target[-1]] = value
 
 
 def _file(header: Json, arrays: Arrays, generator: random.Random) -> None:

@@ -1,6 +1,5 @@
 """What a report is made of: the files of a result folder, checked once."""
 
-import csv
 import hashlib
 import math
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from evac.arrays import FloatArray
 from evac.errors import ResultError
 from evac.output.files import EGRESS_NAME, PEOPLE_NAME, SUMMARY_NAME, TRAJECTORY_NAME
-from evac.output.jsonfile import checked, read_json
+from evac.output.reading import checked, read_columns, read_json
 from evac.output.trajectory import Trajectory, read_trajectory
 
 
@@ -194,29 +193,6 @@ def read_run(folder: Path) -> Run:
         except ValueError as error:
             raise ResultError(f"{folder / PEOPLE_NAME}: column {column!r}: {error}; run the case again") from error
     return run
-
-
-def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return the columns of a CSV file as text.
-
-    Raises
-    ------
-    ResultError
-        The file is not there, a column is missing, or a row is cut short.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            head, *rows = list(csv.reader(file)) or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ResultError(f"{path}: cannot be read: {why}; run the case again") from error
-    missing = [name for name in wanted if name not in head]
-    if missing:
-        raise ResultError(f"{path}: column {missing[0]!r} is missing; run the case again")
-    for number, row in enumerate(rows, 2):
-        if len(row) != len(head):
-            raise ResultError(f"{path}: row {number} has {len(row)} fields instead of {len(head)}; run the case again")
-    return {name: [row[index] for row in rows] for index, name in enumerate(head)}
 
 
 def digests(folder: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, str], ...]:
