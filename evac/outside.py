@@ -10,6 +10,7 @@ from evac.arrays import FloatArray, IntArray
 from evac.building.model import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct
 from evac.physics.state import Crowd
+from evac.saved import taken
 
 #: Distance behind the line of an exit up to which people who have left are seen [m].
 REACH = 2.0
@@ -130,10 +131,9 @@ class PeopleOutside:
 
         Raises
         ------
-        KeyError, ValueError
-            An array is missing, or has another shape, or a level does not exist.
+        SavedError
+            An array is not what `state` returns.
         """
-        if not ((state["level"] >= -1) & (state["level"] < self._levels)).all():
-            raise ValueError("outside.level contains a level that the building does not have")
         for name, array in self.arrays.values().items():
-            array[...] = state[name]
+            bounds = (-1, self._levels - 1) if name == "level" else ()
+            array[...] = taken(state, name, array.dtype, array.shape, *bounds)

@@ -21,7 +21,7 @@ from evac.output.files import (
     TRAJECTORY_NAME,
 )
 from evac.output.recording import check_lengths
-from evac.output.resultfolder import ResultFolder
+from evac.output.resultfolder import ResultFolder, remove_written
 from evac.output.results import Results
 from evac.output.trajectory import read_trajectory
 from evac.phases import Phases, Progress
@@ -114,6 +114,7 @@ def resume(
     checkpoint: float | None = None,
     threads: int | None = None,
     allow_differences: bool = False,
+    case_file: str | Path | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
@@ -136,6 +137,9 @@ def resume(
     allow_differences : bool
         Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
         from those of a run without interruption, and the summary lists the differences.
+    case_file : str or Path, optional
+        The file of the case, or its folder. Needed if the case names plugin files, which are executed, and lies neither
+        in the parent folder of the result folder nor in a folder beside it.
     progress : callable or bool, optional
         As for `run`.
 
@@ -161,7 +165,9 @@ def resume(
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
-        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
+        simulation, every = resumed(
+            folder, place, overrides, plugin_files, registry, allow_differences, threads, case_file
+        )
         results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
     warn((*results.warnings, *results.remarks, *results.quality_warnings))
     return results
@@ -175,6 +181,7 @@ def resumed(
     registry: "Registry | None" = None,
     allow_differences: bool = False,
     threads: int | None = None,
+    case_file: str | Path | None = None,
     compiling: Callable[[int, int], None] | None = None,
     announce: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
@@ -191,22 +198,25 @@ def resumed(
             "mixed; give one (--out)"
         )
     found = find_checkpoint(folder)
-    before = found.case((), plugin_files, registry, announce)
-    case = found.case(overrides, plugin_files, before.registry) if overrides else before
+    before = found.case((), plugin_files, registry, case_file, announce)
+    case = found.case(overrides, plugin_files, before.registry, case_file) if overrides else before
     differences = found.differences(before)
     _check_differences(found.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, bool(found.header["full"]), threads=threads, compiling=compiling)
+    simulation = Simulation(case, place.running, found.header.full, threads=threads, compiling=compiling)
     differences += found.simulation_differences(simulation)
     _check_differences(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)
+    if not is_branch:
+        found.check_recorders(simulation)
     simulation.resumed.append(
         {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
     )
     if is_branch:
         place.start()
     else:
-        place.reopen(found.path.parent, [*found.files, CHECKPOINT_NAME])
+        place.reopen(found.path.parent)
         found.restore_recorders(simulation)
+        remove_written(place.running, [*found.files, CHECKPOINT_NAME])
     return simulation, found.every
 
 

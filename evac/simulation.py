@@ -23,7 +23,7 @@ from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
 from evac.outside import PeopleOutside
-from evac.people.distributions import generator_for, generator_state, restore_generator
+from evac.people.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
 from evac.people.population import build_population
 from evac.people.unusual import late_starts, unusual
@@ -36,6 +36,8 @@ from evac.physics.state import copy_of
 from evac.physics.threads import number_of_threads
 from evac.plugin_state import state_of
 from evac.registry import Registry
+from evac.saved import SavedError, part_of, taken
+from evac.scenario.schema import LONGEST_RUN
 from evac.scenario.trust import run_plugin_files
 from evac.scene import Ground, Scene, make_ground
 
@@ -354,27 +356,55 @@ class Simulation:
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a simulation of the same case."""
+        """Restore the arrays that `state` returned in a simulation of the same case.
+
+        Raises
+        ------
+        SavedError
+            An array is missing, or is not what `state` returns.
+        PluginError
+            A plugin cannot restore its arrays.
+        """
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
-        self.scene.restore(_part(state, "scene."))
-        self.population.restore(_part(state, "population."))
-        if self.outside is not None and (outside := _part(state, "outside.")):  # absent if a changed case adds it
-            self.outside.restore(outside)
+        with part_of(state, "simulation.") as own:
+            self._restore_own(own)
+        with part_of(state, "scene.") as own:
+            self.scene.restore(own)
+        with part_of(state, "population.") as own:
+            self.population.restore(own, self.building, len(self.fields.routes))
+        if self.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
+            with part_of(state, "outside.") as own:
+                self.outside.restore(own)
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
-                with plugin_code(f"behaviour {behaviour.name!r}: restore"):
-                    behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
-                restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
-        with plugin_code(f"contact model {self.contact.name!r}: restore"):
-            self.contact.restore(_part(state, f"contact.{self.contact.name}."))
-        self.step, self._version = state["simulation.clock"].tolist()
-        self._start = (state["simulation.start_position"], state["simulation.start_level"])
-        self.engine.restore(_part(state, "engine."))
-        self._ending.restore(state["simulation.ending"])
-        self.displacement_velocity[:] = state["simulation.displacement_velocity"]
-        self._watch.restore(_part(state, "watch."))
+                what = f"behaviour {behaviour.name!r}: restore"
+                with plugin_code(what), part_of(state, f"behaviour.{behaviour.name}.") as own:
+                    behaviour.restore(own)
+                with part_of(state, "generator.") as own:
+                    words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
+                restore_generator(scene.generator, words)
+        what = f"contact model {self.contact.name!r}: restore"
+        with plugin_code(what), part_of(state, f"contact.{self.contact.name}.") as own:
+            self.contact.restore(own)
+        with part_of(state, "engine.") as own:
+            self.engine.restore(own)
+        with part_of(state, "watch.") as own:
+            self._watch.restore(own, len(self.building.levels))
         self.ended = self._ending.over(self.step, self.population.crowd)
+
+    def _restore_own(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that no part of the simulation owns."""
+        settings, (position, level) = self.case.simulation, self._start
+        step, self._version = taken(state, "clock", np.int64, (2,), 0, round(LONGEST_RUN / settings.step)).tolist()
+        if step % settings.steps_per_tick and step < settings.last_step:
+            raise SavedError(f"clock: step {step} is not at the end of a tick")
+        self.step = step
+        position[:] = taken(state, "start_position", np.float64, position.shape)
+        level[:] = taken(state, "start_level", np.int32, level.shape, 0, len(self.building.levels) - 1)
+        displaced = self.displacement_velocity
+        displaced[:] = taken(state, "displacement_velocity", np.float64, displaced.shape)
+        self._ending.restore(taken(state, "ending", np.float64, self._ending.state().shape, 0.0, np.inf))
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the initial state."""
@@ -414,7 +444,3 @@ class Simulation:
         generator = generator_for(self.seed, "behaviour", behaviour.name)
         outside = outside_for(behaviour, self.outside.arrays) if self.outside is not None else None
         return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick, outside)
-
-
-def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

@@ -33,6 +33,11 @@ from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
 from evac.physics.team import conduct, conduct_blocks, serve
 from evac.physics.threads import Threads
+from evac.saved import FINITE, taken
+
+#: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
+LONGEST_REACH = 1000.0
+MOST_GROWTH = 64
 
 #: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
@@ -278,16 +283,28 @@ class Engine:
         }
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts."""
-        pairs, walls, contacts, events = map(int, saved["room"])
+        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `snapshot` returns.
+        """
         state, n = self.state, len(self.state.bodies.row)
+        own = self.snapshot()
+        most = np.full(len(at.NAMES), FINITE)
+        most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = n - 1, len(state.world.cosine) - 1
+        tally = taken(saved, "tally", np.float64, most.shape, np.where(most < FINITE, 0.0, -FINITE), most)
+        span = taken(saved, "span", np.float64, (2,), own["span"], LONGEST_REACH)
+        room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
+        pairs, walls, contacts, events = map(int, room)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
         state.warm_start = make_warm_start(contacts)
         if len(state.problem.body):
             state.problem = make_problem(n, contacts)
         state.events = allocate(Events, events)
-        state.tally[:] = saved["tally"]
-        state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
+        state.tally[:] = tally
+        state.lists.pair_reach, state.lists.wall_reach = map(float, span)
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""

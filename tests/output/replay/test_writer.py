@@ -78,7 +78,11 @@ def test_a_time_between_states_that_is_none_is_refused(descent, every):
         ("summary.json", '{"seed": 99, "people": 4}'),
         ("summary.json", "no json"),
         ("summary.json", "{}"),
+        ("summary.json", '{"seed": 99, "people": "four"}'),
         ("people.csv", "speed,response_time,exit,exit_time\n1,0,,\n"),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "1,0,nowhere,2\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "-1e308,0,,\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + f"{'1' * 200_000},0,,\n" * 4),
         ("people.csv", "speed\n1\n1\n1\n1\n"),
     ],
 )
