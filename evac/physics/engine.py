@@ -274,6 +274,7 @@ class Engine:
         return {
             "tally": state.tally.copy(),
             "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
+            "h_before": np.array([state.clock.h_before]),
             "room": np.array([len(array) for array in room]),
         }
 
@@ -288,6 +289,7 @@ class Engine:
         state.events = allocate(Events, events)
         state.tally[:] = saved["tally"]
         state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
+        state.clock.h_before = float(saved["h_before"][0])
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""
