@@ -70,6 +70,8 @@ class Engine:
         Registered solvers by name, see `Registry.solvers`.
     threads : int
         Threads that share the step loop; their number does not change the results.
+    people_per_thread : int
+        People inside for each of the threads below which the step loop has one.
 
     Attributes
     ----------
@@ -85,6 +87,7 @@ class Engine:
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
         threads: int = 1,
+        people_per_thread: int = 0,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -95,6 +98,7 @@ class Engine:
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
         self.threads = Threads(self.state, threads) if threads > 1 else None
+        self._people_of_threads = people_per_thread * threads
         self._model: ContactModel | None = None
 
     def advance(
@@ -122,8 +126,10 @@ class Engine:
         return state.events
 
     def _served(self, model: ContactModel) -> AbstractContextManager[None]:
-        """Let threads serve the loop, unless it is in Python, where they would wait too long."""
-        return nullcontext() if self.threads is None or model.law is None else self.threads.serving()
+        """Let threads serve the loop, unless they would wait too long: with few people inside, or a loop in Python."""
+        if self.threads is None or model.law is None or self.state.bodies.inside < self._people_of_threads:
+            return nullcontext()
+        return self.threads.serving()
 
     def end_threads(self) -> None:
         """End the threads, if there are any."""
