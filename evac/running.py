@@ -58,7 +58,8 @@ def run(
         Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
     threads : int, optional
         Number of threads that share the steps, and of processes that share the directions of large buildings, at most
-        one per core; None chooses both by the size. The results are identical.
+        one per core, and in the steps one per 25,000 people; None chooses both by the size. The results are
+        identical.
     progress : callable or bool, optional
         Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
         notebook, True also prints lines elsewhere, False shows nothing.

@@ -33,7 +33,7 @@ from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.physics.threads import number_of_threads
+from evac.physics.threads import PEOPLE_PER_THREAD, number_of_threads, unused_threads
 from evac.plugin_state import state_of
 from evac.registry import Registry
 from evac.saved import SavedError, part_of, taken
@@ -152,8 +152,8 @@ class Simulation:
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(people.crowd.level), [level.name for level in building.levels]
-        threads = number_of_threads(self._threads, n)
-        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
+        number, solvers = number_of_threads(self._threads, n), self.registry.solvers
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, solvers, number, PEOPLE_PER_THREAD)
 
     def _prepare(self) -> None:
         """Record the initial state of people and call `prepare` of the behaviours."""
@@ -207,14 +207,15 @@ class Simulation:
         Returns
         -------
         tuple of str
-            About the building, places that are too narrow for the widest person, unusual properties of people, and
-            people who start only after the end of the run.
+            About the building, places that are too narrow for the widest person, unusual properties of people,
+            people who start only after the end of the run, and threads that are not used.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        return (*self.building.warnings, *map(str, narrow), *people)
+        unused = unused_threads(self._threads, len(crowd.level))
+        return (*self.building.warnings, *map(str, narrow), *people, *unused)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None

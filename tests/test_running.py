@@ -301,7 +301,9 @@ def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeyp
     assert {"egress.csv", "people.csv", "summary.json"} <= {path.name for path in (tmp_path / "r").iterdir()}
 
 
-def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path):
+def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.physics.threads.PEOPLE_PER_THREAD", 45)
+    monkeypatch.setattr("evac.simulation.PEOPLE_PER_THREAD", 30)
     changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
     case = evac.load("square_room", changes)
     before = threading.active_count()
@@ -317,6 +319,13 @@ def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_pat
     for name in wanted.crowd.kinds:
         np.testing.assert_array_equal(getattr(found.crowd, name), getattr(wanted.crowd, name), err_msg=name)
     assert found.report == wanted.report
+
+
+def test_threads_that_a_small_run_does_not_use_are_told_in_the_summary(tmp_path):
+    results = run("square_room", tmp_path / "r", threads=2)
+    assert [line for line in results.warnings if "threads: 2 given" in line]
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["warnings"] == list(results.warnings)
 
 
 def test_no_threads_are_refused():

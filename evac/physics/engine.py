@@ -75,6 +75,8 @@ class Engine:
         Registered solvers by name, see `Registry.solvers`.
     threads : int
         Threads that share the step loop; their number does not change the results.
+    people_per_thread : int
+        People inside for each of the threads below which the step loop has one.
 
     Attributes
     ----------
@@ -90,6 +92,7 @@ class Engine:
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
         threads: int = 1,
+        people_per_thread: int = 0,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -100,6 +103,7 @@ class Engine:
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
         self.threads = Threads(self.state, threads) if threads > 1 else None
+        self._people_of_threads = people_per_thread * threads
         self._model: ContactModel | None = None
 
     def advance(
@@ -127,8 +131,10 @@ class Engine:
         return state.events
 
     def _served(self, model: ContactModel) -> AbstractContextManager[None]:
-        """Let threads serve the loop, unless it is in Python, where they would wait too long."""
-        return nullcontext() if self.threads is None or model.law is None else self.threads.serving()
+        """Let threads serve the loop, unless they would wait too long: with few people inside, or a loop in Python."""
+        if self.threads is None or model.law is None or self.state.bodies.inside < self._people_of_threads:
+            return nullcontext()
+        return self.threads.serving()
 
     def end_threads(self) -> None:
         """End the threads, if there are any."""
@@ -279,6 +285,7 @@ class Engine:
         return {
             "tally": state.tally.copy(),
             "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
+            "h_before": np.array([state.clock.h_before]),
             "room": np.array([len(array) for array in room]),
         }
 
@@ -296,6 +303,7 @@ class Engine:
         most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = n - 1, len(state.world.cosine) - 1
         tally = taken(saved, "tally", np.float64, most.shape, np.where(most < FINITE, 0.0, -FINITE), most)
         span = taken(saved, "span", np.float64, (2,), own["span"], LONGEST_REACH)
+        before = taken(saved, "h_before", np.float64, (1,), 0.0, 1.0)
         room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
         pairs, walls, contacts, events = map(int, room)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
@@ -305,6 +313,7 @@ class Engine:
         state.events = allocate(Events, events)
         state.tally[:] = tally
         state.lists.pair_reach, state.lists.wall_reach = map(float, span)
+        state.clock.h_before = float(before[0])
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""
