@@ -354,7 +354,7 @@ def test_plugin_files_of_a_case_are_run_only_beside_the_result_or_where_the_user
     (tmp_path / "elsewhere" / "case").mkdir(parents=True)
     case = tmp_path / "elsewhere" / "case" / "case.toml"
     (case.parent / "mark.py").write_text(
-        "from pathlib import Path\nfrom evac import hookimpl\nevac_interface = 2\n"
+        "from pathlib import Path\nfrom evac import hookimpl\nevac_interface = 3\n"
         f"Path({str(tmp_path / 'run')!r}).touch()\n@hookimpl\ndef evac_prepare(): pass\n"
     )
     kill(evac.load(hall), tmp_path / "r", 1.0)

@@ -39,7 +39,7 @@ print(sorted(study.times(0).tolist()))
 TRACE = """
 import os, pathlib
 from evac import hookimpl
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_prepare(simulation):
@@ -92,7 +92,7 @@ def test_plugin_files_of_a_registry_reach_other_processes(tmp_path, monkeypatch)
     path.write_text(
         textwrap.dedent('''
         from evac import Behaviour, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Halt(Behaviour):
             """Halts."""
