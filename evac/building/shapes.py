@@ -18,6 +18,8 @@ Shape: TypeAlias = BaseGeometry | str | Mapping[str, Any] | Sequence[Any]
 GRID = 1e-6
 #: Minimum area of polygons, and of changes by repairs that are reported [m2].
 LEAST_AREA = 1e-6
+#: Greatest depth of nested parentheses in WKT: a multipolygon in a collection has five.
+MOST_NESTED = 100
 #: Shortest segment [m].
 LEAST_LENGTH = 1e-3
 
@@ -59,7 +61,11 @@ def geometries(given: Shape) -> Iterator[BaseGeometry]:
 
 
 def from_wkt(text: str) -> BaseGeometry:
-    """Parse WKT; raise ValueError if it is invalid."""
+    """Parse WKT; raise ValueError if it is invalid, or nested so deep that GEOS would overflow its stack."""
+    ends = np.frombuffer(text.encode("utf-8", "replace"), np.uint8)
+    depth = (ends == ord("(")).astype(np.int64) - (ends == ord(")"))
+    if depth.cumsum().max(initial=0) > MOST_NESTED:
+        raise ValueError(f"WKT nested more than {MOST_NESTED} deep")
     try:
         with np.errstate(invalid="ignore"):
             return shapely.from_wkt(text)

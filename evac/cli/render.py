@@ -52,10 +52,11 @@ def execute(arguments: argparse.Namespace) -> int:
     from evac.cli.screen import show_warnings
     from evac.output.camera import Camera
     from evac.output.colouring import LEGEND_GROUPS
-    from evac.output.render import FILMS, Renderer, render_animation, render_picture
+    from evac.output.render import FILMS, Renderer, number_of_pictures, render_animation, render_picture
 
     camera = Camera(arguments.azimuth, arguments.elevation, arguments.stretch, arguments.zoom)
     trajectory = trajectory_of(arguments)
+    number_of_pictures(trajectory, arguments.fps, arguments.speed)  # refused before anything is drawn
     groups = len(trajectory.groups)
     if arguments.colour_by == "group" and groups > LEGEND_GROUPS:
         show_warnings([f"no legend, because {groups} groups are more than the colours; try --colour-by speed"])

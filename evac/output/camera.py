@@ -17,6 +17,7 @@ ELEVATION_FLAT, ELEVATION = 58.0, 36.0  # angle above the horizontal for one sto
 TURNS = (20.0, -20.0, 35.0, -35.0)  # from the normals of the short sides of the building [degrees]
 CLEARANCES = (0.75, 0.9, 1.05)  # share of a storey that is visible below the one above
 SPREAD = 0.3  # cost of an increase of the clearance by 1, relative to the share of hidden stairs and exits
+MOST_FACTOR = 100.0  # of stretch and zoom
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,9 @@ class Camera:
                 "above use the plan view"
             )
         for name, value in (("stretch", self.stretch), ("zoom", self.zoom)):
-            if value is not None and not 0.0 < value < math.inf:
-                raise ResultError(f"{name}: the factor must be greater than 0, got {value:g}; 1 draws true sizes")
+            if value is not None and not 1.0 / MOST_FACTOR <= value <= MOST_FACTOR:
+                bounds = f"between {1.0 / MOST_FACTOR:g} and {MOST_FACTOR:g}"
+                raise ResultError(f"{name}: the factor must be {bounds}, got {value:g}; 1 draws true sizes")
 
 
 @dataclass(frozen=True)

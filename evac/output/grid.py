@@ -8,6 +8,10 @@ from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
 from evac.building.model import Level
+from evac.errors import ResultError
+
+#: Least side of a cell [m], greatest number of cells of a level, and greatest radius of the kernel [cells].
+LEAST_SPACING, MOST_CELLS, MOST_KERNEL = 0.01, 10_000_000, 500
 
 
 class Grid:
@@ -30,10 +34,16 @@ class Grid:
     origin : (2,) float64 [m]
         Lower left corner.
     on_floor : (ny, nx) bool
+
+    Raises
+    ------
+    ResultError
+        The cells are too small or too many, or the kernel covers too many of them.
     """
 
     def __init__(self, level: Level, spacing: float, kernel_radius: float) -> None:
         low_x, low_y, high_x, high_y = level.polygon.bounds
+        _check(level, spacing, kernel_radius)
         self.spacing = spacing
         self.origin = spacing * np.floor(np.array([low_x, low_y]) / spacing)
         nx, ny = (
@@ -97,3 +107,15 @@ class Grid:
 
         smooth: FloatArray = gaussian_filter(values, self._deviation, mode="constant", truncate=3.5)
         return smooth
+
+
+def _check(level: Level, spacing: float, kernel_radius: float) -> None:
+    low_x, low_y, high_x, high_y = level.polygon.bounds
+    least = max(LEAST_SPACING, math.sqrt((high_x - low_x) * (high_y - low_y) / MOST_CELLS))
+    if not spacing >= least:
+        what = f"cells of {spacing:g} m are too small or too many for level {level.name!r}"
+        raise ResultError(f"spacing: {what}; use {least:.2g} m or more")
+    most = MOST_KERNEL * spacing
+    if not 0.0 < kernel_radius <= most:
+        what = f"must be greater than 0 and at most {most:g} m with cells of {spacing:g} m"
+        raise ResultError(f"kernel_radius: {what}, got {kernel_radius:g} m (--kernel)")

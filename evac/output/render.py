@@ -23,6 +23,11 @@ from evac.output.writing import Pen
 PICTURES = (".png", ".jpg", ".jpeg")
 FILMS = (".gif", ".mp4")
 
+#: Bounds of pictures [pixels]: of a side, of a picture, of a person's radius.
+LEAST_SIDE, MOST_SIDE, MOST_PIXELS, MOST_RADIUS = 64, 8_000, 12_000_000, 400
+#: Bounds of films: pictures per second, and in all.
+LEAST_FPS, MOST_FPS, MOST_PICTURES = 0.01, 1_000.0, 100_000
+
 #: Views of a building.
 VIEWS = ("3d", "plan")
 
@@ -48,7 +53,8 @@ class Renderer:
     Raises
     ------
     ResultError
-        The trajectory has no frame; a level, the view or the colouring does not exist; or the size is too small.
+        The trajectory has no frame; a level, the view or the colouring does not exist; or the size or the zoom is out
+        of range.
 
     Examples
     --------
@@ -68,11 +74,15 @@ class Renderer:
             raise ResultError(f"{trajectory.path}: no frame to draw; the run ended before its first output")
         if view not in VIEWS:
             raise ResultError(f"unknown view {view!r}; use {' or '.join(VIEWS)}")
-        if min(size) < 64:
-            raise ResultError(f"size: {size[0]} x {size[1]} pixels is too small; use at least 64 x 64")
+        _check_size(size)
         self.trajectory = trajectory
         self._colouring = colouring(trajectory, colour_by)
         self._view = self._look(size, view, camera or Camera(), levels)
+        largest = float(trajectory.radius.max(initial=0.0)) * self._view.scale
+        if largest > MOST_RADIUS:
+            raise ResultError(
+                f"zoom: the radius of a person is {largest:.0f} pixels, more than {MOST_RADIUS}; reduce zoom"
+            )
         self._ground = self._with_writing()
         self._names = self._drawn_names()
 
@@ -128,6 +138,17 @@ class Renderer:
         return np.array(picture)
 
 
+def _check_size(size: tuple[int, int]) -> None:
+    width, height = size
+    if min(size) < LEAST_SIDE:
+        raise ResultError(f"size: {width} x {height} pixels is too small; use at least {LEAST_SIDE} x {LEAST_SIDE}")
+    if max(size) > MOST_SIDE or width * height > MOST_PIXELS:
+        raise ResultError(
+            f"size: {width} x {height} pixels is too large; use at most {MOST_SIDE:,} on a side and "
+            f"{MOST_PIXELS / 1e6:g} million in all"
+        )
+
+
 def render_picture(renderer: Renderer, path: Path, time: float | None = None) -> None:
     """Draw the frame nearest to `time` [s], by default the one in the middle of the run, to a PNG or JPEG file.
 
@@ -161,20 +182,39 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
     Raises
     ------
     ResultError
-        `fps` or `speed` is not positive, the file's ending is unknown, imageio-ffmpeg is missing for an MP4 film, or
-        the file cannot be written.
+        `fps` or `speed` is out of range or gives too many pictures, the file's ending is unknown, imageio-ffmpeg is
+        missing for an MP4 film, or the file cannot be written.
     """
     _check_ending(path, FILMS)
-    if not (0.0 < fps < math.inf and 0.0 < speed < math.inf):
-        raise ResultError(f"fps and speed of a film must be greater than 0, got {fps} and {speed}")
+    trajectory = renderer.trajectory
+    count = number_of_pictures(trajectory, fps, speed)
     if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
-    trajectory = renderer.trajectory
-    count = 1 + math.ceil(float(trajectory.time[-1]) * fps / speed)
     images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
     write = _write_gif if path.suffix == ".gif" else _write_mp4
     with writing("the film", path):
         write(path, images, fps)
+
+
+def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:
+    """Return the number of pictures of a film of a whole run.
+
+    Raises
+    ------
+    ResultError
+        `fps` or `speed` is out of range, or there are too many pictures.
+    """
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        raise ResultError(f"fps: must be between {LEAST_FPS:g} and {MOST_FPS:,g} pictures per second, got {fps:g}")
+    if not 0.0 < speed < math.inf:
+        raise ResultError(f"speed: must be greater than 0, got {speed:g}")
+    pictures = 1.0 + float(trajectory.time[-1]) * fps / speed if len(trajectory) else 0.0
+    if pictures > MOST_PICTURES:
+        raise ResultError(
+            f"speed: {speed:g} at {fps:g} pictures per second needs {pictures:.3g} pictures, more than "
+            f"{MOST_PICTURES:,}; raise speed, or reduce fps"
+        )
+    return math.ceil(pictures)
 
 
 def _check_ending(path: Path, endings: tuple[str, ...]) -> None:

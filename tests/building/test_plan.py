@@ -326,3 +326,11 @@ def test_a_plan_runs_as_a_case():
     case = evac.load({"title": "plan", "building": plan, "people": people, "contact": {"model": "nsm2"}})
     results = evac.run(case)
     assert results.evacuated == 10
+
+
+def test_wkt_that_would_overflow_the_stack_is_refused():
+    plan = evac.Plan()
+    text = "POLYGON ((0 0, 5 0, 5 4, 0 4, 0 0))"
+    plan.storey("ground", "GEOMETRYCOLLECTION (" * 15 + text + ")" * 15)
+    with pytest.raises(BuildingError, match="nested"):
+        plan.area("room", "ground", "GEOMETRYCOLLECTION (" * 100_000 + text + ")" * 100_000)

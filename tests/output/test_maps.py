@@ -134,7 +134,9 @@ def test_holes_are_not_floor():
         ({"levels": ["flor 0"]}, "'floor 0'"),
         ({"levels": [9]}, "0 to 4"),
         ({"spacing": 0.0}, "spacing"),
+        ({"spacing": 1e-4}, "^spacing: .*0.01 m"),
         ({"kernel_radius": float("inf")}, "kernel_radius"),
+        ({"kernel_radius": 1e6}, "kernel_radius: .* 100 m"),
         ({"start": 30.0}, "0 to 10 s"),
     ],
 )

@@ -153,8 +153,9 @@ def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
         render_picture(renderer, tmp_path / "run.gif")
     with pytest.raises(ResultError, match=r"99 s .* 0 to [0-9]"):
         render_picture(renderer, tmp_path / "run.png", time=99.0)
-    with pytest.raises(ResultError, match="greater than 0"):
-        render_animation(renderer, tmp_path / "run.gif", fps=0.0)
+    for name, value in (("fps", 0.0), ("fps", 1e6), ("fps", 1e-300), ("speed", 0.0), ("speed", 1e-9)):
+        with pytest.raises(ResultError, match=f"^{name}: "):
+            render_animation(renderer, tmp_path / "run.gif", **{name: value})
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ResultError, match="pip install imageio-ffmpeg"):
         render_animation(renderer, tmp_path / "run.mp4")
@@ -162,14 +163,26 @@ def test_what_cannot_be_drawn_is_refused(trajectory, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"colour_by": "mood"}, "'mood'"), ({"view": "side"}, "'side'"), ({"size": (0, 100)}, "0 x 100")],
+    [({"colour_by": "mood"}, "'mood'"), ({"view": "side"}, "'side'"), ({"size": (0, 100)}, "size: 0 x 100")]
+    + [({"size": size}, f"size: {size[0]} x") for size in ((30_000, 30_000), (100_000, 64), (8000, 8000))]
+    + [({"size": (4000, 3000), "camera": Camera(zoom=100.0)}, "^zoom: ")],
 )
 def test_looks_that_are_none_are_refused(trajectory, options, words):
     with pytest.raises(ResultError, match=words):
         Renderer(trajectory, **options)
 
 
-@pytest.mark.parametrize("options", [{"stretch": -1.0}, {"zoom": 0.0}, {"elevation": 90.0}, {"azimuth": float("nan")}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"stretch": -1.0},
+        {"stretch": 1e300},
+        {"zoom": 0.0},
+        {"zoom": 1e300},
+        {"elevation": 90.0},
+        {"azimuth": float("nan")},
+    ],
+)
 def test_cameras_that_are_none_are_refused(options):
     with pytest.raises(ResultError, match=next(iter(options))):
         Camera(**options)
