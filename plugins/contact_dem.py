@@ -31,7 +31,7 @@ LIKELY = 0.98
 STANDING = 10.0
 
 #: Squared factor by which steps with hardened contacts are shorter than the limit of stability.
-FINE = 64.0
+FINE = 81.0
 
 #: Number of parts beyond which steps are divided for stability only.
 MOST_FINE_PARTS = 128
@@ -60,42 +60,51 @@ def spring(state: State, own: Spring, h: float) -> int:
     """
     bodies, contacts = state.bodies, state.contacts
     onset = max(own.hardening * bodies.smallest, own.least)
-    if _look_ahead(state, own, h, onset):
+    if _look_ahead(state, h, onset):
         return SEARCH_AGAIN
     if _is_too_stiff(state, own, h, onset):
         return TOO_STIFF
     use_free_velocity(state)
-    duration = 0.5 * (state.clock.h_before + h) if own.hardens else h
     for c in range(contacts.number):
-        overlap = -min(0.0, contacts.gap[c])
+        overlap, tangent = -min(0.0, contacts.gap[c]), 1.0
         if overlap > onset:
             overlap, tangent = press(overlap, _radius(bodies, contacts, c), own)
             if tangent > 1.0:
                 state.tally[at.HARDENED_CONTACTS] += 1.0
-        contacts.percussion[c] = duration * own.stiffness * overlap
-        push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
+        percussion = h * own.stiffness * overlap
+        if own.hardens:
+            percussion = 0.5 * percussion + _percussion_before(state, own, c, overlap, tangent)
+        contacts.percussion[c] = percussion
+        push(bodies.solved, bodies.inverse_mass, contacts, c, percussion)
     return OK
 
 
 @inner
-def _look_ahead(state, own, h, onset):
-    """Extend the reach of bodies to their free paths if two of them have the energy for a hard contact; return whether.
+def _percussion_before(state, own, c, force, tangent):
+    """Return the percussion of contact c since the middle of the last sub-step, or since it began in that sub-step.
 
-    Contacts that begin within the sub-step are then found before.
+    The latter takes the energy of the spring from the velocity. `force` [m] and `tangent` are those of `press`.
     """
-    bodies, speed = state.bodies, 2.0 * state.bodies.fastest
-    least = own.stiffness * _least(state, own, 2.0 / bodies.lightest, 0.0, speed, onset)
-    if state.clock.attempt > 0 or 0.5 * bodies.heaviest * speed**2 <= least:
-        return False
-    first, second = 0.0, 0.0
-    for i in range(bodies.inside):
-        if bodies.level[i] >= 0:
-            free, velocity = bodies.free, bodies.velocity
-            square = max(free[i, 0] ** 2 + free[i, 1] ** 2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2)
-            energy = square / bodies.inverse_mass[i]
-            second = max(second, min(first, energy))
-            first = max(first, energy)
-    if first + second <= least:
+    contacts, before = state.contacts, state.clock.h_before
+    overlap, speed = -min(0.0, contacts.gap[c]), -contacts.velocity_before[c]
+    if 0.0 < overlap < before * speed:
+        radius = _radius(state.bodies, contacts, c)
+        onset = max(own.hardening * radius, own.least)
+        length = (radius - onset) / math.log(HARDEST)
+        energy = _energy(overlap, tangent, onset, length) if tangent > 1.0 else overlap**2
+        rest = speed**2 - energy * own.stiffness * contacts.omega[c]
+        return (speed - math.sqrt(max(rest, 0.0))) / contacts.omega[c]
+    return 0.5 * before * own.stiffness * force
+
+
+@inner
+def _look_ahead(state, h, onset):
+    """Extend the reach of bodies to their free paths if these can be longer than the onset; return whether.
+
+    Contacts that begin within the sub-step are then found before, as they could end it too deep for their energy.
+    """
+    bodies = state.bodies
+    if state.clock.attempt > 0 or 2.0 * h * bodies.fastest <= onset:
         return False
     set_reach(bodies, 0, bodies.inside, h, 1.0)
     bodies.farthest_reach = h * bodies.fastest
@@ -103,15 +112,15 @@ def _look_ahead(state, own, h, onset):
 
 
 @inner
-def _least(state, own, omega, gap, speed, onset):
+def _least(state, own, omega, is_new, speed, onset):
     """Return the energy, over k / 2, from which on steps are those of a contact that hardens [m2].
 
-    It is less by what a collision can gain in steps that are not cut, where bodies are about to collide, and, so that
-    the steps stay the same, where they collide in steps that have been cut.
+    It is less by what a collision can gain in steps that are not cut, for contacts that begin, and, so that the steps
+    stay the same, for those that move in steps that have been cut.
     """
     clock = state.clock
     gain = 0.0
-    if gap >= 0.0 or clock.h_before < clock.step:
+    if is_new or clock.h_before < clock.step:
         gain = min(own.stiffness * omega * onset**2, STANDING * speed**2)
     return LIKELY * onset**2 - 0.5 * clock.step**2 * gain
 
@@ -136,6 +145,13 @@ def press(overlap, radius, own):
 
 
 @inner
+def _energy(overlap, tangent, onset, length):
+    """Return the energy of the spring of a contact, over k / 2 [m2]."""
+    beyond = length * (tangent - 1.0) + (onset - length) * math.log(tangent)
+    return min(overlap, onset) ** 2 + 2.0 * length * beyond
+
+
+@inner
 def _hardest(state, own, c, radius):
     """Return the tangent stiffness over k up to which contact c hardens with its energy; 0 if it does not.
 
@@ -143,28 +159,30 @@ def _hardest(state, own, c, radius):
     onset. Velocities are those of half a sub-step ago. Where the energy is more than the spring takes up to the radius,
     the bodies started with a greater overlap.
     """
-    contacts = state.contacts
+    contacts, before = state.contacts, state.clock.h_before
     onset = max(own.hardening * radius, own.least)
     gap, speed, mass = contacts.gap[c], -contacts.velocity_before[c], 1.0 / (contacts.omega[c] * own.stiffness)
     overlap = -min(0.0, gap)
     if onset >= radius or overlap > radius:
         return 0.0
     length = (radius - onset) / math.log(HARDEST)
-    force, tangent = press(overlap, radius, own)
-    # Divided by k L^2, the energy beyond that at the onset is exp(s) - 1 + a s, s being the logarithm of the slope.
-    unit, a, s = 2.0 * length**2, onset / length - 1.0, math.log(HARDEST)
-    energy = mass * speed**2 - state.clock.h_before * speed * force + min(overlap, onset) ** 2 - onset**2
+    is_new = overlap < before * speed
+    energy = mass * speed**2
+    if not is_new:
+        force, tangent = press(overlap, radius, own)
+        energy += _energy(overlap, tangent, onset, length) - before * speed * force
     if contacts.other[c] >= 0:
         distance = state.bodies.radius[contacts.body[c]] + state.bodies.radius[contacts.other[c]]
         turn = tangential_velocity(state.bodies.velocity, contacts, c)
         energy -= mass * turn**2 * (((distance + gap) / (distance - onset)) ** 2 - 1.0)
-    energy = energy / unit + tangent - 1.0 + a * math.log(tangent)
-    least = _least(state, own, contacts.omega[c], gap, speed, onset) - onset**2
-    if energy * unit < least or energy > HARDEST - 1.0 + a * s:
+    most = _energy(radius, HARDEST, onset, length)
+    if energy < _least(state, own, contacts.omega[c], is_new, speed, onset) or energy > most:
         return 0.0
-    s = min(s, energy / (a + 1.0))  # beyond the root, from where Newton's method converges
+    # The energy beyond that at the onset, over k L^2, is exp(s) - 1 + a s, s being the logarithm of the slope.
+    beyond, a = 0.5 * (energy - onset**2) / length**2, onset / length - 1.0
+    s = min(math.log(HARDEST), beyond / (a + 1.0))  # at least the root, from where Newton's method converges
     for _ in range(NEWTON_STEPS):
-        s -= (math.exp(s) - 1.0 + a * s - energy) / (math.exp(s) + a)
+        s -= (math.exp(s) - 1.0 + a * s - beyond) / (math.exp(s) + a)
     return math.exp(max(s, 0.0))
 
 
@@ -193,7 +211,10 @@ def _is_too_stiff(state, own, h, onset):
         overlap = -min(gap, 0.0)
         deepest = h * max(speed, 0.0) - gap
         if deepest > 0.0:
-            least = _least(state, own, contacts.omega[c], gap, speed, onset) - overlap**2 + before * speed * overlap
+            is_new = overlap < before * speed
+            least = _least(state, own, contacts.omega[c], is_new, speed, onset)
+            if not is_new:
+                least += overlap * (before * speed - overlap)
             if deepest > onset or speed**2 > least * own.stiffness * contacts.omega[c]:
                 radius = _radius(bodies, contacts, c)
                 tangent = press(max(min(deepest, radius), -gap), radius, own)[1]

@@ -8,6 +8,7 @@ from evac.jit import Struct
 from evac.jit.layout import Array
 from evac.physics import tallies as at
 from evac.physics.blocks import BLOCKS, WALLS
+from evac.physics.cells import make_cells
 from evac.physics.pieces import CHUNK
 from evac.physics.state import (
     Bodies,
@@ -52,7 +53,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
     return State(
         world=world,
         bodies=allocate(Bodies, people, around=np.zeros((4 * people, 2)), work=np.zeros(people // CHUNK + 1)),
-        lists=make_lists(people, 8 * people + 64, 8 * people + 64),
+        lists=make_lists(people, 8 * people + 64, 8 * people + 64, len(world.cosine)),
         contacts=make_contacts(4 * people + 64),
         warm_start=make_warm_start(4 * people + 64),
         problem=make_problem(0, 0),
@@ -68,7 +69,7 @@ def make_state(world: World, people: int, forces: Forces, body_forces: Forces) -
     )
 
 
-def make_lists(people: int, pairs: int, walls: int) -> Lists:
+def make_lists(people: int, pairs: int, walls: int, levels: int) -> Lists:
     """Return neighbour lists with room for given numbers of pairs and of walls near bodies."""
     return allocate(
         Lists,
@@ -77,7 +78,7 @@ def make_lists(people: int, pairs: int, walls: int) -> Lists:
         pair_body=np.zeros(pairs, np.int32),
         wall_start=np.zeros(people + 1, np.int32),
         wall_item=np.zeros(walls, np.int32),
-        cell_start=np.zeros(4 * people + 1025, np.int32),
+        cells=make_cells(people, levels),
         stale=1,
         pair_reach=0.05,
         wall_reach=0.05,

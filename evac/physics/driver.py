@@ -67,8 +67,6 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
-    bodies.lightest = bodies.mass[:inside].min(initial=math.inf)
-    bodies.heaviest = bodies.mass[:inside].max(initial=0.0)
     bodies.inside = inside
     bodies.relaxation_step = 0.0
     bodies.node[:inside] = -1

@@ -306,7 +306,7 @@ class Engine:
         before = taken(saved, "h_before", np.float64, (1,), 0.0, 1.0)
         room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
         pairs, walls, contacts, events = map(int, room)
-        state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
+        state.lists, state.contacts = make_lists(n, pairs, walls, len(state.world.cosine)), make_contacts(contacts)
         state.warm_start = make_warm_start(contacts)
         if len(state.problem.body):
             state.problem = make_problem(n, contacts)

@@ -6,7 +6,8 @@ lists were built.
 """
 
 from evac.jit import inner
-from evac.physics.cells import fill_cells
+from evac.physics.cells import line_at, sort_by_level
+from evac.physics.sight import walls_near
 from evac.physics.status import OK, PAIRS_FULL, WALLS_FULL
 
 
@@ -42,56 +43,78 @@ def sort_into_cells(bodies, lists):
     """Sort the bodies into cells, and begin both lists."""
     n = bodies.inside
     greatest = 0.0
-    inside = 0
     for i in range(n):
         if bodies.level[i] >= 0:
-            inside += 1
             greatest = max(greatest, bodies.radius[i])
     lists.pair_start[0] = 0
     lists.wall_start[0] = 0
-    if inside == 0:
-        for i in range(n):
-            lists.cell_of[i] = -1
-        return
+    lists.greatest = greatest
     size = 2.0 * greatest + lists.pair_reach + lists.skin
-    nx, ny = fill_cells(n, bodies.position, bodies.level, size, lists.cell_start, lists.cell_of, lists.cell_body)
-    lists.cells_x = nx
-    lists.cells_y = ny
+    sort_by_level(lists.cells, n, bodies.position, bodies.level, size)
 
 
 @inner
 def list_pairs(world, bodies, lists, pair_body, low_body, high_body):
-    """List the pairs of some bodies in `pair_body`; return their number, -1 if too many, and the room it takes."""
-    span = lists.pair_reach + lists.skin
-    nx, ny = lists.cells_x, lists.cells_y
+    """List the pairs of some bodies in `pair_body`; return their number, -1 if too many, and the room it takes.
+
+    Bodies on different levels can touch through portals only, so other levels matter to those near one.
+    """
+    cells, span = lists.cells, lists.pair_reach + lists.skin
     capacity = pair_body.shape[0]
     used, room = 0, 0
     for i in range(low_body, high_body):
         first = used
-        cell = lists.cell_of[i]
-        if cell >= 0:
-            level = bodies.level[i]
-            x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
-            column = cell // ny
-            row = cell - column * ny
-            for cx in range(max(column - 1, 0), min(column + 2, nx)):
-                low = lists.cell_start[cx * ny + max(row - 1, 0)]
-                high = lists.cell_start[cx * ny + min(row + 2, ny)]
+        own = bodies.level[i]
+        x, y, r = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
+        levels = levels_in_reach(world, own, x, y, r + lists.greatest) if own >= 0 else 0
+        for k in range(levels):
+            level = world.linked_level[world.linked_start[own] + k]
+            columns, rows, wraps = cells.columns[level], cells.rows[level], cells.wraps[level]
+            column = line_at(x, cells.size) - cells.low_column[level]
+            row = line_at(y, cells.size) - cells.low_row[level]
+            for block in range(9 if wraps else 3):
+                # The rows of a column follow one another, unless they begin again.
+                if wraps:
+                    low = cells.first[level] + (column + block // 3 - 1) % columns * rows + (row + block % 3 - 1) % rows
+                    high = low + 1
+                else:
+                    cx = column + block - 1
+                    if cx < 0 or cx >= columns or row < -1 or row > rows:
+                        continue
+                    low = cells.first[level] + cx * rows + max(row - 1, 0)
+                    high = cells.first[level] + cx * rows + min(row + 2, rows)
+                low, high = cells.start[low], cells.start[high]
                 room = max(room, used + high - low)
                 if room > capacity:
                     return -1, room
                 for slot in range(low, high):
-                    j = lists.cell_body[slot]
+                    j = cells.slots[slot]
                     dx = bodies.position[j, 0] - x
                     dy = bodies.position[j, 1] - y
                     limit = r + bodies.radius[j]
-                    is_linked = world.linked[level, bodies.level[j]] != 0
                     # Written in any case, and kept by counting it: no processor foresees a branch that depends on this.
                     pair_body[used] = j
-                    used += (dx * dx + dy * dy < limit * limit) & (j > i) & is_linked
-            _sort(pair_body, first, used)
+                    used += (dx * dx + dy * dy < limit * limit) & (j > i)
+        _sort(pair_body, first, used)
         lists.pair_start[i + 1] = used
     return used, room
+
+
+@inner
+def levels_in_reach(world, level, x, y, reach):
+    """Return how many of the linked levels of a level are in reach of a place [m]: its own, or all if a portal is."""
+    for s in range(world.link_start[level], world.link_start[level + 1]):
+        if world.link_to[s] >= 0 and _is_near(world.link_segment, s, x, y, reach):
+            return world.linked_start[level + 1] - world.linked_start[level]
+    return 1
+
+
+@inner
+def _is_near(segment, s, x, y, reach):
+    """Return whether a place is within `reach` of the rectangle around a segment [m]."""
+    x1, y1, x2, y2 = segment[s, 0], segment[s, 1], segment[s, 2], segment[s, 3]
+    across = max(min(x1, x2) - x, x - max(x1, x2))
+    return max(across, min(y1, y2) - y, y - max(y1, y2)) <= reach
 
 
 @inner
@@ -107,49 +130,38 @@ def _sort(numbers, first, last):
 
 
 @inner
-def list_walls(world, bodies, lists, wall_item, first, last):
+def list_walls(world, bodies, lists, wall_item, low_body, high_body):
     """List the walls of some bodies in `wall_item`; return their number, -1 if too many.
 
     Note also where they are, and which can reach a portal or exit before the lists are built again.
     """
     capacity = wall_item.shape[0]
     span, near = lists.wall_reach + lists.skin, 1.5 * lists.skin
-    nx, ny = world.buckets_x, world.buckets_y
     used = 0
-    for i in range(first, last):
+    for i in range(low_body, high_body):
         level = bodies.level[i]
         bodies.near_link[i] = 0
         if level >= 0:
             x, y, limit = bodies.position[i, 0], bodies.position[i, 1], bodies.radius[i] + span
-            across, along = (x - world.bucket_x) / world.bucket_size, (y - world.bucket_y) / world.bucket_size
-            in_buckets = limit <= world.bucket_reach and 0.0 <= across < nx and 0.0 <= along < ny
-            low, high = 0, world.wall.shape[0]
-            if in_buckets:
-                bucket = int(across) * ny + int(along)
-                low, high = world.bucket_start[bucket], world.bucket_start[bucket + 1]
-            for slot in range(low, high):
-                w = world.bucket_wall[slot] if in_buckets else slot
-                if world.linked[level, world.wall_level[w]] == 0:
-                    continue
-                x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
-                if min(x1, x2) - x > limit or x - max(x1, x2) > limit:
-                    continue
-                if min(y1, y2) - y > limit or y - max(y1, y2) > limit:
-                    continue
-                if segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
-                    if used == capacity:
-                        return -1
-                    wall_item[used] = w
-                    used += 1
+            first = used
+            levels = levels_in_reach(world, level, x, y, limit)
+            for k in range(levels):
+                low, high = walls_near(world, world.linked_level[world.linked_start[level] + k], x, y, limit)
+                for slot in range(low, high):
+                    w = world.bucket_wall[slot]
+                    x1, y1, x2, y2 = world.wall[w, 0], world.wall[w, 1], world.wall[w, 2], world.wall[w, 3]
+                    is_near = _is_near(world.wall, w, x, y, limit)
+                    if is_near and segment_distance(x1, y1, x2, y2, x, y)[0] < limit:
+                        if used == capacity:
+                            return -1
+                        wall_item[used] = w
+                        used += 1
+            if levels > 1:
+                _sort(wall_item, first, used)
             for s in range(world.link_start[level], world.link_start[level + 1]):
-                x1, y1 = world.link_segment[s, 0], world.link_segment[s, 1]
-                x2, y2 = world.link_segment[s, 2], world.link_segment[s, 3]
-                if min(x1, x2) - x > near or x - max(x1, x2) > near:
-                    continue
-                if min(y1, y2) - y > near or y - max(y1, y2) > near:
-                    continue
-                bodies.near_link[i] = 1
-                break
+                if _is_near(world.link_segment, s, x, y, near):
+                    bodies.near_link[i] = 1
+                    break
         lists.wall_start[i + 1] = used
         bodies.built_position[i, 0] = bodies.position[i, 0]
         bodies.built_position[i, 1] = bodies.position[i, 1]

@@ -1,4 +1,4 @@
-"""Walls that cross a straight line in plan, found with the wall buckets of the world."""
+"""Walls near a place, and those that cross a straight line in plan, found with the wall buckets of the world."""
 
 from evac.jit import inner
 from evac.physics.seams import side_of
@@ -13,6 +13,30 @@ def bucket_at(world, x, y):
         return 0, 0  # no wall is near
     bucket = int(across) * ny + int(along)
     return world.bucket_start[bucket], world.bucket_start[bucket + 1]
+
+
+@inner
+def walls_near(world, level, x, y, reach):
+    """Return the range (first, last + 1) in ``world.bucket_wall`` of walls of a level: those within `reach` and others.
+
+    A reach beyond that of the buckets takes all walls of the level, which are those of the bucket behind the last one.
+    """
+    first, last = bucket_at(world, x, y)
+    if reach > world.bucket_reach:
+        first, last = world.bucket_start[world.bucket_start.shape[0] - 2], world.bucket_wall.shape[0]
+    return _first_above(world, level - 1, first, last), _first_above(world, level, first, last)
+
+
+@inner
+def _first_above(world, level, first, last):
+    """Return where walls of levels above `level` begin in a bucket, whose walls are sorted by level."""
+    while first < last:
+        middle = (first + last) // 2
+        if world.wall_level[world.bucket_wall[middle]] <= level:
+            first = middle + 1
+        else:
+            last = middle
+    return first
 
 
 @inner

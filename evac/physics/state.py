@@ -9,6 +9,7 @@ from evac.arrays import FloatArray
 from evac.directions.fields import PackedFields
 from evac.jit import ByteGrid, Bytes, FloatGrid, Floats, Indices, Ints, Longs, Pairs, Quads, Struct, Triples
 from evac.jit.layout import Array
+from evac.physics.cells import Cells
 from evac.physics.turns import Team
 
 #: Rows of the packed contact problem, see `evac.physics.rows`.
@@ -131,8 +132,8 @@ class World(Struct):
     wall: Quads  # (w, 4)
     wall_level: Ints  # (w,)
     wall_open: Bytes  # (w,) 1: absent, as at an open link
-    bucket_wall: Ints  # walls near each bucket of the plan, in ascending order
-    bucket_start: Ints  # (buckets + 1,) first of a bucket in bucket_wall
+    bucket_wall: Ints  # walls near each bucket of the plan, level by level in ascending order; behind them all walls
+    bucket_start: Ints  # (buckets + 2,) first of a bucket in bucket_wall
     buckets_x: int  # buckets along x and y
     buckets_y: int
     bucket_x: float  # corner of the first bucket [m]
@@ -148,6 +149,8 @@ class World(Struct):
     cosine: Floats  # (levels,) cosine of the slope
     backed: Bytes  # (levels,) 1: the level has walls right behind one of its exits
     linked: ByteGrid  # (levels, levels) 1: same level or at most two portals apart
+    linked_start: Ints  # (levels + 1,) first of a level in linked_level
+    linked_level: Ints  # the levels linked with each level, its own first
     rounding: float  # rounding error of positions at these coordinates [m]
     fields: PackedFields
 
@@ -162,8 +165,6 @@ class Bodies(Struct):
     inside: int  # number of bodies
     failed: int  # body that the last failure concerns
     smallest: float  # smallest radius [m]
-    lightest: float  # smallest mass [kg]
-    heaviest: float  # greatest mass [kg]
     fastest: float  # largest free speed in the sub-step [m/s]
     reach_floor: float  # smallest reach [m]
     farthest_reach: float  # largest reach, if a law requests another search [m]
@@ -211,11 +212,8 @@ class Lists(Struct):
     pair_body: Ints
     wall_start: Ints
     wall_item: Ints
-    cell_start: Ints
-    cell_body: Ints
-    cell_of: Ints
-    cells_x: int
-    cells_y: int
+    cells: Cells
+    greatest: float  # radius of the largest body [m]
     stale: int  # 1: must be rebuilt
     pair_reach: float  # reach of the list of bodies, beyond touching [m]
     wall_reach: float  # reach of the list of walls, beyond touching [m]

@@ -36,10 +36,12 @@ def make_world(building: Building, fields: Fields) -> World:
     walls = np.concatenate([building.walls.reshape(-1, 4), segment])
     link_open = np.ones(building.n_links, np.uint8)
     link_open[list(building.closed)] = 0
-    bucket_wall, bucket_start, shape, frame = _buckets(walls)
+    wall_level = np.concatenate([building.wall_level, link_level]).astype(np.int32)
+    bucket_wall, bucket_start, shape, frame = _buckets(walls, wall_level)
+    linked = _linked(building)
     return World(
         wall=np.ascontiguousarray(walls, dtype=np.float64),
-        wall_level=np.concatenate([building.wall_level, link_level]).astype(np.int32),
+        wall_level=wall_level,
         wall_open=np.concatenate([np.zeros(len(building.walls), np.uint8), link_open[link]]),
         bucket_wall=bucket_wall,
         bucket_start=bucket_start,
@@ -57,7 +59,9 @@ def make_world(building: Building, fields: Fields) -> World:
         uphill=np.array([level.uphill for level in building.levels], dtype=np.float64).reshape(count, 2),
         cosine=np.cos([level.slope for level in building.levels]),
         backed=_backed(building),
-        linked=_linked(building),
+        linked=linked,
+        linked_start=np.concatenate([[0], np.cumsum(linked.sum(axis=1, dtype=np.int32))]).astype(np.int32),
+        linked_level=_linked_levels(linked),
         rounding=max(1e-12, 16.0 * np.finfo(float).eps * float(np.abs(fields.packed.origin).max())),
         fields=fields.packed,
     )
@@ -123,11 +127,20 @@ def _linked(building: Building) -> np.ndarray:
     return (neighbours @ neighbours > 0).astype(np.uint8)
 
 
-def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Sort walls into square buckets of the plan; each lists the walls within `BUCKET_REACH` of it."""
+def _linked_levels(linked: np.ndarray) -> IntArray:
+    """Return the linked levels of each level, its own first."""
+    own, other = np.nonzero(linked)
+    return other[np.lexsort((other, other != own, own))].astype(np.int32)
+
+
+def _buckets(walls: FloatArray, level: IntArray) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Sort walls into square buckets of the plan; each lists the walls within `BUCKET_REACH` of it, level by level.
+
+    Behind the last bucket is one of all walls.
+    """
     if not len(walls):
         empty = np.zeros(0, np.int32)
-        return empty, np.zeros(2, np.int32), np.ones(2, np.int32), np.array([0.0, 0.0, 1e300, 1e300])
+        return empty, np.zeros(3, np.int32), np.ones(2, np.int32), np.array([0.0, 0.0, 1e300, 1e300])
     low = np.minimum(walls[:, :2], walls[:, 2:])
     high = np.maximum(walls[:, :2], walls[:, 2:])
     origin = low.min(axis=0) - BUCKET_REACH
@@ -144,11 +157,13 @@ def _buckets(walls: FloatArray) -> tuple[IntArray, IntArray, IntArray, FloatArra
         near = _distance(walls[w], centre) <= BUCKET_REACH + size * np.sqrt(0.5)
         owner.append((columns.ravel() * shape[1] + rows.ravel())[near])
         item.append(np.full(int(near.sum()), w))
-    owners = np.concatenate(owner)
-    order = np.argsort(owners, kind="stable")
-    start = np.searchsorted(owners[order], np.arange(shape[0] * shape[1] + 1)).astype(np.int32)
+    buckets = int(shape[0]) * int(shape[1])
+    owners = np.concatenate([*owner, np.full(len(walls), buckets)])
+    items = np.concatenate([*item, np.arange(len(walls))])
+    order = np.lexsort((items, level[items], owners))
+    start = np.searchsorted(owners[order], np.arange(buckets + 2)).astype(np.int32)
     frame = np.array([origin[0], origin[1], size, BUCKET_REACH])
-    return np.concatenate(item)[order].astype(np.int32), start, shape, frame
+    return items[order].astype(np.int32), start, shape, frame
 
 
 def _distance(wall: FloatArray, points: FloatArray) -> FloatArray:

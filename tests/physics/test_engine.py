@@ -37,7 +37,7 @@ def test_room_for_one_gives_the_bits_of_room_for_all(model, tick, scene):
         crowd = make_crowd(start[:, :2], start[:, 2:], speed=1.5)
         engine = make_engine(crowd, building, forces=[SocialForce()])
         if is_scarce:
-            engine.state.lists, engine.state.events = make_lists(n, 1, 1), allocate(Events, 1)
+            engine.state.lists, engine.state.events = make_lists(n, 1, 1, 1), allocate(Events, 1)
             make_room_for_contacts(engine.state, 1)
         crossings = []
         for first in range(0, 6, tick):

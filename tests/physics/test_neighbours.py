@@ -7,8 +7,9 @@ from evac.jit import kernel
 from evac.physics.allocation import SKIN, grown, make_room_for_contacts
 from evac.physics.contacts import find_contacts
 from evac.physics.driver import gather
-from evac.physics.neighbours import build_lists
-from evac.physics.state import Bodies, Lists, State, World
+from evac.physics.neighbours import build_lists, list_pairs, sort_into_cells
+from evac.physics.seams import reaches
+from evac.physics.state import Bodies, Lists, State, World, make_crowd
 from evac.physics.status import OK
 from evac_plugins.contact_dem import Dem
 from tests.physics.scenes import make_building, make_engine, random_crowd
@@ -63,6 +64,72 @@ def test_lists_are_those_of_brute_force(seed, reach):
         gap = distance_to_walls(bodies.position[i], state.world.wall) - bodies.radius[i]
         expected = np.flatnonzero(gap < reach + SKIN).tolist()
         assert lists.wall_item[lists.wall_start[i] : lists.wall_start[i + 1]].tolist() == expected
+
+
+@kernel
+def list_room(world: World, bodies: Bodies, lists: Lists) -> int:
+    sort_into_cells(bodies, lists)
+    return list_pairs(world, bodies, lists, lists.pair_body, 0, bodies.inside)[1]
+
+
+def stacked(storeys, far=None):
+    """Fifty people at the same places of each storey; portals join the storeys at a wall, in turns at two places."""
+    places = np.array([(x, y) for x in range(10) for y in range(5)]) + 0.5
+    position = np.tile(places, (storeys, 1))
+    if far is not None:
+        position[-1] = far
+    portals = [(k, k + 1, (10.0, 1.0 + 2 * (k % 2), 10.0, 2.0 + 2 * (k % 2))) for k in range(storeys - 1)]
+    building = make_building(((0.0, 0.0, 10.0, 5.0),) * storeys, portals=portals)
+    crowd = make_crowd(position, level=np.repeat(np.arange(storeys), 50))
+    state = make_engine(crowd, building).state
+    state.bodies.row[:] = np.arange(len(position))
+    gather(state, crowd, len(position))
+    state.lists.pair_reach = 0.5
+    return state
+
+
+@pytest.mark.parametrize("far", [None, (5000.5, 0.5), (4000.5, 4000.5)])
+def test_storeys_and_people_far_away_add_no_candidates(far):
+    """Those in the cells around a person, of whom the list takes the near ones; few people stand near a portal."""
+    one, many = stacked(1), stacked(20, far)
+    alone = list_room(one.world, one.bodies, one.lists)
+    room = list_room(many.world, many.bodies, many.lists)
+    pairs = many.lists.pair_start[many.bodies.inside]
+    assert pairs > 20 * one.lists.pair_start[50] * 0.95
+    assert room < pairs + alone
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lists_across_portals_contain_all_who_can_touch(seed):
+    """Of people on other levels, those whose segment to the body passes an open portal between."""
+    random = np.random.default_rng(seed)
+    building = make_building(
+        ((0.0, 0.0, 4.0, 4.0), (4.0, 0.0, 8.0, 4.0), (4.0, 0.0, 8.0, 4.0)),
+        walls=[(4.0, 0.0, 4.0, 1.0), (4.0, 3.0, 4.0, 4.0), (4.0, 0.0, 4.0, 4.0)],
+        wall_level=[0, 1, 2],
+        portals=[(0, 1, (4.0, 1.0, 4.0, 3.0))],
+    )
+    crowd = make_crowd(random.uniform((2.5, 0.5), (5.5, 3.5), (60, 2)))
+    crowd.level[:] = np.where(crowd.position[:, 0] < 4.0, 0, random.integers(1, 3, 60))
+    state = make_engine(crowd, building).state
+    bodies, lists, contacts = state.bodies, state.lists, state.contacts
+    bodies.row[:] = np.arange(60)
+    gather(state, crowd, 60)
+    bodies.reach[:60], lists.pair_reach, lists.wall_reach = 0.2, 0.4, 0.4
+    build_with_room(state)
+    state.parts.seams = reaches.address
+    assert find(state) == OK
+    found = {(contacts.body[c], contacts.other[c]) for c in range(contacts.number) if contacts.other[c] >= 0}
+    expected = set()
+    for i in range(60):
+        for j in range(i + 1, 60):
+            p, q = crowd.position[i], crowd.position[j]
+            levels = {int(crowd.level[i]), int(crowd.level[j])}
+            at = p[1] + (4.0 - p[0]) / (q[0] - p[0]) * (q[1] - p[1])
+            if np.hypot(*(p - q)) <= 0.8 and (len(levels) == 1 or (levels == {0, 1} and 1.0 < at < 3.0)):
+                expected.add((i, j))
+    assert found == expected
+    assert any(crowd.level[i] != crowd.level[j] for i, j in found)
 
 
 @pytest.mark.parametrize("seed", range(4))

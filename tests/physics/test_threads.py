@@ -149,7 +149,7 @@ def test_forces_at_a_distance_are_the_same_with_threads():
 
 
 def leave_no_room(engine):
-    engine.state.lists, engine.state.events = make_lists(PEOPLE, 1, 1), allocate(Events, 1)
+    engine.state.lists, engine.state.events = make_lists(PEOPLE, 1, 1, 2), allocate(Events, 1)
     make_room_for_contacts(engine.state, 1)
 
 

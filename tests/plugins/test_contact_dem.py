@@ -83,8 +83,8 @@ def test_the_smaller_body_of_two_decides_how_a_contact_hardens():
 
 @pytest.mark.parametrize("share", [0.999, 1.001])
 def test_a_hardened_contact_cuts_steps_by_its_tangent_stiffness(share):
-    """A body at rest against a wall: an eighth of the step that is unstable, h^2 k(D) / m = 4."""
-    limit = 0.125 * 2.0 / (1.2e5 * slope(0.14, 0.2) / 80.0) ** 0.5
+    """A body at rest against a wall: a ninth of the step that is unstable, h^2 k(D) / m = 4."""
+    limit = 2.0 / 9.0 / (1.2e5 * slope(0.14, 0.2) / 80.0) ** 0.5
     crowd = make_crowd([(-0.06, 0)], radius=0.2, mass=80.0, tau=FREE)
     engine = walk(Dem(), crowd, 1, h=share * limit, building=make_building(walls=[(0, -3, 0, 3)]))
     assert engine.report()["too_stiff_steps"] == (share > 1.0)
