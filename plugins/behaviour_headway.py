@@ -16,7 +16,7 @@ from evac.outside import Outside
 from evac.parameters import Parameter
 from evac.physics.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
-from evac.physics.seams import reaches, way_out
+from evac.physics.seams import SEAM, reaches, way_out
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
 
@@ -302,7 +302,7 @@ def sees(world, sights, i, j):  # type: ignore[no-untyped-def]
         return False
     if b >= sights.levels:
         b -= sights.levels
-        share = way_out(world, b, ax, ay, bx, by)
+        share = way_out(world, b, ax, ay, bx, by, max(SEAM, world.rounding))
         if share < 0.0:
             return False
         bx, by = ax + share * (bx - ax), ay + share * (by - ay)

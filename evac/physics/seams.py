@@ -37,13 +37,16 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 
 
 @inner
-def way_out(world, level, ax, ay, bx, by):
-    """Return the fraction of a-b at which the first open exit of a level is passed outwards, or -1 if there is none."""
+def way_out(world, level, ax, ay, bx, by, slack):
+    """Return the fraction of a-b at which the first open exit of a level is passed outwards, or -1 if there is none.
+
+    With `slack` > 0 [m], an end on the line of an exit counts as beyond it.
+    """
     first = -1.0
     for s in range(world.link_start[level], world.link_start[level + 1]):
         if world.link_to[s] >= 0 or not world.link_open[world.link_id[s]]:
             continue
-        share = crossing(world.link_segment, s, ax, ay, bx, by, 0.0)
+        share = crossing(world.link_segment, s, ax, ay, bx, by, slack)
         if share >= 0.0 and (first < 0.0 or share < first):
             first = share
     return first
@@ -59,7 +62,7 @@ def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: 
     if level_a == level_b:
         if world.backed[level_a] == 0:
             return True
-        return way_out(world, level_a, ax, ay, bx, by) < 0.0 and way_out(world, level_a, bx, by, ax, ay) < 0.0
+        return way_out(world, level_a, ax, ay, bx, by, 0.0) < 0.0 and way_out(world, level_a, bx, by, ax, ay, 0.0) < 0.0
     if world.linked[level_a, level_b] == 0:
         return False
     slack = max(SEAM, world.rounding)

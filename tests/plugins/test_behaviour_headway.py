@@ -146,6 +146,8 @@ def test_who_has_left_is_followed_and_turned_from_as_one_inside():
     assert crowd.speed_factor[0] == pytest.approx((math.hypot(0.8, 0.1) - 0.3) / 1.2, rel=1e-12)
     crowd, _ = behind((-0.3, 0.0), [(0, 0.2, 0.0, EAST)], doors, repulsion=8.0)
     assert crowd.extra_direction[0] == pytest.approx([-8.0 * math.exp((0.3 - 0.5) / 0.1), 0.0])
+    crowd, _ = behind((-0.8, 0.1), [(0, 0.0, 0.1, EAST)], doors)  # still on the line
+    assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2)
     crowd, _ = behind((-0.3, 0.0), [(-1, 0.5, 0.1, EAST)], doors)
     assert crowd.speed_factor[0] == 1.0
 
