@@ -84,6 +84,8 @@ class Simulation:
         Wall time of each phase.
     ended : str
         Why the run has ended; empty during the run.
+    stopping : tuple of Finding
+        Places that people do not fit through, although no other way leads to an exit.
     resumed : list of dict
         The checkpoints from which the run was resumed, see docs/results.md.
     """
@@ -135,7 +137,9 @@ class Simulation:
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
-            check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
+            self.stopping = check_ways(
+                case.source, building, self.fields, self.scene.world, people.crowd, people.groups
+            )
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
@@ -199,14 +203,14 @@ class Simulation:
         Returns
         -------
         tuple of str
-            About the building, places that are too narrow for the widest person, unusual properties of people, and
-            people who start only after the end of the run.
+            About the building, places that are too narrow for some people, people for whom no way to an exit is wide
+            enough, unusual properties of people, and people who start only after the end of the run.
         """
         crowd = self.population.crowd
-        narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
+        narrow = narrow_places(self.building, 2.0 * crowd.radius)
         start = crowd.replace(position=self._start[0], level=self._start[1])
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        return (*self.building.warnings, *map(str, narrow), *people)
+        return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None

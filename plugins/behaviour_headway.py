@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
-from evac.directions.sampling import sample_travel_time
+from evac.directions.sampling import column_of, sample_travel_time
 from evac.hookspecs import hookimpl
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.parameters import Parameter
@@ -80,7 +80,7 @@ class Headway(Behaviour):
     """
 
     name = "headway"
-    reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
+    reads = ("position", "level", "radius", "speed", "start_time", "route", "speed_factor", "extra_direction")
     writes = ("speed_factor", "extra_direction")
     acts_last = True
 
@@ -192,7 +192,8 @@ def set_desired_motion(world, crowd, sights, time):  # type: ignore[no-untyped-d
         sights.direction[i, 1] = ey
         sights.wanted[i] = desired_speed(world, crowd, i, ex, ey)
         x, y = crowd.position[i, 0], crowd.position[i, 1]
-        sights.remaining[i] = sample_travel_time(world.fields, x, y, level, crowd.route[i])
+        column = column_of(world.fields, crowd.route[i], crowd.radius[i])
+        sights.remaining[i] = sample_travel_time(world.fields, x, y, level, column)
 
 
 @inner
