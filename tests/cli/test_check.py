@@ -190,7 +190,7 @@ APART = "POLYGON ((0 0, 12 0, 12 8, 6.1 8, 6.1 0.45, 6 0.45, 6 8, 0 8, 0 0))"
 
 
 @pytest.mark.parametrize(("ground", "warnings"), [(ROUND, 1), (APART, 2)])
-def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another_way(
+def test_warns_of_a_gap_that_some_fit_through_and_of_people_without_another(
     evac, tmp_path, capsys, ground, warnings
 ):
     case = tmp_path / "case.toml"
