@@ -273,7 +273,7 @@ def _over(upper: _Solved, lower: _Solved) -> _Solved:
     for route, (direction, time) in enumerate(zip(upper.directions, upper.travel_times, strict=True)):
         lost = ~np.isfinite(time)
         time[lost] = lower.travel_times[route][lost]
-        lost &= ~direction.any(axis=1)
+        lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
         direction[lost] = lower.directions[route][lost]
         costs = upper.costs[route]
         unknown = ~np.isfinite(costs)

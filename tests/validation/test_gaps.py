@@ -7,6 +7,7 @@ import pytest
 
 from evac.scenario.loading import as_case
 from evac.simulation import Simulation
+from tests.validation.buildings import alone
 from tests.validation.gaps import gap_case, has_way
 
 #: Random plans, of which a share is tested every time.
@@ -14,7 +15,10 @@ PLANS, SHARE = 300, (3, 7, 29)
 
 
 def check_plan(seed, model):
-    """Compare who is told to have no way with a polygon for each body; all others get out, without the former."""
+    """Compare who is told to have no way with polygons; all others get out, without the former.
+
+    Returns how many block a door for each other.
+    """
     content = gap_case(seed, model)
     told = Simulation(as_case(content), will_run=False)
     crowd = told.population.crowd
@@ -37,8 +41,15 @@ def check_plan(seed, model):
         run = Simulation(as_case(content))
         assert run.stopping == ()
         run.run()
-        inside = np.isnan(run.population.crowd.exit_time)
-        assert not inside.any(), (seed, run.ended, run.population.crowd.position[inside], run.fields.packed.width)
+        inside = np.flatnonzero(np.isnan(run.population.crowd.exit_time))
+        state = run.state()
+        state["simulation.ending"][-1] = run.time
+        # Bodies in contact can block a door for each other. Then each gets out from there alone.
+        for person in inside:
+            alone(run, person, state)
+            assert np.isfinite(run.population.crowd.exit_time[person]), (person, state["population.position"][person])
+        return len(inside)
+    return 0
 
 
 @pytest.mark.parametrize("model", ["dem", "nsm1", "nsm2"])
