@@ -113,7 +113,9 @@ class Ending:
         """Return whether nobody has made progress or left for `no_progress`."""
         inside = np.flatnonzero(crowd.level >= 0)
         place = crowd.route[inside], inside
-        remaining = fields.travel_time_at(crowd.level[inside], crowd.position[inside], crowd.route[inside])
+        remaining = fields.travel_time_at(
+            crowd.level[inside], crowd.position[inside], crowd.route[inside], crowd.radius[inside]
+        )
         waits = crowd.start_time[inside] > time
         with np.errstate(invalid="ignore"):  # inf - inf where no exit can be reached: no gain
             gain = np.fmax(self._least[place] - remaining, 0.0)

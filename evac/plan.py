@@ -58,6 +58,7 @@ def field_settings(case: "Case", behaviours: Sequence[Behaviour], full: bool) ->
         "spacing": settings.spacing,
         "clearance": default_clearance(case) if settings.clearance is None else settings.clearance,
         "narrowest": narrowest_body(case),
+        "widest": 2.0 * default_clearance(case),
         "speeds": reference_speeds(case),
         "comfort": settings.comfort,
         "order": settings.order,

@@ -89,6 +89,8 @@ class Simulation:
         Wall time of each phase.
     ended : str
         Why the run has ended; empty during the run.
+    stopping : tuple of Finding
+        Places that people do not fit through, although no other way leads to an exit.
     resumed : list of dict
         The checkpoints from which the run was resumed, see docs/results.md.
     """
@@ -140,7 +142,9 @@ class Simulation:
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population = people = build_population(case, building, self.fields, self.seed)
-            check_ways(case.source, building, self.fields, self.scene.world, people.crowd, people.groups)
+            self.stopping = check_ways(
+                case.source, building, self.fields, self.scene.world, people.crowd, people.groups
+            )
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
             self.outside = PeopleOutside(building, people.crowd) if sees_outside else None
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
@@ -207,15 +211,16 @@ class Simulation:
         Returns
         -------
         tuple of str
-            About the building, places that are too narrow for the widest person, unusual properties of people,
-            people who start only after the end of the run, and threads that are not used.
+            About the building, places that are too narrow for some people, people for whom no way to an exit is wide
+            enough, unusual properties of people, people who start only after the end of the run, and threads that are
+            not used.
         """
         crowd = self.population.crowd
-        narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
+        narrow = narrow_places(self.building, 2.0 * crowd.radius)
         start = crowd.replace(position=self._start[0], level=self._start[1])
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
         unused = unused_threads(self._threads, len(crowd.level))
-        return (*self.building.warnings, *map(str, narrow), *people, *unused)
+        return (*self.building.warnings, *map(str, (*narrow, *self.stopping)), *people, *unused)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.building.model import FLAT
-from evac.directions.sampling import sample_travel_time
+from evac.directions.sampling import column_of, sample_travel_time
 from evac.hookspecs import hookimpl
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
 from evac.outside import Outside
@@ -91,7 +91,7 @@ class Headway(Behaviour):
     """
 
     name = "headway"
-    reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
+    reads = ("position", "level", "radius", "speed", "start_time", "route", "speed_factor", "extra_direction")
     writes = ("speed_factor", "extra_direction")
     acts_last = True
     keeps_distance = True
@@ -223,7 +223,8 @@ def set_desired_motion(world, crowd, outside, sights, time):  # type: ignore[no-
         sights.direction[i, 1] = ey
         sights.wanted[i] = desired_speed(world, crowd, i, ex, ey)
         x, y = sights.position[i, 0], sights.position[i, 1]
-        sights.remaining[i] = sample_travel_time(world.fields, x, y, level, crowd.route[i])
+        column = column_of(world.fields, crowd.route[i], crowd.radius[i])
+        sights.remaining[i] = sample_travel_time(world.fields, x, y, level, column)
 
 
 @inner

@@ -71,7 +71,7 @@ class RouteChoice(Behaviour):
     """
 
     name = "route_choice"
-    reads = ("position", "level", "speed", "route")
+    reads = ("position", "level", "radius", "speed", "route")
     writes = ("route",)
     group_keys = ("exits", "strategies", "change_at")
 
@@ -227,7 +227,7 @@ def route_costs(fields: Fields, crowd: Crowd, rows: IntArray, routes: Sequence[i
     position = crowd.position[rows]
     cost = np.full((len(rows), len(routes)), math.inf)
     for column, route in enumerate(routes):
-        lengths = fields.lengths_at(level, position, route)
+        lengths = fields.lengths_at(level, position, route, crowd.radius[rows])
         reached = np.isfinite(lengths[:, 0])
         with np.errstate(invalid="ignore"):  # 0 m at 0 m/s counts as 0 s
             own = np.where(lengths[reached] > 0.0, lengths[reached] * weight[reached], 0.0)

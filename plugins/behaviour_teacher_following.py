@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evac.behaviour import Behaviour, BehaviourScene
 from evac.building.model import FLAT
 from evac.directions.fields import PackedFields
-from evac.directions.sampling import sample_travel_time
+from evac.directions.sampling import column_of, sample_travel_time
 from evac.errors import ScenarioError
 from evac.hookspecs import hookimpl
 from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
@@ -83,7 +83,7 @@ class TeacherFollowing(Behaviour):
     """
 
     name = "teacher_following"
-    reads = ("position", "level", "speed", "route", "start_time")
+    reads = ("position", "level", "radius", "speed", "route", "start_time")
     writes = ("route", "speed_factor", "start_time")
     group_keys = ("teacher",)
 
@@ -153,7 +153,7 @@ def follow(crowd: Crowd, fields: PackedFields, classes: Classes, rules: Rules, t
             memory[g, LAST_TRAVEL_TIME] = math.inf
             memory[g, TEACHER_TRAVEL_TIME] = math.inf
         x, y = crowd.position[t, 0], crowd.position[t, 1]
-        own = sample_travel_time(fields, x, y, crowd.level[t], crowd.route[t])
+        own = sample_travel_time(fields, x, y, crowd.level[t], column_of(fields, crowd.route[t], crowd.radius[t]))
         behind = pace_members(crowd, fields, classes, rules, time, g, own)
         if time >= crowd.start_time[t] and math.isfinite(own):
             last = classes.behind[behind - 1] if behind > 0 else own
@@ -181,7 +181,8 @@ def pace_members(crowd, fields, classes, rules, time, g, own):  # type: ignore[n
         if time <= crowd.start_time[m] < crowd.start_time[t]:
             crowd.start_time[m] = crowd.start_time[t]
         x, y = crowd.position[m, 0], crowd.position[m, 1]
-        remaining = sample_travel_time(fields, x, y, crowd.level[m], crowd.route[m])
+        column = column_of(fields, crowd.route[m], crowd.radius[m])
+        remaining = sample_travel_time(fields, x, y, crowd.level[m], column)
         lead = own - remaining
         if not math.isfinite(lead):
             continue

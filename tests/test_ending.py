@@ -18,7 +18,7 @@ class Ways:
 
     remaining: np.ndarray = field(default_factory=lambda: np.array([9.0, 4.0]))
 
-    def travel_time_at(self, level, position, route):
+    def travel_time_at(self, level, position, route, radius=0.0):
         return np.atleast_2d(self.remaining)[route, np.arange(len(level))]
 
 

@@ -83,3 +83,40 @@ def test_a_run_goes_on_to_the_same_bits_behind_a_closure(room, full):
 def test_a_name_that_is_none_is_refused(room):
     with pytest.raises(BuildingError, match=r"'fron'.*'front'"):
         Simulation(room).scene.set_open("fron", False)
+
+
+@pytest.fixture
+def gap():
+    """Return a case of a hall with a gap of 0.45 m and a door in its middle, and an exit at either end."""
+    hall = "POLYGON ((0 0, 12 0, 12 8, 0 8, 0 0), (6 0.45, 6 6.9, 6.1 6.9, 6.1 0.45, 6 0.45))"
+    exits = [
+        {"name": "east", "storey": "f", "segment": [[12, 0.5], [12, 1.7]]},
+        {"name": "west", "storey": "f", "segment": [[0, 0.5], [0, 0.95]]},
+    ]
+    table = {
+        "building": {"plan": {"storeys": [{"name": "f", "polygons": [hall]}], "exits": exits}},
+        "contact": {"model": "nsm1"},
+        "simulation": {"duration": 60.0},
+        "people": [{"name": "people", "number": 12, "level": "f"}],
+        "behaviours": {"headway": {}},
+    }
+    return evac.load(table)
+
+
+def test_people_too_wide_for_a_gap_or_an_exit_take_another_and_go_on_to_the_same_bits(gap):
+    """Behind a closure too, and on a ground that runs share."""
+    ground = Simulation(gap, will_run=False).scene.ground
+    one, other = Simulation(gap, ground=ground), Simulation(gap)
+    ticks(one, 10)
+    one.scene.set_open("west", False)
+    ticks(one, 10)
+    one.scene.set_open("west", True)
+    other.restore(one.state())
+    assert one.fields.packed.width.tolist() == other.fields.packed.width.tolist() == pytest.approx([0.45], abs=2e-6)
+    results = [simulation.run() for simulation in (one, other)]
+    assert_same_bits(one, other)
+    assert results[0].exit_status == 0
+    wide = one.population.crowd.radius > 0.225
+    assert 0 < wide.sum() < 12
+    assert (results[0].crowd.exit_used[wide] == 0).all()
+    assert (results[0].crowd.exit_used[~wide] == 1).any()

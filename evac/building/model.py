@@ -228,6 +228,10 @@ class Building:
         """Return whether a portal or an exit can be passed."""
         return (link.index if isinstance(link, Portal) else self.link_of(link)) not in self.closed
 
+    def links_of(self, level: int) -> "list[Portal | Exit]":
+        """Return the portals and exits of a level, including closed ones."""
+        return [*self.portals_of(level), *self.exits_of(level)]
+
     def portals_of(self, level: int) -> list[Portal]:
         """Return the portals of a level, including closed ones."""
         return [portal for portal in self.portals if level in portal.levels]

@@ -78,8 +78,11 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.picture is not None:
         from evac.building.narrow import narrow_places
 
-        building, widest = simulation.building, 2.0 * float(simulation.population.crowd.radius.max())
-        _draw(arguments.picture, building, (*building.findings, *narrow_places(building, widest)), case.title)
+        building, narrow = (
+            simulation.building,
+            narrow_places(simulation.building, 2.0 * simulation.population.crowd.radius),
+        )
+        _draw(arguments.picture, building, (*building.findings, *narrow, *simulation.stopping), case.title)
     return 0
 
 
@@ -180,7 +183,7 @@ def show_people(simulation: "Simulation") -> None:
 
     population = simulation.population
     crowd = population.crowd
-    lengths = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route)
+    lengths = simulation.fields.lengths_at(crowd.level, crowd.position, crowd.route, crowd.radius)
     with np.errstate(divide="ignore", invalid="ignore"):
         # A length of 0 takes no time, even at speed 0.
         time = np.where(lengths > 0.0, lengths / crowd.speed, 0.0).sum(axis=1)
@@ -196,7 +199,8 @@ def show_people(simulation: "Simulation") -> None:
         for group in population.groups
     ]
     columns = ("group", "people", "levels", "unimpeded time to an exit [s]", "radius [m]")
-    title = f"People: {len(crowd.level)}. All can reach an exit; see warnings for narrow places."
+    reach = "Not all fit through the ways to an exit" if simulation.stopping else "All can reach an exit"
+    title = f"People: {len(crowd.level)}. {reach}; see warnings for narrow places."
     show_table(title, columns, rows)
 
 

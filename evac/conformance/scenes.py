@@ -231,6 +231,7 @@ def _fields(direction: FloatArray) -> Fields:
             origin=np.full((1, 2), -EXTENT),
             shape=np.full((1, 2), 2, np.int32),
             spacing=2.0 * EXTENT,
+            width=np.zeros(0),
             field_of=np.zeros((1, 1), np.int32),
             offset=np.zeros(1, np.int64),
             direction=np.tile(direction, (4, 1)),

@@ -3,22 +3,25 @@
 import math
 from collections.abc import Generator, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from evac.arrays import FloatArray
+from evac.arrays import FloatArray, IndexArray
 from evac.building.checks import measures
 from evac.building.model import Building, Exit
-from evac.building.narrow import gaps_below
+from evac.building.narrow import gaps_below, gaps_between_walls
 from evac.defaults import COMFORT, ORDER, SPACING
 from evac.directions.cellwalls import find_cell_walls
+from evac.directions.classes import find_classes
 from evac.directions.descent import descend
 from evac.directions.fields import Fields, PackedFields
 from evac.directions.graph import levels_reaching
-from evac.directions.grids import NOTHING, OWN, BuildingGrids, build_grids, count_nodes
+from evac.directions.grids import NOTHING, OWN, BuildingGrids, LevelGrid, build_grids, count_nodes
 from evac.directions.lengths import (
     Marched,
+    MarchedClass,
     continue_values,
     exits_of_route,
     nodes_not_marched,
@@ -36,8 +39,7 @@ from evac.parameters import did_you_mean
 #: The slowness factor is 1 + BEND at a wall and 1 at the clearance, so that paths pass posts at about one clearance.
 BEND = 8.0
 
-#: Slowness factor within a cell of the line across a gap that nobody fits through; a detour of about 200 cells is
-#: preferred.
+#: Slowness factor within a cell of the line across a gap that nobody fits through, where there is no other way.
 AVOID = 100.0
 
 #: Memory during the computation of fields [bytes]: per node, and per node and route after the first.
@@ -60,6 +62,7 @@ def build_fields(
     comfort: float = COMFORT,
     order: int = ORDER,
     narrowest: float = 0.0,
+    widest: float = 0.0,
     threads: int | None = 1,
 ) -> Fields:
     """Compute the travel times and directions of a building by fast marching.
@@ -69,6 +72,9 @@ def build_fields(
     Directions are the steepest descent of a second such field, whose slowness is multiplied by
     ``1 + BEND (1 - d / clearance)^2`` at distances d < `clearance` from walls. This keeps bodies away from posts and
     corners, and a narrow door remains passable, because its middle is still the best way.
+
+    A gap, portal or exit that a body does not fit through is a wall for it. Where its destination can then not be
+    reached, the body has the directions of the next narrower class.
 
     Parameters
     ----------
@@ -84,8 +90,9 @@ def build_fields(
         Weight of the time on stairs for the strategy "comfortable".
     order : {1, 2}
         Order of the marching stencil.
-    narrowest : float
-        Diameter of the smallest body [m]. Narrower gaps are used only if there is no other way.
+    narrowest, widest : float
+        Diameters of the smallest and the largest body [m]. For each gap between them there is another class of bodies
+        with its own fields.
     threads : int, optional
         Greatest number of fields that are marched at the same time, each in a process; fewer are if the grids are small
         or memory is short. None means one for each core. The fields are identical.
@@ -104,49 +111,174 @@ def build_fields(
     """
     _check_routes(building, routes)
     _check_spacing(building, spacing)
-    _check_memory(building, len(routes), spacing, clearance)
-    grids = build_grids(building, spacing, clearance)
-    avoided = _avoided(grids, narrowest)
-    bent = _bent(grids, clearance, avoided) if clearance > 0.0 else None
-    rates = tuple(_rates(route.strategy, speeds, comfort) for route in routes)
-    steepest = max([1.0, *(rate.max() for rate in rates)]) / min(math.cos(level.slope) for level in building.levels)
-    field_of = np.full((len(building.levels), len(routes)), -1, dtype=np.int32)
-    offsets: list[int] = []
-    parts: list[list[FloatArray]] = [[], []]
-    filled = 0
-    not_marched, costs = nodes_not_marched(grids), []
+    classes = find_classes(building, narrowest, widest)
+    _check_memory(building, len(routes) * (1 + len(classes)), spacing, clearance)
     ways = [exits_of_route(building, route) for route in routes]
-    with closing(_solve(grids, ways, rates, avoided, bent, order, threads)) as solved:
-        for index, (direction, travel_time) in enumerate(solved):
-            costs.append(travel_time[not_marched])
-            take_halos(grids, travel_time)
-            continue_values(grids, travel_time)
-            reaching = sorted(levels_reaching(building, ways[index]))
-            for level in reaching:
-                field_of[level, index] = len(offsets)
-                offsets.append(filled)
-                filled += grids.levels[level].sheet.size
-            # Where one route leads out from everywhere, as in most cases, nothing is copied: grids can fill the memory.
-            chosen = reaching if len(reaching) < len(building.levels) else None
-            for part, values in zip(parts, (direction, travel_time), strict=True):
-                part += [values] if chosen is None else [values[grids.levels[level].packed] for level in chosen]
-    direction, travel_time = (_joined(parts.pop(0), rest) for rest in ((2,), ()))
+    solver = _Solver(
+        building=building,
+        routes=tuple(routes),
+        spacing=spacing,
+        clearance=clearance,
+        rates=tuple(_rates(route.strategy, speeds, comfort) for route in routes),
+        order=order,
+        threads=threads,
+        reaching=tuple(tuple(sorted(levels_reaching(building, exits))) for exits in ways),
+    )
+    solved = [_narrowest_class(solver, narrowest)]
+    for body_class in classes:
+        solved.append(_over(solver.solve(body_class.barred), solved[-1]))
+    steepest = max([1.0, *(rate.max() for rate in solver.rates)])
+    steepest /= min(math.cos(level.slope) for level in building.levels)
+    levels = solved[0].grids.levels
+    field_of = np.full((len(levels), len(solved) * len(routes)), -1, dtype=np.int32)
+    sizes: list[int] = []
+    for column, reaching in enumerate(solver.reaching * len(solved)):
+        field_of[list(reaching), column] = range(len(sizes), len(sizes) + len(reaching))
+        sizes += [levels[level].sheet.size for level in reaching]
+    marched = tuple(MarchedClass(one.barred, one.nodes, tuple(one.costs), tuple(one.blocked)) for one in solved)
+    walls = find_cell_walls([one.grids for one in solved], len(routes), steepest)
+    # What is joined is let go, since it may be a large part of the memory.
+    direction = _joined([part for one in solved for part in one.directions], (2,))
+    for one in solved:
+        one.directions.clear()
     return Fields(
         routes=tuple(routes),
         packed=PackedFields(
-            origin=np.array([grid.window.origin for grid in grids.levels]),
-            shape=np.array([grid.window.shape for grid in grids.levels], dtype=np.int32),
+            origin=np.array([grid.window.origin for grid in levels]),
+            shape=np.array([grid.window.shape for grid in levels], dtype=np.int32),
             spacing=float(spacing),
+            width=np.array([one.width for one in classes], dtype=np.float64),
             field_of=field_of,
-            offset=np.array(offsets, dtype=np.int64),
+            offset=np.cumsum([0, *sizes], dtype=np.int64)[: len(sizes)],
             direction=direction,
-            travel_time=travel_time,
-            walls=find_cell_walls(grids, steepest),
+            travel_time=_joined([part for one in solved for part in one.travel_times], ()),
+            walls=walls,
         ),
-        marched=Marched(building, spacing, clearance, rates, not_marched, tuple(costs)),
+        marched=Marched(building, spacing, clearance, solver.rates, marched),
         comfort=float(comfort),
         clearance=float(clearance),
     )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The fields of a class of bodies, of each route on the levels that it leads out from.
+
+    Attributes
+    ----------
+    grids : BuildingGrids
+    barred : float
+        Gaps narrower than this are walls of the grids [m].
+    reaching : tuple of tuple of int
+        Levels that each route leads out from.
+    directions : list of (n, 2) float64
+    travel_times : list of (n,) float64
+        In seconds.
+    nodes : (k,) int64
+        Nodes whose travel times are not as marched.
+    costs : list of (k,) float64
+        Marched travel times of these nodes [s].
+    misled : list of (m,) int64
+        Nodes from which the way of a route leads through a gap, portal or exit that no body fits through.
+    blocked : list of (b,) int64
+        Nodes from which no way of a route is as wide as the bodies.
+    """
+
+    grids: BuildingGrids
+    barred: float
+    reaching: tuple[tuple[int, ...], ...]
+    directions: list[FloatArray]
+    travel_times: list[FloatArray]
+    nodes: IndexArray
+    costs: list[FloatArray]
+    misled: list[IndexArray]
+    blocked: list[IndexArray]
+
+    def travel_time_on(self, route: int) -> FloatArray:
+        """Return the travel times (nodes,) of a route on all grids [s]."""
+        time = np.full(self.grids.size, math.inf)
+        first = 0
+        for level in self.reaching[route]:
+            packed = self.grids.levels[level].packed
+            size = packed.stop - packed.start
+            time[packed] = self.travel_times[route][first : first + size]
+            first += size
+        return time
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """What the fields of all classes have in common; see `build_fields`."""
+
+    building: Building
+    routes: tuple[Route, ...]
+    spacing: float
+    clearance: float
+    rates: tuple[FloatArray, ...]
+    order: int
+    threads: int | None
+    reaching: tuple[tuple[int, ...], ...]
+
+    def solve(self, barred: float, avoided: float = 0.0) -> _Solved:
+        """Return the fields with gaps narrower than `barred` [m] as walls, and those narrower than `avoided` slow."""
+        grids = build_grids(self.building, self.spacing, self.clearance, barred)
+        ways = [exits_of_route(grids.building, route) for route in self.routes]
+        slow, narrow = _nodes_in_gaps(grids, avoided)
+        factor = _factor(grids, slow)
+        bent = _bent(grids, self.clearance, factor) if self.clearance > 0.0 else None
+        solved = _Solved(grids, barred, self.reaching, [], [], nodes_not_marched(grids), [], [], [])
+        with closing(_solve(grids, ways, self.rates, factor, bent, self.order, self.threads)) as fields:
+            for reaching, (direction, travel_time, cost) in zip(self.reaching, fields, strict=True):
+                solved.misled.append(np.concatenate([_nodes_past(grids, one, narrow) for one in (travel_time, cost)]))
+                solved.costs.append(travel_time[solved.nodes])
+                take_halos(grids, travel_time)
+                continue_values(grids, travel_time)
+                solved.directions.append(_on_levels(grids, direction, reaching))
+                solved.travel_times.append(_on_levels(grids, travel_time, reaching))
+        return solved
+
+
+def _on_levels(grids: BuildingGrids, values: FloatArray, levels: Sequence[int]) -> FloatArray:
+    """Return the values on some levels, one after another."""
+    if len(levels) == len(grids.levels):
+        return values  # as in most cases: nothing is copied, since grids can fill the memory
+    return np.concatenate([values[:0], *(values[grids.levels[level].packed] for level in levels)])
+
+
+def _narrowest_class(solver: _Solver, narrowest: float) -> _Solved:
+    """Return the fields of the class of the narrowest body.
+
+    Gaps that nobody fits through are slow. Only where the fields lead through such a gap although there is another
+    way, they are solved again with these gaps as walls.
+    """
+    found = solver.solve(0.0, avoided=narrowest)
+    if any(nodes.size for nodes in found.misled):
+        own = solver.solve(narrowest)
+        if any(np.isfinite(own.travel_time_on(route)[nodes]).any() for route, nodes in enumerate(found.misled)):
+            return _over(own, found)
+        found.blocked.extend(_blocked(own, found))
+    return found
+
+
+def _blocked(upper: _Solved, lower: _Solved) -> list[IndexArray]:
+    """Return the nodes of each route from which only the bodies of the class below have a way."""
+    routes = range(len(upper.travel_times))
+    times = ([one.travel_time_on(route) for one in (upper, lower)] for route in routes)
+    return [np.flatnonzero(~np.isfinite(wide) & np.isfinite(narrow)) for wide, narrow in times]
+
+
+def _over(upper: _Solved, lower: _Solved) -> _Solved:
+    """Fill the fields of a class with those of the class below where the destination cannot be reached."""
+    upper.blocked.extend(_blocked(upper, lower))
+    for route, (direction, time) in enumerate(zip(upper.directions, upper.travel_times, strict=True)):
+        lost = ~np.isfinite(time)
+        time[lost] = lower.travel_times[route][lost]
+        lost &= np.isfinite(time) | ~direction.any(axis=1)  # nodes in walls keep the directions of their surroundings
+        direction[lost] = lower.directions[route][lost]
+        costs = upper.costs[route]
+        unknown = ~np.isfinite(costs)
+        costs[unknown] = upper.travel_time_on(route)[upper.nodes[unknown]]
+    return upper
 
 
 def _check_routes(building: Building, routes: Sequence[Route]) -> None:
@@ -213,22 +345,56 @@ def _joined(arrays: list[FloatArray], rest: tuple[int, ...]) -> FloatArray:
     return arrays[0] if len(arrays) == 1 else np.concatenate([np.zeros((0, *rest)), *arrays])
 
 
-def _avoided(grids: BuildingGrids, width: float) -> FloatArray:
-    """Return the slowness factors (nodes,) in gaps narrower than a width [m]; 1 elsewhere."""
-    avoided = [np.zeros(0, np.int64)]
-    for grid in grids.levels:
-        gaps = gaps_below(grids.building.levels[grid.level].polygon, width)
-        if len(gaps):
-            lines = shapely.multilinestrings(gaps.reshape(-1, 2, 2))
-            shapely.prepare(lines)
-            near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
-            near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
-            avoided.append(grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape))
-    nodes = np.concatenate(avoided)
-    if not len(nodes):
+def _nodes_in_gaps(grids: BuildingGrids, width: float) -> tuple[IndexArray, IndexArray]:
+    """Return the nodes in gaps narrower than a width [m], and these with those at narrower portals and exits."""
+    in_gaps, too_narrow = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for grid in grids.levels if width > 0.0 else ():
+        building, level = grids.building, grid.level
+        in_gaps.append(_nodes_near(grids, grid, gaps_below(building.levels[level].polygon, width)))
+        too_narrow.append(_nodes_near(grids, grid, gaps_between_walls(building, building.levels[level], width)))
+        for link in building.links_of(level):
+            if building.is_open(link) and link.width < width:
+                too_narrow.append(_nodes_near(grids, grid, link.segments))
+    nodes = np.concatenate(in_gaps)
+    return nodes, np.concatenate([nodes, *too_narrow])
+
+
+def _nodes_near(grids: BuildingGrids, grid: LevelGrid, segments: FloatArray) -> IndexArray:
+    """Return the packed indices of the nodes of a level within a cell of segments (s, 4)."""
+    if not len(segments):
+        return np.zeros(0, np.int64)
+    lines = shapely.multilinestrings(segments.reshape(-1, 2, 2))
+    shapely.prepare(lines)
+    near = np.argwhere(grid.window.around(shapely.get_parts(lines), grids.lattice.spacing))
+    near = near[shapely.dwithin(lines, shapely.points(grid.window.places(near)), grids.lattice.spacing)]
+    nodes: IndexArray = grid.offset + np.ravel_multi_index(tuple(near.T), grid.window.shape)
+    return nodes
+
+
+def _nodes_past(grids: BuildingGrids, cost: FloatArray, narrow: IndexArray) -> IndexArray:
+    """Return the nodes whose cost (nodes,) comes from one of the nodes that are too narrow."""
+    found = [np.zeros(0, np.int64)]
+    is_narrow = np.zeros(grids.size if narrow.size else 0, np.bool_)
+    is_narrow[narrow] = True
+    for grid in grids.levels if narrow.size else ():
+        marked = is_narrow[grid.packed].reshape(grid.window.shape)
+        own = cost[grid.packed].reshape(grid.window.shape)
+        lowest, through = own.copy(), np.zeros_like(marked)
+        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):  # around each level are nodes without a cost
+            beside = np.roll(own, step, axis)
+            lower = beside < lowest
+            lowest[lower] = beside[lower]
+            through[lower] = np.roll(marked, step, axis)[lower]
+        found.append(grid.offset + np.flatnonzero(through & ~marked & (grid.sheet == OWN)))
+    return np.concatenate(found)
+
+
+def _factor(grids: BuildingGrids, slow: IndexArray) -> FloatArray:
+    """Return the slowness factors (nodes,): `AVOID` at slow nodes, 1 elsewhere."""
+    if not len(slow):
         return np.broadcast_to(1.0, grids.size)  # takes no memory
     factor = np.ones(grids.size)
-    factor[nodes] = AVOID
+    factor[slow] = AVOID
     return factor
 
 
@@ -248,8 +414,11 @@ def _solve(
     bent: FloatArray | None,
     order: int,
     threads: int | None,
-) -> Generator[tuple[FloatArray, FloatArray], None, None]:
-    """Yield directions (nodes, 2) and travel times (nodes,) to the exits of each route on all grids, as marched."""
+) -> Generator[tuple[FloatArray, FloatArray, FloatArray], None, None]:
+    """Yield directions (nodes, 2), travel times (nodes,) and the cost (nodes,) that directions descend, as marched.
+
+    They are those to the exits of each route on all grids.
+    """
     cosine = np.array([math.cos(level.slope) for level in grids.building.levels])
     marches = []
     for rate, exits in zip(rates, ways, strict=True):
@@ -261,7 +430,8 @@ def _solve(
     with closing(march_all(grids, marches, order, workers)) as costs:
         for exits in ways:
             plain = next(costs)
-            yield _directions(grids, plain if bent is None else next(costs), exits, bent is None), plain
+            cost = plain if bent is None else next(costs)
+            yield _directions(grids, cost, exits, bent is None), plain, cost
 
 
 def _rates(strategy: str, speeds: tuple[float, float, float], comfort: float) -> FloatArray:

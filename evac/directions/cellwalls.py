@@ -1,5 +1,7 @@
 """Walls in each grid cell, for interpolation that must not mix values from both sides of a wall."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from evac.arrays import FloatArray, IndexArray
@@ -8,30 +10,34 @@ from evac.directions.grids import BuildingGrids
 from evac.directions.lattice import SLACK, Window, numbers_between
 
 
-def find_cell_walls(grids: BuildingGrids, steepest: float) -> CellWalls:
+def find_cell_walls(classes: Sequence[BuildingGrids], routes: int, steepest: float) -> CellWalls:
     """List the walls, closed links and exits that pass through the interior of each cell.
 
     Exits are treated as walls, so that people in front of an exit use the nodes in front of it.
 
     Parameters
     ----------
-    grids : BuildingGrids
+    classes : sequence of BuildingGrids
+        The grids for each class of bodies.
+    routes : int
     steepest : float
         Largest increase of a travel time [s] or length [m] per metre in plan.
     """
     cells: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
     walls: list[FloatArray] = [np.zeros((0, 4))]
-    offset = np.array([grid.offset for grid in grids.levels], dtype=np.int64)
-    for grid in grids.levels:
-        own = np.concatenate([grids.walls[grid.level], grids.exit_segments(grid.level)])
-        number, through = _cells_of(grid.window, own)
-        cells.append(grid.offset + through)
-        walls.append(own[number])
+    offset = np.zeros((len(classes[0].levels), len(classes)), dtype=np.int32)
+    for column, grids in enumerate(classes):
+        for grid in grids.levels:
+            own = np.concatenate([grids.walls[grid.level], grids.exit_segments(grid.level)])
+            number, through = _cells_of(grid.window, own)
+            offset[grid.level, column] = column * grids.size + grid.offset
+            cells.append(offset[grid.level, column] + through)
+            walls.append(own[number])
     cell = np.concatenate(cells)
     order = np.argsort(cell, kind="stable")
     walled, first = np.unique(cell[order], return_index=True)
     return CellWalls(
-        offset=offset,
+        offset=np.repeat(offset, routes, axis=1),
         cell=walled,
         start=np.append(first, len(cell)).astype(np.int64),
         wall=np.ascontiguousarray(np.concatenate(walls)[order]),

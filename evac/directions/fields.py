@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evac.arrays import FloatArray
+from evac.arrays import FloatArray, IntArray
 from evac.directions.routes import Route
 from evac.jit import Floats, IntGrid, IntPairs, Longs, Pairs, Quads, Struct
 
@@ -22,7 +22,8 @@ class CellWalls(Struct):
 
     Attributes
     ----------
-    offset : (levels,) int64
+    offset : (levels, columns) int32
+        Index of the first cell of each level; gaps that a class of bodies does not fit through are walls for it.
     cell : (c,) int64
         Indices of the cells that walls pass through, ascending.
     start : (c + 1,) int64
@@ -32,7 +33,7 @@ class CellWalls(Struct):
         Largest increase of a travel time [s] or length [m] per metre in plan.
     """
 
-    offset: Longs
+    offset: IntGrid
     cell: Longs
     start: Longs
     wall: Quads
@@ -41,7 +42,7 @@ class CellWalls(Struct):
 
 #: Cell walls of fields without walls.
 NO_CELL_WALLS = CellWalls(
-    offset=np.zeros(0, np.int64),
+    offset=np.zeros((0, 0), np.int32),
     cell=np.zeros(0, np.int64),
     start=np.zeros(1, np.int64),
     wall=np.zeros((0, 4)),
@@ -50,7 +51,10 @@ NO_CELL_WALLS = CellWalls(
 
 
 class PackedFields(Struct):
-    """Travel times and directions for kernels: the fields of all levels and routes, concatenated.
+    """Travel times and directions for kernels: the fields of all levels and columns, concatenated.
+
+    A column is a route for a class of bodies: those of the first class on each route, then those of the next class.
+    Bodies are of different classes if there is a gap that only the narrower one fits through; see `columns_of`.
 
     Attributes
     ----------
@@ -60,8 +64,10 @@ class PackedFields(Struct):
         Numbers of nodes along x and y.
     spacing : float
         Grid spacing [m].
-    field_of : (levels, routes) int32
-        Field of a level and route; -1 if the destination of the route cannot be reached from the level.
+    width : (classes - 1,) float64
+        Greatest body width of each class except the last [m], ascending; empty in a building without such gaps.
+    field_of : (levels, columns) int32
+        Field of a level and column; -1 if the destination of the route cannot be reached from the level.
     offset : (fields,) int64
         First node of each field; node (ix, iy) is at offset + ix * ny + iy.
     direction : (nodes, 2) float64
@@ -76,11 +82,28 @@ class PackedFields(Struct):
     origin: Pairs
     shape: IntPairs
     spacing: float
+    width: Floats
     field_of: IntGrid
     offset: Longs
     direction: Pairs
     travel_time: Floats
     walls: CellWalls
+
+
+def columns_of(fields: PackedFields, route: ArrayLike, radius: ArrayLike) -> IntArray:
+    """Return the columns (n,) of routes for bodies; of several classes if there are gaps between their widths.
+
+    Parameters
+    ----------
+    fields : PackedFields
+    route : (n,) or int
+    radius : (n,) or float [m]
+    """
+    routes = fields.field_of.shape[1] // (len(fields.width) + 1)
+    columns: IntArray = np.asarray(
+        np.asarray(route) + routes * np.searchsorted(fields.width, 2.0 * np.asarray(radius)), dtype=np.int32
+    )
+    return columns
 
 
 @dataclass(frozen=True)
@@ -119,7 +142,9 @@ class Fields:
     def __repr__(self) -> str:
         return f"<Fields: {len(self.routes)} routes, nodes {self.packed.spacing:g} m apart>"
 
-    def travel_time_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+    def travel_time_at(
+        self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
+    ) -> FloatArray:
         """Return the travel times (n,) [s] of routes from positions; inf where the destination cannot be reached.
 
         Parameters
@@ -127,33 +152,47 @@ class Fields:
         level : (n,) or int
         position : (n, 2) [m]
         route : (n,) or int
+        radius : (n,) or float [m]
+            Radius of the body, for which gaps that it does not fit through are walls. By default, the narrowest body of
+            the case.
         """
         from evac.directions.sampling import sample_travel_times
 
-        return _sampled(sample_travel_times, self.packed, level, position, route, ())
+        column = columns_of(self.packed, route, radius)
+        return _sampled(sample_travel_times, self.packed, level, position, column, ())
 
-    def lengths_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
-        """Return the flat, up and down path lengths (n, 3) [m] of routes from positions; inf if unreachable."""
+    def lengths_at(
+        self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
+    ) -> FloatArray:
+        """Return the flat, up and down path lengths (n, 3) [m] of routes from positions; inf if unreachable.
+
+        They are also inf where no way to the destination is as wide as the body, although there is a travel time, and a
+        direction towards the narrow place.
+        """
         from evac.directions.sampling import sample_travel_times
 
+        column = columns_of(self.packed, route, radius)
         columns = [
-            _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, route, ())
+            _sampled(sample_travel_times, self.packed.replace(travel_time=length), level, position, column, ())
             for length in self.lengths.T
         ]
         # Within a cell of an exit, the bilinear value can be negative by rounding.
         return np.maximum(np.stack(columns, axis=1), 0.0)
 
-    def directions_at(self, level: ArrayLike, position: FloatArray, route: ArrayLike) -> FloatArray:
+    def directions_at(
+        self, level: ArrayLike, position: FloatArray, route: ArrayLike, radius: ArrayLike = 0.0
+    ) -> FloatArray:
         """Return the unit directions (n, 2) of routes at positions; zero where the destination cannot be reached."""
         from evac.directions.sampling import sample_directions
 
-        return _sampled(sample_directions, self.packed, level, position, route, (2,))
+        column = columns_of(self.packed, route, radius)
+        return _sampled(sample_directions, self.packed, level, position, column, (2,))
 
 
 def _sampled(
-    sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, route: ArrayLike, shape: tuple[int, ...]
+    sample: Any, packed: PackedFields, level: ArrayLike, position: FloatArray, column: ArrayLike, shape: tuple[int, ...]
 ) -> FloatArray:
-    """Call a sampling kernel with levels and routes broadcast to the positions."""
+    """Call a sampling kernel with levels and columns broadcast to the positions."""
     place = np.ascontiguousarray(np.asarray(position, dtype=np.float64).reshape(-1, 2))
     number = len(place)
     found = np.empty((number, *shape))
@@ -161,7 +200,7 @@ def _sampled(
         packed,
         place,
         np.ascontiguousarray(np.broadcast_to(np.asarray(level, dtype=np.int32), number)),
-        np.ascontiguousarray(np.broadcast_to(np.asarray(route, dtype=np.int32), number)),
+        np.ascontiguousarray(np.broadcast_to(np.asarray(column, dtype=np.int32), number)),
         found,
     )
     return found

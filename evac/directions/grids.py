@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from evac.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from evac.building.model import DOWN, FLAT, UP, Building, Exit, Level, Portal
-from evac.building.narrow import gaps_below
+from evac.building.narrow import gaps_below, gaps_between_walls
 from evac.directions.lattice import (
     SLACK,
     Lattice,
@@ -79,7 +79,9 @@ class BuildingGrids:
 
     Attributes
     ----------
-    building, lattice, levels
+    building : Building
+        With portals and exits closed that are treated as closed.
+    lattice, levels
     walls : tuple of (w, 4) float64
         Walls of each level, including closed portals and exits and gaps that are treated as closed [m].
     clearance : float
@@ -125,7 +127,7 @@ def use_towards(level: Level, segments: FloatArray) -> int:
     return DOWN if (segments.reshape(-1, 2) @ level.uphill).mean() < middle else UP
 
 
-def build_grids(building: Building, spacing: float, clearance: float) -> BuildingGrids:
+def build_grids(building: Building, spacing: float, clearance: float, barred: float = 0.0) -> BuildingGrids:
     """Create the grids of all levels.
 
     Parameters
@@ -135,10 +137,13 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         Grid spacing [m].
     clearance : float
         Maximum distance from walls that is computed [m].
+    barred : float
+        Gaps, portals and exits narrower than this are treated as closed [m]. The windows do not depend on it.
     """
+    whole, building = building, _without_narrow_links(building, barred)
     x_min, y_min = building.vertices[:, :2].min(axis=0)
     lattice = Lattice((float(x_min), float(y_min)), spacing)
-    walls = [_walls_of(building, level.index) for level in building.levels]
+    walls = [_walls_of(building, level, barred) for level in building.levels]
     # Strips behind exits are as deep as the clearance, so that paths pass the posts of an exit as those of any door.
     margin = _margin(spacing, clearance)
     own_windows = [lattice.window(level.polygon.bounds, margin) for level in building.levels]
@@ -149,7 +154,7 @@ def build_grids(building: Building, spacing: float, clearance: float) -> Buildin
         ),
         strict=True,
     )
-    layers = _Layers(building, own_windows, list(own_nodes), walls, margin)
+    layers = _Layers(building, whole, own_windows, list(own_nodes), walls, margin)
     grids: list[tuple[Window, IntArray]] = [layers.grid(level) for level in building.levels]
     offsets = np.concatenate(([0], np.cumsum([sheet.size for _, sheet in grids])))
     found = []
@@ -193,12 +198,22 @@ def _depth(portal: Portal, spacing: float) -> float:
     return max(portal.width, MARGIN * spacing)
 
 
-def _walls_of(building: Building, level: int) -> FloatArray:
+def _without_narrow_links(building: Building, barred: float) -> Building:
+    """Return a building with the portals and exits narrower than `barred` [m] closed."""
+    narrow = {portal.index for portal in building.portals if portal.width < barred}
+    narrow |= {building.link_of(exit_) for exit_ in building.exits if exit_.width < barred}
+    return replace(building, closed=building.closed | narrow)
+
+
+def _walls_of(building: Building, level: Level, barred: float) -> FloatArray:
     """Return the walls of a level, including closed portals and exits and gaps that are treated as closed."""
-    parts = [building.walls[building.wall_level == level].reshape(-1, 4)]
-    parts += [portal.segments for portal in building.portals_of(level) if not building.is_open(portal)]
-    parts += [exit_.segments for exit_ in building.exits_of(level) if not building.is_open(exit_)]
-    return np.concatenate([*parts, gaps_below(building.levels[level].polygon)])
+    parts = [building.walls[building.wall_level == level.index].reshape(-1, 4)]
+    parts += [portal.segments for portal in building.portals_of(level.index) if not building.is_open(portal)]
+    parts += [exit_.segments for exit_ in building.exits_of(level.index) if not building.is_open(exit_)]
+    parts.append(gaps_below(level.polygon))
+    if barred > 0.0:
+        parts.append(gaps_between_walls(building, level, barred))
+    return np.concatenate(parts)
 
 
 def _open_portals(building: Building, level: int) -> list[Portal]:
@@ -218,6 +233,7 @@ class _Layers:
     """The nodes of each level, from which the sheet of a grid is assembled."""
 
     building: Building
+    whole: Building  # without the links closed that are treated as closed
     windows: list[Window]
     nodes: list[BoolArray]
     walls: list[FloatArray]
@@ -232,7 +248,7 @@ class _Layers:
         """Return the window and the sheet of a level's grid."""
         lattice = self.windows[level.index].lattice
         portals = _open_portals(self.building, level.index)
-        window = lattice.window(_bounds(self.building, level, lattice.spacing), self.margin)
+        window = lattice.window(_bounds(self.whole, level, lattice.spacing), self.margin)
         sheet = np.full(window.shape, NOTHING, dtype=np.int32)
         here, there = window.overlap(self.windows[level.index])
         sheet[here][self.nodes[level.index][there]] = OWN

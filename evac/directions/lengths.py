@@ -17,6 +17,28 @@ CHUNK = 2**17
 
 
 @dataclass(frozen=True)
+class MarchedClass:
+    """The part of `Marched` for a class of bodies.
+
+    Attributes
+    ----------
+    barred : float
+        Gaps narrower than this are walls [m].
+    nodes : (k,) int64
+        Packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from marching.
+    costs : tuple of (k,) float64
+        Marched travel times of these nodes, for each route [s].
+    blocked : tuple of (b,) int64
+        For each route, the nodes from which no way is as wide as the bodies; empty if there is none for any route.
+    """
+
+    barred: float
+    nodes: IndexArray
+    costs: tuple[FloatArray, ...]
+    blocked: tuple[IndexArray, ...]
+
+
+@dataclass(frozen=True)
 class Marched:
     """Data that lengths are computed from, in addition to the travel times.
 
@@ -28,18 +50,14 @@ class Marched:
         Of the grids [m].
     rates : tuple of (3,) float64
         Cost of a metre along the slope in each use, for each route [s/m].
-    nodes : (k,) int64
-        Packed indices of the nodes whose travel times are not as marched: halos, and nodes excluded from marching.
-    costs : tuple of (k,) float64
-        Marched travel times of these nodes, for each route [s].
+    classes : tuple of MarchedClass
     """
 
     building: Building
     spacing: float
     clearance: float
     rates: tuple[FloatArray, ...]
-    nodes: IndexArray
-    costs: tuple[FloatArray, ...]
+    classes: tuple[MarchedClass, ...]
 
 
 def nodes_not_marched(grids: BuildingGrids) -> IndexArray:
@@ -67,28 +85,31 @@ def find_lengths(
     ----------
     marched : Marched
     routes : tuple of Route
-    field_of : (levels, routes) int32
+    field_of : (levels, columns) int32
     travel_time : (nodes,) float64
         Of `PackedFields`.
     """
-    grids = build_grids(marched.building, marched.spacing, marched.clearance)
-    cost = np.empty(grids.size)
-    ways = _ways(grids, cost)
     found: FloatArray = np.empty((3, len(travel_time))).T
     first = 0
-    for index, route in enumerate(routes):
-        cost[:] = math.inf
-        places = []
-        for grid in grids.levels:
-            if field_of[grid.level, index] >= 0:
-                places.append((grid.packed, slice(first, first + grid.sheet.size)))
-                first += grid.sheet.size
-        for packed, place in places:
-            cost[packed] = travel_time[place]
-        cost[marched.nodes] = marched.costs[index]
-        lengths = _lengths(grids, ways, exits_of_route(marched.building, route), marched.rates[index])
-        for packed, place in places:
-            found[place] = lengths[packed]
+    for number, of_class in enumerate(marched.classes):
+        grids = build_grids(marched.building, marched.spacing, marched.clearance, of_class.barred)
+        cost = np.empty(grids.size)
+        ways = _ways(grids, cost)
+        for index, route in enumerate(routes):
+            cost[:] = math.inf
+            places = []
+            for grid in grids.levels:
+                if field_of[grid.level, number * len(routes) + index] >= 0:
+                    places.append((grid.packed, slice(first, first + grid.sheet.size)))
+                    first += grid.sheet.size
+            for packed, place in places:
+                cost[packed] = travel_time[place]
+            cost[of_class.nodes] = of_class.costs[index]
+            lengths = _lengths(grids, ways, exits_of_route(grids.building, route), marched.rates[index])
+            if of_class.blocked:
+                lengths[of_class.blocked[index]] = math.inf
+            for packed, place in places:
+                found[place] = lengths[packed]
     return found
 
 

@@ -29,12 +29,22 @@ def cell_of(fields: PackedFields, position_x: float, position_y: float, level: i
 
 
 @inner
-def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
+def column_of(fields: PackedFields, route: int, radius: float) -> int:
+    """Return the column of a route for a body, as `evac.directions.fields.columns_of`."""
+    column = route
+    for k in range(fields.width.shape[0]):
+        if 2.0 * radius > fields.width[k]:
+            column += fields.field_of.shape[1] // (fields.width.shape[0] + 1)
+    return column
+
+
+@inner
+def walls_in_cell(walls: CellWalls, level: int, column: int, cell: int) -> tuple[int, int]:
     """Return the range (first, last + 1) in ``walls.wall`` of the walls through a cell (ix * ny + iy) of a level."""
     low, high = 0, walls.cell.shape[0]
     if high == 0:
         return 0, 0
-    wanted = walls.offset[level] + cell
+    wanted = walls.offset[level, column] + cell
     while low < high:
         middle = (low + high) // 2
         if walls.cell[middle] < wanted:
@@ -47,12 +57,12 @@ def walls_in_cell(walls: CellWalls, level: int, cell: int) -> tuple[int, int]:
 
 
 @inner
-def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, route: int) -> float:
+def sample_travel_time(fields: PackedFields, position_x: float, position_y: float, level: int, column: int) -> float:
     """Return the travel time [s] at a position, inf where the destination cannot be reached.
 
     Bilinear over the nodes of the cell with finite values; only over visible ones if they differ too much for one cell.
     """
-    row = fields.field_of[level, route]
+    row = fields.field_of[level, column]
     if row < 0:
         return math.inf
     ix, iy, fx, fy = cell_of(fields, position_x, position_y, level)
@@ -65,7 +75,7 @@ def sample_travel_time(fields: PackedFields, position_x: float, position_y: floa
             low, high = min(low, value), max(high, value)
     first, last = 0, 0
     if high - low > LARGEST_RISE * fields.spacing * fields.walls.steepest:
-        first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
+        first, last = walls_in_cell(fields.walls, level, column, ix * ny + iy)
     total = 0.0
     weights = 0.0
     for a in range(2):
@@ -86,10 +96,10 @@ def sample_travel_time(fields: PackedFields, position_x: float, position_y: floa
 
 @inner
 def node_at(
-    fields: PackedFields, position_x: float, position_y: float, level: int, route: int
+    fields: PackedFields, position_x: float, position_y: float, level: int, column: int
 ) -> tuple[int, int, int, float, float]:
-    """Return `cell_of` a position behind the number of its lower node in the field of a route, -1 without one."""
-    row = fields.field_of[level, route]
+    """Return `cell_of` a position behind the number of its lower node in the field of a column, -1 without one."""
+    row = fields.field_of[level, column]
     if row < 0:
         return -1, 0, 0, 0.0, 0.0
     ix, iy, fx, fy = cell_of(fields, position_x, position_y, level)
@@ -98,24 +108,25 @@ def node_at(
 
 @inner
 def sample_direction(
-    fields: PackedFields, position_x: float, position_y: float, level: int, route: int
+    fields: PackedFields, position_x: float, position_y: float, level: int, column: int
 ) -> tuple[float, float]:
     """Return the unit direction (ex, ey) at a position; (0, 0) where the destination cannot be reached.
 
     The bilinear interpolation of unit vectors is normalised. Where the vectors cancel, as between two equal ways around
     an obstacle, the direction of the nearest node is used. Where they differ strongly, only visible nodes are used.
     """
-    node, ix, iy, fx, fy = node_at(fields, position_x, position_y, level, route)
+    node, ix, iy, fx, fy = node_at(fields, position_x, position_y, level, column)
     if node < 0:
         return 0.0, 0.0
     high = node + fields.shape[level, 1]
-    return direction_in_cell(fields, level, node, ix, iy, fx, fy, fields.direction, node, high)
+    return direction_in_cell(fields, level, column, node, ix, iy, fx, fy, fields.direction, node, high)
 
 
 @inner
 def direction_in_cell(
     fields: PackedFields,
     level: int,
+    column: int,
     node: int,
     ix: int,
     iy: int,
@@ -138,7 +149,7 @@ def direction_in_cell(
     length = math.sqrt(ex * ex + ey * ey)
     if length < AGREEING:
         ny = fields.shape[level, 1]
-        first, last = walls_in_cell(fields.walls, level, ix * ny + iy)
+        first, last = walls_in_cell(fields.walls, level, column, ix * ny + iy)
         if first < last:
             return _direction_in_sight(fields, level, node, ix, iy, fx, fy, first, last)
     if length < CANCELLING:
@@ -211,14 +222,14 @@ def _is_corner_hidden(
 
 
 @kernel
-def sample_travel_times(fields: PackedFields, position: Pairs, level: Ints, route: Ints, found: Floats) -> None:
+def sample_travel_times(fields: PackedFields, position: Pairs, level: Ints, column: Ints, found: Floats) -> None:
     """Write `sample_travel_time` of many positions (n, 2) to `found` (n,)."""
     for p in range(len(position)):
-        found[p] = sample_travel_time(fields, position[p, 0], position[p, 1], level[p], route[p])
+        found[p] = sample_travel_time(fields, position[p, 0], position[p, 1], level[p], column[p])
 
 
 @kernel
-def sample_directions(fields: PackedFields, position: Pairs, level: Ints, route: Ints, found: Pairs) -> None:
+def sample_directions(fields: PackedFields, position: Pairs, level: Ints, column: Ints, found: Pairs) -> None:
     """Write `sample_direction` of many positions (n, 2) to `found` (n, 2)."""
     for p in range(len(position)):
-        found[p, 0], found[p, 1] = sample_direction(fields, position[p, 0], position[p, 1], level[p], route[p])
+        found[p, 0], found[p, 1] = sample_direction(fields, position[p, 0], position[p, 1], level[p], column[p])

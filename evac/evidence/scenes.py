@@ -109,6 +109,7 @@ def _fields(
             origin=np.array([origin], dtype=float),
             shape=np.array([shape], np.int32),
             spacing=spacing,
+            width=np.zeros(0),
             field_of=np.zeros((1, 1), np.int32),
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(direction),

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.components import connected_components
+from evac.building.findings import Finding
 from evac.building.model import Building
 from evac.building.narrow import CLOSED
-from evac.directions.fields import Fields
-from evac.directions.sampling import cell_of, sample_direction
-from evac.errors import ScenarioError
-from evac.jit import Bytes, Ints, Longs, Pairs, Triples, inner, kernel
+from evac.directions.fields import Fields, columns_of
+from evac.directions.sampling import cell_of, sample_direction, sample_travel_times
+from evac.errors import ScenarioError, counted
+from evac.jit import Bytes, Floats, Ints, Longs, Pairs, Quads, Triples, inner, kernel
 from evac.physics.seams import crossing, side_of
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
@@ -27,6 +29,12 @@ if TYPE_CHECKING:
 
 #: Step length of a walk, in cells.
 STEP = 0.5
+#: Parts of a step beside a wall, so that no body slips through a gap that is a millimetre narrower than it.
+PARTS = 8
+#: Greatest number of times that a body is moved away from the walls that it overlaps, and the overlap that is left [m].
+MOVES, OVERLAP = 64, 2.5e-4
+#: People who end within this distance of each other are stopped by the same place [m].
+SAME_PLACE = 1.0
 #: A walk fails if it exceeds the length of the way by this factor plus this number of cells.
 LONGEST, EXTRA = 3.0, 200.0
 #: Minimum length that the outline of a part of a level shares with a portal or exit on it [m].
@@ -38,13 +46,14 @@ ARRIVED, LOST = 0, 1
 
 def check_ways(
     source: "Path", building: Building, fields: Fields, world: World, crowd: Crowd, groups: "tuple[Group, ...]"
-) -> None:
+) -> tuple[Finding, ...]:
     """Check that everybody can reach an exit, by three criteria that must agree.
 
-    The travel time is finite; the ground is connected to an exit of the route; and a point that starts at the position
-    of the person, follows the directions and slides along walls arrives at an exit. The last criterion is checked for
-    every route that is available there, since behaviours may change the route, and only if the clearance of directions
-    is at least one cell: with less clearance, directions touch corners, which a point does not pass as a body does.
+    The travel time is finite; the ground is connected to an exit of the route; and the body of the person, which
+    follows the directions and slides along walls, arrives at an exit, or a point in its place does. The last criterion
+    is checked for every route that is available there, since behaviours may change the route, and only if the clearance
+    of directions is at least one cell: with less clearance, directions touch corners, which a point does not pass as a
+    body does.
 
     Parameters
     ----------
@@ -58,13 +67,18 @@ def check_ways(
         The people at the start.
     groups : tuple of Group
 
+    Returns
+    -------
+    tuple of Finding
+        A warning for each place that people of a group do not fit through on their way to an exit.
+
     Raises
     ------
     ScenarioError
         People cannot reach any permitted exit, or the criteria disagree; names the group, the place and what to
         change.
     """
-    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route)
+    time = fields.travel_time_at(crowd.level, crowd.position, crowd.route, crowd.radius)
     is_connected = _connected(building, fields, crowd)
     for group in groups:
         rows = group.rows
@@ -78,8 +92,30 @@ def check_ways(
                 f"{_affected(source, building, crowd, group, leaking, what)}: the grid passes through a wall; choose "
                 "another directions.spacing, and report this case as a bug of evac"
             )
-    for route in range(len(fields.routes)) if fields.clearance >= fields.packed.spacing else ():
-        _check_walks(source, building, fields, world, crowd, groups, route)
+    if fields.clearance < fields.packed.spacing:
+        return ()
+    found: list[Finding] = []
+    for route in range(len(fields.routes)):
+        stopped = _check_walks(source, building, fields, world, crowd, groups, route)
+        stopped.rows = stopped.rows[crowd.route[stopped.rows] == route]
+        for group in groups:
+            found += _stopped_places(building, crowd, group, stopped)
+    return tuple(found)
+
+
+@dataclass
+class _Ends:
+    """Where the walks of some people end that do not arrive.
+
+    Attributes
+    ----------
+    rows : (n,) int64
+    place : (people, 3) float64
+        Coordinates x, y [m] and level of everybody's end; the level of others is -1.
+    """
+
+    rows: NDArray[np.int64]
+    place: FloatArray
 
 
 def _check_walks(
@@ -90,29 +126,89 @@ def _check_walks(
     crowd: Crowd,
     groups: "tuple[Group, ...]",
     route: int,
-) -> None:
-    """Check one route by walks along its directions from all start positions."""
-    people = len(crowd.level)
+) -> _Ends:
+    """Check one route by walks along its directions from all start positions; return where bodies are stopped."""
+    column = columns_of(fields.packed, np.full(len(crowd.level), route), crowd.radius)
+    ends = np.full((len(crowd.level), 3), -1.0)
+    for one in np.unique(column):
+        rows = np.flatnonzero(column == one)
+        # The widest first: where it arrives, the others of its class do.
+        rows = rows[np.argsort(-crowd.radius[rows], kind="stable")]
+        ends[rows] = _walked(fields, world, crowd, rows, int(one), crowd.radius[rows])
+        stopped = rows[ends[rows, 2] >= 0.0]
+        as_points = _walked(fields, world, crowd, stopped, int(one), np.zeros(len(stopped)))
+        _refuse_lost(source, building, fields, crowd, groups, route, stopped, as_points)
+    return _Ends(np.flatnonzero(ends[:, 2] >= 0.0), ends)
+
+
+def _walked(
+    fields: Fields, world: World, crowd: Crowd, rows: NDArray[np.int64], column: int, radius: FloatArray
+) -> FloatArray:
+    """Return where the walks of some people end, as `walk_all`."""
+    ends = np.zeros((len(rows), 3))
+    if not len(rows):
+        return ends
+    level, position = crowd.level[rows], np.ascontiguousarray(crowd.position[rows])
+    time = np.empty(len(rows))
+    sample_travel_times(fields.packed, position, level, np.full(len(rows), column, np.int32), time)
     # Reference speeds are at most 1 m/s, so the travel time [s] is an upper bound of the path length [m].
-    time = fields.travel_time_at(crowd.level, crowd.position, route)
     most = np.where(np.isfinite(time), LONGEST * np.maximum(time, 0.0) / (STEP * world.fields.spacing) + EXTRA, 0.0)
-    nodes = int((world.fields.shape[:, 0].astype(np.int64) * world.fields.shape[:, 1]).sum())
-    seen = np.zeros(nodes, dtype=np.uint8)
-    first = np.concatenate([[0], np.cumsum(world.fields.shape.astype(np.int64).prod(axis=1))])
-    ends = np.zeros((people, 3))
+    sizes = world.fields.shape.astype(np.int64).prod(axis=1)
+    seen = np.zeros(int(sizes.sum()), dtype=np.uint8)
+    first = np.concatenate([[0], np.cumsum(sizes)])
     steps = most.astype(np.int64)
     trail = np.empty(steps.max() + 1, np.int64)
-    walk_all(world, crowd.position, crowd.level, route, steps, first, seen, trail, ends)
+    walk_all(world, position, level, column, radius, steps, first, seen, trail, ends)
+    return ends
+
+
+def _refuse_lost(
+    source: "Path",
+    building: Building,
+    fields: Fields,
+    crowd: Crowd,
+    groups: "tuple[Group, ...]",
+    route: int,
+    rows: NDArray[np.int64],
+    ends: FloatArray,
+) -> None:
+    """Refuse people in some rows whose walks do not arrive."""
+    is_lost = np.zeros(len(crowd.level), np.bool_)
+    is_lost[rows] = ends[:, 2] >= 0.0
     for group in groups:
-        lost = group.rows[ends[group.rows, 2] >= 0.0]
+        lost = group.rows[is_lost[group.rows]]
         if lost.size:
-            x, y, level = ends[lost[0]]
+            x, y, level = ends[rows == lost[0]][0]
             what = f"do not arrive at an exit along the directions {fields.routes[route]!s}"
             raise ScenarioError(
                 f"{_affected(source, building, crowd, group, lost, what)}; they end at ({x:.2f}, {y:.2f}) on level "
                 f"{building.levels[int(level)].name!r}: check for a gap there narrower than two cells of "
-                f"directions.spacing = {world.fields.spacing:g} m, and choose a smaller spacing"
+                f"directions.spacing = {fields.packed.spacing:g} m, and choose a smaller spacing"
             )
+
+
+def _stopped_places(building: Building, crowd: Crowd, group: "Group", stopped: _Ends) -> list[Finding]:
+    """Return a warning for each place where people of a group are stopped."""
+    rows = group.rows[np.isin(group.rows, stopped.rows)]
+    found = []
+    while rows.size:
+        x, y, level = stopped.place[rows[0]]
+        away = np.hypot(stopped.place[rows, 0] - x, stopped.place[rows, 1] - y)
+        here = (away < SAME_PLACE) & (stopped.place[rows, 2] == level)
+        widths = 2.0 * crowd.radius[rows[here]]
+        text = (
+            f"people.{group.name}: {np.count_nonzero(here)} of {counted(len(group.rows), 'person', 'people')} "
+            f"({_span(widths)} m wide) do not fit through here, and no other way to an exit is wide enough for them: "
+            "widen the place, move them, or reduce their radius"
+        )
+        found.append(Finding("warning", text, building.levels[int(level)].name, (float(x), float(y))))
+        rows = rows[~here]
+    return found
+
+
+def _span(widths: FloatArray) -> str:
+    low, high = f"{widths.min():.2f}", f"{widths.max():.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _affected(source: "Path", building: Building, crowd: Crowd, group: "Group", rows: IntArray, what: str) -> str:
@@ -193,7 +289,8 @@ def walk_all(
     world: World,
     position: Pairs,
     level: Ints,
-    route: int,
+    column: int,
+    radius: Floats,
     most: Longs,
     first: Longs,
     seen: Bytes,
@@ -207,7 +304,10 @@ def walk_all(
     world : World
     position : (n, 2) float64 [m]
     level : (n,) int32
-    route : int
+    column : int
+        Of the fields, common to all.
+    radius : (n,) float64
+        Of the bodies, which do not overlap walls; 0 for points [m].
     most : (n,) int64
         Maximum number of steps of each walk; 0 to skip it.
     first : (levels,) int64
@@ -233,7 +333,7 @@ def walk_all(
                 break
             trail[count] = cell
             count += 1
-            x, y, at = walk_on(world, x, y, at, route)
+            x, y, at = walk_on(world, x, y, at, column, radius[p])
         if at < 0:
             for k in range(count):
                 seen[trail[k]] = 1
@@ -242,24 +342,78 @@ def walk_all(
 
 
 @inner
-def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple[float, float, int]:
+def walk_on(world: World, ax: float, ay: float, level: int, column: int, radius: float) -> tuple[float, float, int]:
     """Make one step along the direction, or along a wall in its way; return position and level, -1 beyond an exit."""
-    ex, ey = sample_direction(world.fields, ax, ay, level, route)
-    length = STEP * world.fields.spacing
+    length, parts = STEP * world.fields.spacing, 1
+    if radius > 0.0:
+        _, _, moves = off_walls(world, ax, ay, level, radius + length)
+        if moves > 0:
+            length, parts = length / PARTS, PARTS
+    for _ in range(parts):
+        ex, ey = sample_direction(world.fields, ax, ay, level, column)
+        bx, by = slide(world, ax, ay, level, length, ex, ey)
+        if radius > 0.0:
+            bx, by, moves = off_walls(world, bx, by, level, radius)
+            if moves == MOVES or first_wall(world, ax, ay, bx, by, level) >= 0:
+                break
+        level = level_behind(world, ax, ay, bx, by, level)
+        ax, ay = bx, by
+        if level < 0:
+            break
+    return ax, ay, level
+
+
+@inner
+def slide(world: World, ax: float, ay: float, level: int, length: float, ex: float, ey: float) -> tuple[float, float]:
+    """Return the end of a step along a direction, or along a wall in its way."""
     step_x, step_y = length * ex, length * ey
     for _ in range(3):
-        bx, by = ax + step_x, ay + step_y
-        wall = first_wall(world, ax, ay, bx, by, level)
+        wall = first_wall(world, ax, ay, ax + step_x, ay + step_y, level)
         if wall < 0:
-            break
+            return ax + step_x, ay + step_y
         tx = world.wall[wall, 2] - world.wall[wall, 0]
         ty = world.wall[wall, 3] - world.wall[wall, 1]
         # A full step: near a corner, directions may point almost straight at the wall.
         across = ex * tx + ey * ty
         along = (1.0 if across > 0.0 else -1.0 if across < 0.0 else 0.0) * length / math.sqrt(tx * tx + ty * ty)
         step_x, step_y = along * tx, along * ty
-    else:
-        return ax, ay, level
+    return ax, ay
+
+
+@inner
+def off_walls(world: World, x: float, y: float, level: int, radius: float) -> tuple[float, float, int]:
+    """Return a place near a position at which a body overlaps no wall, and how often it was moved: at most `MOVES`."""
+    for moves in range(MOVES):
+        is_free = True
+        first, last = bucket_at(world, x, y)
+        for slot in range(first, last):
+            w = world.bucket_wall[slot]
+            if world.wall_level[w] != level or world.wall_open[w]:
+                continue
+            wx, wy = nearest_on(world.wall, w, x, y)
+            away_x, away_y = x - wx, y - wy
+            distance = math.sqrt(away_x * away_x + away_y * away_y)
+            if 0.0 < distance < radius - OVERLAP:
+                x += (radius / distance - 1.0) * away_x
+                y += (radius / distance - 1.0) * away_y
+                is_free = False
+        if is_free:
+            return x, y, moves
+    return x, y, MOVES
+
+
+@inner
+def nearest_on(wall: Quads, w: int, x: float, y: float) -> tuple[float, float]:
+    """Return the point of row w of walls (w, 4) nearest to a position."""
+    tx, ty = wall[w, 2] - wall[w, 0], wall[w, 3] - wall[w, 1]
+    share = ((x - wall[w, 0]) * tx + (y - wall[w, 1]) * ty) / (tx * tx + ty * ty)
+    share = min(max(share, 0.0), 1.0)
+    return wall[w, 0] + share * tx, wall[w, 1] + share * ty
+
+
+@inner
+def level_behind(world: World, ax: float, ay: float, bx: float, by: float, level: int) -> int:
+    """Return the level after a step from a to b through portals and exits, -1 beyond an exit."""
     passed = 0.0
     for _ in range(4):
         best, link = 2.0, -1
@@ -274,7 +428,7 @@ def walk_on(world: World, ax: float, ay: float, level: int, route: int) -> tuple
         if level < 0:
             break
         passed = best
-    return bx, by, level
+    return level
 
 
 @inner

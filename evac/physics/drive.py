@@ -3,7 +3,7 @@
 import math
 
 from evac.building.model import DOWN, FLAT, UP
-from evac.directions.sampling import direction_in_cell, node_at, sample_direction
+from evac.directions.sampling import column_of, direction_in_cell, node_at, sample_direction
 from evac.jit import AddressCall, call_pair_force, inner, kernel, row
 from evac.physics.seams import touches
 from evac.physics.state import State
@@ -25,9 +25,10 @@ def desired_speed(world, bodies, i, ex, ey):
 
 @inner
 def desired_direction(world, people, i):
-    """Return the unit desired direction of a person or body i, (0, 0) where the destination cannot be reached."""
+    """Return the unit desired direction of person i, (0, 0) where the destination cannot be reached."""
     x, y = people.position[i, 0], people.position[i, 1]
-    ex, ey = sample_direction(world.fields, x, y, people.level[i], people.route[i])
+    column = column_of(world.fields, people.route[i], people.radius[i])
+    ex, ey = sample_direction(world.fields, x, y, people.level[i], column)
     return _with_extra_direction(people, i, ex, ey)
 
 
@@ -54,7 +55,7 @@ def _read_directions(fields, bodies, first, last):
     for i in range(first, last):
         level = bodies.level[i]
         if level >= 0:
-            node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
+            node, _, _, _, _ = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.column[i])
             bodies.picked[arrived] = i
             arrived += (node != bodies.node[i]) & (node >= 0)
             bodies.node[i] = node
@@ -80,10 +81,12 @@ def set_desired(world, bodies, first, last):
         level = bodies.level[i]
         if level < 0:
             continue
-        node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.route[i])
+        node, ix, iy, fx, fy = node_at(fields, bodies.position[i, 0], bodies.position[i, 1], level, bodies.column[i])
         ex, ey = 0.0, 0.0
         if node >= 0:
-            ex, ey = direction_in_cell(fields, level, node, ix, iy, fx, fy, bodies.around, 4 * i, 4 * i + 2)
+            ex, ey = direction_in_cell(
+                fields, level, bodies.column[i], node, ix, iy, fx, fy, bodies.around, 4 * i, 4 * i + 2
+            )
         ex, ey = _with_extra_direction(bodies, i, ex, ey)
         bodies.desired[i, 0] = ex
         bodies.desired[i, 1] = ey

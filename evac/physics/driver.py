@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from evac.directions.fields import columns_of
 from evac.jit import AddressCall, Struct, inner, kernel
 from evac.physics import tallies as at
 from evac.physics.contacts import (
@@ -65,6 +66,7 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
     for name in TAKEN:
         given, kept = getattr(crowd, name), getattr(bodies, name)[:inside]
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
+    bodies.column[:inside] = columns_of(state.world.fields, crowd.route[rows], bodies.radius[:inside])
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
     bodies.inside = inside

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray, IntArray
+from evac.directions.fields import columns_of
 from evac.directions.sampling import sample_travel_times
 from evac.physics.state import Crowd, World
 
@@ -24,7 +25,8 @@ def rows_by_travel_time(world: World, crowd: Crowd) -> NDArray[np.int64]:
     """Return the rows of the people inside, the nearest to their destination first, ties in order of rows."""
     rows = np.flatnonzero(crowd.level >= 0)
     travel_time = np.empty(len(rows))
-    sample_travel_times(world.fields, crowd.position[rows], crowd.level[rows], crowd.route[rows], travel_time)
+    column = columns_of(world.fields, crowd.route[rows], crowd.radius[rows])
+    sample_travel_times(world.fields, crowd.position[rows], crowd.level[rows], column, travel_time)
     return rows[np.argsort(travel_time, kind="stable")]
 
 

@@ -187,7 +187,7 @@ class Bodies(Struct):
     tau: Floats
     speed: Triples
     start_time: Floats
-    route: Ints
+    column: Ints  # of the fields: the route, for a body of this width
     speed_factor: Floats
     extra_direction: Pairs
     distance: Floats

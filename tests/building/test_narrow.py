@@ -1,10 +1,13 @@
 """Places too narrow for a body."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
-from evac.building.narrow import PRECISION, gaps_below, narrow_places, necks
+from evac.building.narrow import PRECISION, gaps_at, gaps_below, gaps_between_walls, narrow_places, necks
+from tests.directions.conftest import Drawing
 
 DOOR = {"name": "door", "segment": [[0, 1], [0, 2]], "z": 0.0}
 
@@ -78,3 +81,58 @@ def test_gaps_that_walls_leave_are_closed_and_steps_of_an_outline_are_not():
     round_room = shapely.Point(0, 0).buffer(2.0, quad_segs=200)  # sides of 16 mm
     thin_wall = shapely.box(0, 0, 4, 4).difference(shapely.box(2, 0, 2.01, 3))  # a wall is no gap
     assert [len(gaps_below(polygon)) for polygon in (wide, round_room, thin_wall)] == [0, 0, 0]
+
+
+def hall(*boxes, exit_=((8.0, 2.0), (8.0, 3.0)), turned=0.0):
+    """Return a hall of 8 m by 6 m without some boxes, turned by an angle."""
+    ground = shapely.box(0, 0, 8, 6).difference(shapely.union_all([shapely.box(*box) for box in boxes]))
+    drawing = Drawing()
+    drawing.level(shapely.affinity.rotate(ground, turned, origin=(0, 0)))
+    drawing.exit("A", 0, *shapely.affinity.rotate(shapely.LineString(exit_), turned, origin=(0, 0)).coords)
+    return drawing.build()
+
+
+@pytest.mark.parametrize("turned", [0.0, 7.0, 33.0, 61.0])
+def test_a_gap_beside_a_way_round_is_found_with_its_width_and_place_at_any_angle(turned):
+    building = hall((4.0, 0.45, 4.2, 4.8), turned=turned)
+    assert necks(building, building.levels[0], 0.5) == []
+    ((width, place),) = gaps_at(building, building.levels[0], 0.5)
+    assert width == pytest.approx(0.45, abs=1e-9)
+    middle = shapely.affinity.rotate(shapely.Point(4.1, 0.225), turned, origin=(0, 0))
+    assert shapely.Point(place).distance(middle) < 0.11
+    assert gaps_at(building, building.levels[0], 0.45) == []  # a body as wide as the gap passes
+
+
+def test_a_slanted_gap_is_as_wide_as_its_narrowest_place():
+    slanted = shapely.box(0, 0, 8, 6).difference(shapely.Polygon([(3, 0.36), (3, 5), (4, 5), (4, 0.4)]))
+    drawing = Drawing()
+    drawing.level(slanted)
+    drawing.exit("A", 0, (8, 2), (8, 3))
+    building = drawing.build()
+    assert [width for width, _ in gaps_at(building, building.levels[0], 0.5)] == pytest.approx([0.36])
+
+
+def test_niches_and_openings_are_no_gaps_and_a_closed_door_is_a_wall():
+    niche = hall((8.0, 4.0, 8.5, 4.4), (6.0, 4.0, 6.5, 4.4), (6.3, 4.1, 6.5, 4.3))
+    assert len(gaps_between_walls(niche, niche.levels[0], 0.5)) == 0
+    beside = hall((7.5, 3.0, 7.7, 4.0), exit_=((8.0, 1.0), (8.0, 4.5)))
+    assert len(gaps_between_walls(beside, beside.levels[0], 0.5)) == 0
+    closed = replace(beside, closed=frozenset({0}))
+    assert min(gaps_at(closed, closed.levels[0], 0.5))[0] == pytest.approx(0.3)
+
+
+def test_warnings_say_for_how_many_a_gap_is_a_wall():
+    building = hall((4.0, 0.45, 4.2, 4.8))
+    assert narrow_places(building, [0.4, 0.44]) == ()
+    assert narrow_places(building, [0.46, 0.5]) == ()  # for all of them: nobody passes it
+    (warning,) = narrow_places(building, [0.4, 0.5, 0.47, 0.45])
+    assert warning.place == pytest.approx((4.1, 0.225), abs=0.11)
+    assert "0.45 m wide, less than 2 of 4 people" in warning.text
+
+
+def test_where_the_ground_falls_apart_at_a_gap_it_is_told_once():
+    building = hall((4.0, 0.45, 4.2, 6.0))
+    (warning,) = narrow_places(building, [0.4, 0.5])
+    assert "1 of 2 people" in warning.text
+    (warning,) = narrow_places(building, [0.5])
+    assert "1 of 1 person" in warning.text

@@ -20,6 +20,7 @@ def fields(travel_time, direction=None, walls=NO_CELL_WALLS):
             origin=np.zeros((2, 2)),
             shape=np.array([travel_time.shape] * 2, dtype=np.int32),
             spacing=1.0,
+            width=np.zeros(0),
             field_of=np.array([[0], [-1]], dtype=np.int32),
             offset=np.array([0], dtype=np.int64),
             direction=np.asarray(direction, dtype=float).reshape(-1, 2),

@@ -168,9 +168,9 @@ def test_cells_list_the_walls_through_them_and_none_along_their_edges(drawing):
     drawing.wall(0, (1.0, 0.3), (1.0, 0.6))
     drawing.wall(0, (1.2, 0.2), (1.5, 0.5))
     grids = build_grids(drawing.build(), 0.1, CLEARANCE)
-    found = find_cell_walls(grids, 1.0)
+    found = find_cell_walls([grids], 1, 1.0)
     (grid,) = grids.levels
-    ix, iy = np.unravel_index(found.cell - found.offset[0], grid.window.shape)
+    ix, iy = np.unravel_index(found.cell - found.offset[0, 0], grid.window.shape)
     corner = np.round(grid.window.origin + 0.1 * np.column_stack([ix, iy]), 6)
     upright = [(0.5, y) for y in (0.0, 0.1, 0.2, 0.3, 0.4)]
     diagonal = [(1.2, 0.2), (1.3, 0.3), (1.4, 0.4)]

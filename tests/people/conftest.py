@@ -75,7 +75,7 @@ class FakeFields:
     routes: tuple[Route, ...] = (Route(),)
     closed: tuple[int, ...] = field(default=())
 
-    def travel_time_at(self, level, position, route):
+    def travel_time_at(self, level, position, route, radius=0.0):
         return np.where(np.isin(level, self.closed), np.inf, 1.0)
 
 

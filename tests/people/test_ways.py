@@ -32,10 +32,11 @@ def two_rooms(door=(2.0, 3.0), wall=0.2):
     return drawing.build()
 
 
-def check(building, fields, positions):
+def check(building, fields, positions, radius=0.2):
     crowd = make_crowd(positions)
+    crowd.radius[:] = radius
     group = Group("visitors", np.arange(len(positions), dtype=np.int32), {})
-    check_ways(CASE, building, fields, make_world(building, fields), crowd, (group,))
+    return check_ways(CASE, building, fields, make_world(building, fields), crowd, (group,))
 
 
 def refusal(building, fields, positions):
@@ -107,3 +108,24 @@ def test_walks_pass_portals_and_slide_along_walls():
     closed = replace(building, closed=frozenset({0}))
     message = refusal(closed, build_fields(closed, ROUTES), starts)
     assert "building.closed" in message
+
+
+def test_bodies_are_told_where_they_are_stopped_and_points_pass():
+    building = two_rooms(door=(2.0, 2.45))
+    fields = build_fields(building, ROUTES, clearance=0.25, narrowest=0.4, widest=0.5)
+    starts = [[1.0, 1.0], [1.0, 4.0], [3.0, 2.5], [7.0, 4.0]]
+    assert check(building, fields, starts, [0.2, 0.21, 0.225, 0.25]) == ()
+    (place,) = check(building, fields, starts, [0.2, 0.23, 0.25, 0.25])
+    assert (place.kind, place.level) == ("warning", "floor 0")
+    assert place.place == pytest.approx((3.9, 2.22), abs=0.1)
+    assert "people.visitors: 2 of 4 people (0.46 to 0.50 m wide)" in place.text
+
+
+@pytest.mark.parametrize("short", [5e-4, 1e-3, 0.01, 0.1])
+def test_no_body_slips_through_a_gap_that_is_a_little_narrower(short):
+    building = two_rooms(door=(2.0, 2.5 - short), wall=0.05)
+    fields = build_fields(building, ROUTES, clearance=0.25, narrowest=0.5, widest=0.5)
+    assert len(check(building, fields, [[1.0, 1.0], [3.0, 2.2]], 0.25 + 1e-4)) == 1
+    passing = two_rooms(door=(2.0, 2.5 + short), wall=0.05)
+    fields = build_fields(passing, ROUTES, clearance=0.25, narrowest=0.5, widest=0.5)
+    assert check(passing, fields, [[1.0, 1.0], [3.0, 2.2]], 0.25) == ()

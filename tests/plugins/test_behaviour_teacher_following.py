@@ -26,6 +26,7 @@ def corridor_fields():
             origin=np.zeros((1, 2)),
             shape=np.array([[len(x) // 5, 5]], dtype=np.int32),
             spacing=1.0,
+            width=np.zeros(0),
             field_of=np.array([[0, 1, -1]], dtype=np.int32),
             offset=np.array([0, len(x)], dtype=np.int64),
             direction=np.zeros((2 * len(x), 2)),

@@ -128,6 +128,7 @@ def door_fields(side: float, spacing: float = 0.1) -> Fields:
             origin=np.array([[axis[0], axis[0]]]),
             shape=np.array([[len(axis), len(axis)]], np.int32),
             spacing=spacing,
+            width=np.zeros(0),
             field_of=np.zeros((1, 1), np.int32),
             offset=np.zeros(1, np.int64),
             direction=np.ascontiguousarray(np.stack([ahead / distance, across / distance], axis=-1).reshape(-1, 2)),

@@ -182,6 +182,7 @@ def _fields(directions: list[list[float]]) -> Fields:
             origin=np.full((1, 2), -EXTENT),
             shape=np.full((1, 2), 2, np.int32),
             spacing=2.0 * EXTENT,
+            width=np.zeros(0),
             field_of=np.arange(routes, dtype=np.int32).reshape(1, -1),
             offset=4 * np.arange(routes, dtype=np.int64),
             direction=np.repeat(ahead, 4, axis=0),
