@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import FLAT, Building
 from evac.jit import Floats, Ints, Pairs, Struct
+from evac.physics.driver import FASTEST
 from evac.physics.state import Crowd
-from evac.saved import taken
+from evac.saved import FINITE, taken
 
 #: Distance behind the line of an exit up to which people who have left are seen [m].
 REACH = 2.0
+
+#: Rounding error of unit vectors.
+ROUNDING = 1e-9
 
 
 class Outside(Struct):
@@ -119,7 +123,7 @@ class PeopleOutside:
             outside.level[row] = self._level[crowd.exit_used[row]]
             outside.direction[row] = normal = np.array([dy, -dx])
             outside.position[row] = nearest[crossed]
-            outside.velocity[row] = max(crowd.velocity[row] @ normal, 0.0) * normal
+            outside.velocity[row] = np.clip(crowd.velocity[row] @ normal, 0.0, FASTEST) * normal
             outside.depth[row] = 0.0
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -134,6 +138,19 @@ class PeopleOutside:
         SavedError
             An array is not what `state` returns.
         """
-        for name, array in self.arrays.values().items():
-            bounds = (-1, self._levels - 1) if name == "level" else ()
-            array[...] = taken(state, name, array.dtype, array.shape, *bounds)
+        arrays, is_out = self.arrays.values(), self._crowd.level < 0
+        last = np.where(is_out, self._levels - 1, -1)
+        is_seen = taken(state, "level", np.int32, is_out.shape, -1, last) >= 0
+        ends = self._segment.reshape(-1, 2)
+        low, high = ends.min(axis=0, initial=0.0) - 2.0 * REACH, ends.max(axis=0, initial=0.0) + 2.0 * REACH
+        bounds: dict[str, tuple[Any, Any]] = {
+            "level": (-1, last),
+            "position": (np.where(is_seen[:, None], low, -FINITE), np.where(is_seen[:, None], high, FINITE)),
+            "velocity": (-FASTEST, FASTEST),
+            "direction": (-1.0 - ROUNDING, 1.0 + ROUNDING),
+            "depth": (0.0, np.where(is_seen, REACH, FINITE)),
+            "speed_factor": (0.0, FINITE),
+        }
+        values = {name: taken(state, name, array.dtype, array.shape, *bounds[name]) for name, array in arrays.items()}
+        for name, array in arrays.items():
+            array[...] = values[name]

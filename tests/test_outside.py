@@ -7,6 +7,7 @@ import pytest
 from shapely.geometry import box
 
 from evac.building.plan import Plan
+from evac.errors import ResultError
 from evac.evidence.validation.buildings import across, rectangle, write_case
 from evac.output.flows import steady_flow
 from evac.outside import REACH, PeopleOutside
@@ -194,11 +195,25 @@ def test_a_run_resumed_while_people_are_outside_has_the_same_bits():
     assert (forgetful.population.crowd.position != resumed.population.crowd.position).any()
 
 
-@pytest.mark.parametrize("level", [-2, 1])
-def test_a_state_with_a_level_that_does_not_exist_is_refused(level):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("level", -2), ("level", 1), ("position", 1e9), ("position", np.nan), ("depth", 2.1), ("depth", -0.1)),
+        *(("velocity", 1e300), ("direction", 1.1), ("speed_factor", -1.0)),
+    ],
+)
+def test_a_state_that_no_run_can_have_is_refused(name, value):
+    simulation = run_ticks(Simulation(hall(1, 0.0)), 60)
+    state, row = simulation.state(), np.flatnonzero(simulation.outside.arrays.level >= 0)[0]
+    state[f"outside.{name}"][row] = value
+    with pytest.raises(ResultError, match=rf"outside\.{name}: .* out of range"):
+        Simulation(hall(1, 0.0)).restore(state)
+
+
+def test_who_is_inside_cannot_be_outside_in_a_state_too():
     state = Simulation(hall(1, 0.0)).state()
-    state["outside.level"][3] = level
-    with pytest.raises(ValueError, match=r"outside\.level"):
+    state["outside.level"][3] = 0
+    with pytest.raises(ResultError, match=r"outside\.level: 0 is out of range"):
         Simulation(hall(1, 0.0)).restore(state)
 
 
