@@ -24,6 +24,9 @@ TITLE = "Evacuation time: when the last person left"
 #: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40
 
+#: Maximum number of different notes on a statistic that are shown for a sweep.
+MOST_NOTES = 3
+
 #: Maximum number of kinds of quality warnings that are shown.
 MOST_WARNINGS = 10
 
@@ -172,22 +175,21 @@ def _show_points(study: "Study") -> None:
     from evac.study.outputs import parameter_keys
 
     keys = parameter_keys(study)
-    percentile = study.statistics[0].percentiles[-1].name
+    central, percentile = study.central, study.statistics[0].percentiles[-1].name
     rows = []
     for point, one in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
-        found = one.percentiles[-1]
+        middle, found = one[central], one.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
         blocked = f"{one.blocked} of {one.runs}"
-        rows.append(
-            [*values, seconds(one.mean.value), interval(one.mean), seconds(found.value), interval(found), blocked]
-        )
-    columns = (*keys, "mean", "95 % interval", percentile, "95 % interval", "blocked")
+        rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
+    columns = (*keys, central, "95 % interval", percentile, "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
-    notes = dict.fromkeys(one.percentiles[-1].note for one in study.statistics if one.percentiles[-1].note)
-    for note in list(notes)[:3]:
-        print(f"evac: {percentile}: {note}", file=sys.stderr)
+    for name in ("mean", percentile):
+        notes = dict.fromkeys(one[name].note for one in study.statistics if one[name].note)
+        for note in list(notes)[:MOST_NOTES]:
+            print(f"evac: {name}: {note}", file=sys.stderr)
     if any(one.blocked for one in study.statistics):
         note = "people are left in blocked runs: percentiles count their times as infinite, means exclude these runs"
         print(f"evac: {note}", file=sys.stderr)

@@ -217,7 +217,7 @@ def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) 
 
 
 def _draw_statistics(study: "Study", path: Path) -> None:
-    """Draw mean and percentiles of the evacuation time at each point, over the last numeric parameter if any."""
+    """Draw mean or median, and the last percentile, of the evacuation time at each point, over the last number."""
     from evac.output.pictures import new_plain_axes, save
 
     keys = parameter_keys(study)
@@ -241,20 +241,28 @@ def _draw_statistics(study: "Study", path: Path) -> None:
         place = [along_of(k) for k in members]
         found = [study.statistics[k] for k in members]
         colour = f"C{number % 10}"
-        mean = np.array([one.mean.value for one in found])
-        spread = np.abs([[one.mean.value - one.mean.low, one.mean.high - one.mean.value] for one in found]).T
+        middle = [one[study.central] for one in found]
+        value = np.array([one.value for one in middle])
+        spread = np.abs([[one.value - one.low, one.high - one.value] for one in middle]).T
         line = "o-" if along else "o"
-        axes.errorbar(place, mean, np.nan_to_num(spread), fmt=line, color=colour, capsize=3, label=name or None)
+        style = {"fmt": line, "color": colour, "capsize": 3, "label": name or None}
+        axes.errorbar(place, _drawn(value), np.nan_to_num(_drawn(spread)), **style)
         greatest = np.array([one.percentiles[-1].value for one in found])
-        axes.plot(place, np.where(np.isfinite(greatest), greatest, np.nan), "^", color=colour, markerfacecolor="none")
+        axes.plot(place, _drawn(greatest), "^", color=colour, markerfacecolor="none")
     if not along:
         labels = [textwrap.fill(point.label, 24) for point in study.points]
         axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
-    note = "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, if finite"
+    of = "mean of the complete runs" if study.central == "mean" else "median of all runs"
+    note = f"dots: {of} and its 95 % interval; triangles: 95th percentile of all runs, if finite"
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= 12:
         axes.legend(frameon=False, fontsize=8)
     save(figure, path)
+
+
+def _drawn(values: FloatArray) -> FloatArray:
+    """Return values with NaN for infinity, which leaves a gap in a picture."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _is_number(value: Any) -> bool:

@@ -16,7 +16,7 @@ from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
 from evac.study.points import Point, Seeds
 from evac.study.runs import Order, Row, order_of
-from evac.study.statistics import Estimate, Statistics, statistics
+from evac.study.statistics import MEDIAN, Estimate, Statistics, statistics
 from evac.study.stopping import Rule
 from evac.study.store import Store
 
@@ -127,6 +127,12 @@ class Study:
         return tuple(
             statistics(self.times(point.index), self.populations(point.index), confidence) for point in self.points
         )
+
+    @property
+    def central(self) -> str:
+        """Name of the statistic that describes all points: the mean, or the median if the mean lacks intervals."""
+        means, medians = ([one[name].has_interval for one in self.statistics] for name in ("mean", MEDIAN))
+        return "mean" if sum(means) >= sum(medians) else MEDIAN
 
     def deciding(self, point: int) -> Estimate:
         """Return the statistic on which the stopping rule is based, at one point."""

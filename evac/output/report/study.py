@@ -148,6 +148,12 @@ def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
     return f"{one.value:.1f} s ({low} to {high})"
 
 
+def _mean(one: EstimateTable) -> str:
+    """Return the mean with its interval, or with the reason why it has none."""
+    told = f"{_interval(one)}, with 95 % interval" if one.low is not None else _interval(one)
+    return f"{told}; {one.note}" if one.note else told
+
+
 def _results(study: StudyFiles) -> dict[str, object]:
     """Return the main results, which open the report: of the only point, or how many there are."""
     summary = study.summary
@@ -158,7 +164,7 @@ def _results(study: StudyFiles) -> dict[str, object]:
         one = summary.points[0].statistics
         results |= {
             "People": ", ".join(sorted(set(study.runs["people"]), key=int)),
-            "Evacuation time, mean of complete runs": f"{_interval(one.mean)}, with 95 % interval",
+            "Evacuation time, mean of complete runs": _mean(one.mean),
             **{
                 f"Evacuation time, {estimate.name}": _interval(estimate, bool(one.blocked))
                 for estimate in one.percentiles
