@@ -3,14 +3,14 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.display import Display
-from evac.errors import counted
+from evac.errors import counted, text_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from evac.study.study import Progress, Study
 
 TITLE = "Evacuation time: when the last person left"
+
+#: Exit statuses of a study: runs failed, people are left.
+BAD_INPUT, PEOPLE_LEFT = 2, 3
 
 #: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40
@@ -95,17 +98,22 @@ def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
 
 
 def prepare(case: "Case") -> None:
-    """Compile missing kernels, show warnings, and keep building and directions for the runs."""
+    """Compile missing kernels, show warnings, and keep building and directions for the runs.
+
+    If the first run is refused, the study tells why, after it has checked the others.
+    """
+    from evac.errors import EvacError
     from evac.study.shared import simulation_of
 
-    with Display() as display:
+    warnings: tuple[str, ...] = ()
+    with Display() as display, suppress(EvacError):
         display.phase("reading the building, computing directions")
         warnings = simulation_of(case, compiling=display.compiling).warnings()
     show_warnings(warnings)
 
 
 class Rows:
-    """Shows the progress of a study, and how many runs of a resumed study exist.
+    """Shows the progress of a study, the first run that fails, and how many runs of a resumed study exist.
 
     Parameters
     ----------
@@ -114,23 +122,32 @@ class Rows:
 
     def __init__(self, display: Display) -> None:
         self._display = display
+        self._has_told = False
 
     def __call__(self, progress: "Progress") -> None:
         """Show the number of finished runs."""
         if progress.row is not None:
+            if progress.row.error is not None and not self._has_told:
+                self._has_told = True
+                place = progress.row.error.__notes__[-1]
+                show_warnings([f"failed, while others go on: {text_of(progress.row.error)}, {place}"])
             self._display.runs(progress.done, progress.wanted)
         elif progress.done:
             print(f"resuming: {progress.done} of {progress.wanted} runs are done", file=sys.stderr, flush=True)
 
 
 def show_study(study: "Study") -> int:
-    """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
-    runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
+    runs, blocked, failed = (
+        sum(getattr(one, name) for one in study.statistics) for name in ("runs", "blocked", "failed")
+    )
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
     facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
+    if failed:
+        facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
     if len(study.points) == 1:
         show_facts(facts | _settled_facts(study))
         show_table(
@@ -142,8 +159,9 @@ def show_study(study: "Study") -> int:
         _show_points(study)
     _show_rule(study)
     _show_quality(study)
+    _show_failed(study)
     show_facts({"results in": study.folder})
-    return 0 if not blocked else 3
+    return BAD_INPUT if failed else PEOPLE_LEFT if blocked else 0
 
 
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
@@ -180,7 +198,7 @@ def _show_points(study: "Study") -> None:
     for point, one in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
         middle, found = one[central], one.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
-        blocked = f"{one.blocked} of {one.runs}"
+        blocked = f"{one.blocked} of {one.runs}" + (f", {one.failed} failed" if one.failed else "")
         rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
     columns = (*keys, central, "95 % interval", percentile, "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
@@ -233,6 +251,9 @@ def _show_rule(study: "Study") -> None:
         reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
         if rule.is_known(study.times(point.index), study.populations(point.index)):
             line = f"interval of the {found.name} narrow enough{where} after {counted(runs, 'run')}: {reached}"
+        elif not rule.is_open(study.times(point.index), study.populations(point.index)):
+            line = f"interval of the {found.name} cannot become finite{where}, stopped after {counted(runs, 'run')}"
+            line += f": {found.note}" if found.note else ""
         else:
             reason = found.note or "raise --most"
             line = f"interval of the {found.name} too wide{where} after {counted(runs, 'run')}: {reached}, "
@@ -244,12 +265,31 @@ def _show_quality(study: "Study") -> None:
     """Show the quality warnings, grouped by kind."""
     found: dict[str, list[str]] = {}
     for row in study.rows(columns=["point", "seed", "quality_warnings"]):
-        where = f"seed {row['seed']}" if len(study.points) == 1 else f"point {row['point']}, seed {row['seed']}"
         for line in row["quality_warnings"]:
-            found.setdefault(_kind(line), []).append(f"{where}: {line}")
+            found.setdefault(_kind(line), []).append(f"{_where(study, row)}: {line}")
     for lines in list(found.values())[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
         show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
+
+
+def _show_failed(study: "Study") -> None:
+    """Show the first failed run of each point."""
+    found: dict[int, list[str]] = {}
+    for row in study.rows(columns=["point", "seed", "error"], failed=True):
+        if row["error"] is not None:
+            found.setdefault(row["point"], []).append(f"{_where(study, row)}: {row['error']}")
+    for lines in list(found.values())[:MOST_WARNINGS]:
+        others = f" (and {counted(len(lines) - 1, 'more run')}, in runs.csv)" if len(lines) > 1 else ""
+        print(f"evac: failed: {lines[0]}{others}", file=sys.stderr)
+    if len(found) > MOST_WARNINGS:
+        print(f"evac: failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv", file=sys.stderr)
+
+
+def _where(study: "Study", row: Mapping[str, Any]) -> str:
+    """Return the seed of a row, and its point if there are several."""
+    if len(study.points) == 1:
+        return f"seed {row['seed']}"
+    return f"point {row['point']} ({study.points[row['point']].label}), seed {row['seed']}"
 
 
 def _kind(line: str) -> str:

@@ -49,7 +49,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run the study and show it; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    """Run the study and show it; return its status, see `evac.cli.studies.show_study`."""
     from evac.study.asking import conducted, rule_of
     from evac.study.points import from_rows, grid
 

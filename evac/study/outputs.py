@@ -45,15 +45,7 @@ RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 
 
 def write_outputs(study: "Study") -> None:
-    """Write runs.csv, statistics.csv, convergence.csv, egress.csv, pictures, and summary.json last.
-
-    Rows are read one after the other, so that the memory used does not grow with the number of people times runs.
-
-    Raises
-    ------
-    ResultError
-        A file cannot be written.
-    """
+    """Write runs.csv: a row for each run, also a failed one, with two columns for each exit, without single people."""
     folder = study.folder
     with writing("the results", folder):
         write_runs(study, folder / RUNS_NAME)
@@ -107,8 +99,9 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         found.append(entry)
     return {
         "title": case.title,
-        "runs": sum(one.runs for one in study.statistics),
+        "runs": sum(one.runs + one.failed for one in study.statistics),
         "blocked": sum(one.blocked for one in study.statistics),
+        "failed": sum(one.failed for one in study.statistics),
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
         "points": found,
@@ -133,20 +126,21 @@ def parameter_keys(study: "Study") -> list[str]:
 
 
 def write_runs(study: "Study", path: Path) -> None:
-    """Write runs.csv: a row for each run, with two columns for each exit, without data of single people."""
+    """Write runs.csv: a row for each run, even a failed one, with two columns for each exit, without single people."""
     names: dict[str, None] = {}
     for row in study.rows(columns=["exits"]):
         names.update(dict.fromkeys(exit_["name"] for exit_ in row["exits"]))
     own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
     if study.seeds.repetitions > 1:
         own.insert(3, "population_seed")
-    head = [*own, *(f"{name}: {what}" for name in names for what in ("people", "last_out")), "quality_warnings"]
+    of_exits = [f"{name}: {what}" for name in names for what in ("people", "last_out")]
+    head = [*own, *of_exits, "quality_warnings", "error"]
 
     def lines() -> Iterator[list[Any]]:
-        for row in study.rows(columns=[*own, "exits", "quality_warnings"]):
+        for row in study.rows(columns=[*own, "exits", "quality_warnings", "error"], failed=True):
             used = {exit_["name"]: exit_ for exit_ in row["exits"]}
             exits = [used.get(name, {}).get(what) for name in names for what in ("people", "last_out")]
-            yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"])]
+            yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"]), row["error"]]
 
     write_csv(path, head, lines())
 
@@ -160,17 +154,18 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
         ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean_over_runs``, and
         ``percentile_5_over_runs``, ``percentile_50_over_runs`` and ``percentile_95_over_runs``.
     """
-    end = max(row["time"] for row in study.rows(point, ["time"]))
+    names = ("time", "mean_over_runs", *(f"percentile_{of:g}_over_runs" for of in PERCENTILES))
+    end = max((row["time"] for row in study.rows(point, ["time"])), default=None)
+    if end is None:  # all runs failed
+        return {name: np.empty(0) for name in names}
     every = study.points[point].case.output.every
     every *= math.ceil(end / every / MOST_TIMES)
     time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
     # NaN is sorted after all times.
     rows = (row["exit_time"] for row in study.rows(point, ["exit_time"]))
     out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in rows])
-    columns = {"time": time, "mean_over_runs": out.mean(axis=0)}
-    for of in PERCENTILES:
-        columns[f"percentile_{of:g}_over_runs"] = np.percentile(out, of, axis=0)
-    return columns
+    columns = (time, out.mean(axis=0), *(np.percentile(out, of, axis=0) for of in PERCENTILES))
+    return dict(zip(names, columns, strict=True))
 
 
 def curves(study: "Study", point: int) -> Iterator[FloatArray]:

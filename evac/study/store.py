@@ -18,7 +18,8 @@ import pyarrow as pa
 import pyarrow.ipc
 import pyarrow.parquet as pq
 
-from evac.errors import ResultError
+from evac.ending import FAILED
+from evac.errors import ResultError, text_of
 from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, writing
 from evac.study.points import Point
 from evac.study.runs import Row
@@ -27,6 +28,9 @@ from evac.study.runs import Row
 BATCH_ROWS = 32
 GROUP_BYTES = 16 * 2**20
 
+#: Columns that tell which runs there are.
+INDEXED = ("point", "run", "ended", "last_out")
+
 EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("last_out", pa.float64())]))
 
 
@@ -34,7 +38,7 @@ EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("las
 class Entry:
     """Data of a stored run that is kept in memory."""
 
-    last_out: float  # [s], infinite if people are left
+    last_out: float  # [s], infinite if people are left, NaN if the run failed
     offset: int = -1  # in the stream; -1: in the Parquet file
 
 
@@ -57,6 +61,7 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
             ("last_out", pa.float64()),
             ("exits", EXITS),
             ("quality_warnings", pa.list_(pa.string())),
+            ("error", pa.string()),
             ("exit_time", pa.list_(pa.float64())),
             ("exit_used", pa.list_(pa.int16())),
         ]
@@ -109,6 +114,10 @@ class Store:
                 raise OSError("the disk is full")
             self.entries[row.point, row.run] = Entry(row.last_out, self._end)
             self._end += len(data)
+
+    def forget_failed(self) -> None:
+        """Forget the runs that failed, so that they are made again."""
+        self.entries = {key: entry for key, entry in self.entries.items() if not math.isnan(entry.last_out)}
 
     def rows(self, wanted: Iterable[tuple[int, int]], columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
         """Yield stored rows as dictionaries of plain values and arrays.
@@ -166,10 +175,8 @@ class Store:
         try:
             with pq.ParquetFile(self._parquet_path) as file:
                 self._check_schema(file.schema_arrow, self._parquet_path)
-                for batch in file.iter_batches(columns=["point", "run", "last_out"]):
-                    columns = (batch.column(name).to_pylist() for name in ("point", "run", "last_out"))
-                    for point, run, last_out in zip(*columns, strict=True):
-                        self.entries[point, run] = Entry(math.inf if last_out is None else last_out)
+                for batch in file.iter_batches(columns=INDEXED):
+                    self._index(batch, -1)
         except pa.ArrowException as error:
             raise ResultError(f"{self._parquet_path}: damaged: {error}; remove it to start the study again") from error
 
@@ -184,14 +191,19 @@ class Store:
                     batch = pa.ipc.read_record_batch(pa.ipc.read_message(file), self.schema)
                     if file.tell() > size:
                         break
-                    point, run, last_out = (batch.column(name)[0].as_py() for name in ("point", "run", "last_out"))
-                    self.entries[point, run] = Entry(math.inf if last_out is None else last_out, self._end)
+                    self._index(batch, self._end)
                     self._end = file.tell()
             except (pa.ArrowException, EOFError, OSError):
                 pass  # incomplete after a kill
         if self._end < size:
             with self._stream_path.open("r+b") as stream:
                 stream.truncate(self._end)
+
+    def _index(self, batch: pa.RecordBatch, offset: int) -> None:
+        """Note the runs of a batch, which are at an offset in the stream, or -1 if they are in the Parquet file."""
+        for point, run, ended, last_out in zip(*(batch.column(name).to_pylist() for name in INDEXED), strict=True):
+            endless = math.nan if ended == FAILED else math.inf
+            self.entries[point, run] = Entry(endless if last_out is None else last_out, offset)
 
     def _check_schema(self, found: pa.Schema, path: Path) -> None:
         if not found.equals(self.schema):
@@ -233,15 +245,13 @@ class Store:
             "population_seed": row.population_seed,
             "ended": row.ended,
             "blocked": row.is_blocked,
-            "time": row.time,
+            "time": _number(row.time),
             "people": len(row.exit_time),
             "out": int(np.isfinite(row.exit_time).sum()),
-            "last_out": None if row.is_blocked else row.last_out,
-            "exits": [
-                {"name": name, "people": people, "last_out": None if math.isnan(last) else last}
-                for name, people, last in row.exits
-            ],
+            "last_out": _number(row.last_out),
+            "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],
             "quality_warnings": list(row.quality_warnings),
+            "error": None if row.error is None else text_of(row.error),
             "exit_time": row.exit_time,
             "exit_used": row.exit_used,
         }
@@ -261,6 +271,10 @@ def _kind(values: Sequence[Any]) -> pa.DataType:
     if kinds == {int}:
         return pa.int64()
     return pa.float64() if kinds <= {int, float} else pa.string()
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _plain(value: Any, kind: pa.DataType) -> Any:

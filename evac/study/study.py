@@ -1,5 +1,6 @@
 """A study: its points, its rows, and their statistics."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.arrays import FloatArray
+from evac.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
@@ -63,6 +65,7 @@ class Study:
         else:
             write_identity(self.folder, identity)
         self._store = Store(self.folder, self.points)
+        self._store.forget_failed()
         self._wanted = [rule.first] * len(self.points)
         self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
 
@@ -80,27 +83,50 @@ class Study:
         executor: Executor | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Execute all missing runs, and sort the rows."""
-        conductor: Conductor
+        """Check all missing runs, execute those that are not refused, and sort the rows.
+
+        Raises
+        ------
+        EvacError
+            The error of the first run, if all runs failed; or the rows cannot be written.
+        """
+        workers = workers or cpu_count() or 1
+        missing = [self._missing(order, range(self.rule.first)) for order in self._orders]
+        refused: list[Row] = []
+        if sum(map(len, missing)) > 1:
+            checks = Conductor(self.points, refused.append, workers, executor)
+            for order, runs in zip(self._orders, missing, strict=True):
+                checks.ask_check(order, runs)
+            checks.conduct()
+        if refused and len(refused) == self.rule.first * len(self.points):
+            raise _first_error(refused)
+        failed: list[Row] = []
 
         def on_row(row: Row) -> None:
             self._store.append(row)
             self._there[row.point] += 1
             order = self._orders[row.point]
             conductor.ask(order, self._advanced(order))
+            if row.error is not None:
+                failed.append(row)
             if progress is not None:
                 progress(Progress(self.done, sum(self._wanted), row))
 
-        conductor = Conductor(self.points, on_row, workers or cpu_count() or 1, executor)
-        for order in self._orders:
-            missing = self._missing(order, range(self.rule.first)) or self._advanced(order)
-            conductor.ask(order, missing)
+        conductor = Conductor(self.points, on_row, workers, executor)
         if progress is not None:
             progress(Progress(self.done, sum(self._wanted), None))
         try:
+            for row in sorted(refused, key=_place):
+                on_row(row)
+            known = {(row.point, row.run) for row in refused}
+            for order, runs in zip(self._orders, missing, strict=True):
+                wanted = [run for run in runs if (order.point, run) not in known]
+                conductor.ask(order, wanted if runs else self._advanced(order))
             conductor.conduct()
         finally:
             self._store.close()
+        if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
+            raise _first_error(failed)
         self._store.compact(sorted(self._store.entries))
 
     @property
@@ -113,7 +139,7 @@ class Study:
         return self._wanted[point]
 
     def times(self, point: int) -> FloatArray:
-        """Return the evacuation times (runs,) [s] of a point by run; infinite if people are left."""
+        """Return the evacuation times (runs,) [s] of a point; infinite if people are left, NaN for failed runs."""
         return np.array([self._store.entries[point, run].last_out for run in range(self._wanted[point])])
 
     def populations(self, point: int) -> list[int]:
@@ -142,7 +168,9 @@ class Study:
         """Return the variation between populations and repetitions, as the procedure of the IMO requires."""
         return imo.variation(self.times(point), self.populations(point))
 
-    def rows(self, point: int | None = None, columns: Sequence[str] = ()) -> Iterable[dict[str, Any]]:
+    def rows(
+        self, point: int | None = None, columns: Sequence[str] = (), *, failed: bool = False
+    ) -> Iterable[dict[str, Any]]:
         """Yield the rows in the statistics of one point or all points, read one after the other.
 
         Parameters
@@ -150,17 +178,21 @@ class Study:
         point : int, optional
         columns : sequence of str
             Names of columns of `table`; by default all.
+        failed : bool
+            Include the rows of failed runs, which are in no statistic.
         """
         chosen = self.points if point is None else (self.points[point],)
         wanted = [(one.index, run) for one in chosen for run in range(self._wanted[one.index])]
+        if not failed:
+            wanted = [key for key in wanted if not math.isnan(self._store.entries[key].last_out)]
         return self._store.rows(wanted, columns)
 
     def table(self) -> "pyarrow.Table":
-        """Return all rows as an Arrow table, with the exit times of all people in memory."""
+        """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return all rows as a pandas data frame."""
+        """Return `table` as a pandas data frame."""
         return self.table().to_pandas()
 
     def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":
@@ -196,3 +228,14 @@ class Study:
             if missing:
                 return missing
         return []
+
+
+def _place(row: Row) -> tuple[int, int]:
+    return row.point, row.run
+
+
+def _first_error(failed: Sequence[Row]) -> EvacError:
+    """Return the error of the first point and seed that failed."""
+    error = min(failed, key=_place).error
+    assert error is not None
+    return error

@@ -10,7 +10,9 @@ import pytest
 
 import evac
 from evac.errors import PluginError, ResultError, ScenarioError
+from evac.output.congestion import DENSITY
 from evac.output.files import RUNS_STREAM_NAME
+from evac.output.report.study import study_report
 from evac.study.executors import in_processes
 
 
@@ -217,6 +219,81 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
     with pytest.raises(PluginError, match="oops") as caught:
         evac.repeat(with_plugin(tmp_path, "raise ValueError('oops')", **{"simulation.seed": 8}), 1, workers=1)
     assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
+
+
+#: Of this stiffness the seeds are refused that draw too light a person.
+STIFF = {"contact.model": "dem", "contact.dem.stiffness": 4e5}
+
+
+def refused_seeds(case, seeds):
+    refused = []
+    for seed in seeds:
+        try:
+            evac.Simulation(case.change({"simulation.seed": seed}))
+        except ScenarioError:
+            refused.append(seed)
+    return refused
+
+
+def test_refused_seeds_are_known_first_and_the_others_finish(case, tmp_path):
+    stiff, made = case.change(STIFF), []
+    refused = refused_seeds(stiff, range(5, 15))
+    assert 0 < len(refused) < 10
+    study = evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=lambda state: made.append(state.row))
+    assert [row.seed for row in made[1:]][: len(refused)] == refused
+    rows = list(study.rows(failed=True))
+    assert [row["seed"] for row in rows if row["ended"] == "failed"] == refused
+    assert all("stiffness" in row["error"] for row in rows if row["ended"] == "failed")
+    found = study.statistics[0]
+    assert (found.runs, found.failed) == (10 - len(refused), len(refused))
+    alone = [evac.run(stiff.change({"simulation.seed": seed})) for seed in range(5, 15) if seed not in refused]
+    assert found.mean.value == pytest.approx(np.mean([one.last_out for one in alone]))
+    with (tmp_path / "r" / "runs.csv").open() as file:
+        assert [int(row["seed"]) for row in csv.DictReader(file) if row["error"]] == refused
+
+
+def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
+    stiff = case.change(STIFF)
+    refused = refused_seeds(stiff, range(5, 15))
+    whole = evac.repeat(stiff, 10, folder=tmp_path / "whole", workers=1)
+    with pytest.raises(StopError):
+        evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=stopping_after(len(refused) + 2))
+    made = []
+    evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row))
+    assert [row.seed for row in made[1:]][: len(refused)] == refused
+    assert len(made) == 1 + 10 - 2
+    for name in ("runs.parquet", "runs.csv", "summary.json"):
+        assert (tmp_path / "r" / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
+def test_a_refused_point_ends_no_sweep(case, tmp_path):
+    changes = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9]}
+    study = evac.sweep(case, changes, 3, folder=tmp_path / "r", workers=1)
+    good, bad = study.statistics
+    assert (good.runs, good.failed, bad.runs, bad.failed) == (3, 0, 0, 3)
+    assert np.isnan(bad.mean.value)
+    assert "3 of 6 runs failed" in study_report(tmp_path / "r", density=DENSITY)
+
+
+def test_a_study_without_any_result_raises_the_first_error(case):
+    with pytest.raises(ScenarioError, match="stiffness") as caught:
+        evac.sweep(case, {"contact.model": ["dem"], "contact.dem.stiffness": [1e8, 1e9]}, 2, workers=1)
+    (note,) = caught.value.__notes__
+    assert "simulation.seed = 5" in note
+    assert "contact.dem.stiffness = 100000000.0" in note
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    act = "assert crowd.mass[0] != self.heaviest, 'too heavy'"
+    case = with_plugin(tmp_path, act)
+    masses = [evac.Simulation(case.change({"simulation.seed": seed})).population.crowd.mass[0] for seed in (1, 2, 3, 4)]
+    case = with_plugin(tmp_path, act.replace("self.heaviest", repr(float(masses[2]))))
+    study = evac.repeat(case, 4, workers=workers)
+    assert [row["ended"] for row in study.rows(columns=["ended"], failed=True)][2] == "failed"
+    assert "too heavy" in list(study.rows(columns=["error"], failed=True))[2]["error"]
+    assert study.statistics[0].runs == 3
 
 
 def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
