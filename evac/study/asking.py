@@ -10,7 +10,7 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
 from evac.errors import ResultError, ScenarioError
-from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
+from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.output.resultfolder import ResultFolder
 from evac.scenario.loading import as_case
 from evac.scenario.trust import run_plugin_files
@@ -214,7 +214,7 @@ def open_folder(place: ResultFolder, resume: bool) -> None:
         source = place.running if (place.running / STUDY_NAME).is_file() else place.path
         if not (source / STUDY_NAME).is_file():
             raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
-        place.reopen(source, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME))
+        place.reopen(source, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
     elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
         raise ResultError(
             f"{place.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "

@@ -96,6 +96,19 @@ def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
         assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+def test_a_damaged_study_goes_on_to_the_same_tables(case, tmp_path):
+    whole = evac.repeat(case, 4, folder=tmp_path / "whole", workers=1)
+    with pytest.raises(StopError):
+        evac.repeat(case, 4, folder=tmp_path / "r", workers=1, progress=stopping_after(3))
+    path, generator = tmp_path / "r.running" / RUNS_STREAM_NAME, np.random.default_rng(1)
+    data = bytearray(path.read_bytes())
+    data[int(generator.integers(len(data) // 2, len(data)))] ^= 4
+    path.write_bytes(data)
+    evac.repeat(case, 4, folder=tmp_path / "r", workers=1, resume=True)
+    for name in ("runs.parquet", "summary.json"):
+        assert (tmp_path / "r" / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
 def test_a_complete_study_takes_more_runs(case, tmp_path):
     evac.repeat(case, 2, folder=tmp_path / "r", workers=1)
     made = []
