@@ -78,6 +78,7 @@ WRITTEN = (
     PICTURE_NAME,
     FILM_NAME,
     STUDY_NAME,
+    f"{STUDY_NAME}.new",
     REPORT_NAME,
     f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",

@@ -184,7 +184,7 @@ def conducted(
     seeds = Seeds(found[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
-        study = Study(found, seeds, rule, temporary)
+        study = Study.begun(found, seeds, rule, temporary)
         weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
         study.conduct(workers, executor, progress)
         return study
@@ -192,7 +192,7 @@ def conducted(
 
     with ResultFolder(folder) as place:
         open_folder(place, resume)
-        study = Study(found, seeds, rule, place.running, resume)
+        study = Study.begun(found, seeds, rule, place.running, resume)
         study.conduct(workers, executor, progress)
         write_outputs(study)
         if replay:

@@ -3,8 +3,9 @@
 import csv
 import itertools
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,15 +31,22 @@ class Point:
     Attributes
     ----------
     index : int
-    case : Case
-        The case with these parameters.
+    base : Case, or callable that returns it
+        The case without these parameters; a callable is called when the case is first needed.
     parameters : mapping of str to plain value
         Values set at this point, by dotted key; for a table with several cases also ``case``.
     """
 
     index: int
-    case: "Case"
+    base: "Case | Callable[[], Case]"
     parameters: Mapping[str, Any]
+
+    @cached_property
+    def case(self) -> "Case":
+        """The case with these parameters."""
+        base = self.base() if callable(self.base) else self.base
+        changes = {key: value for key, value in self.parameters.items() if key != CASE_COLUMN}
+        return base.change(changes) if changes else base
 
     @property
     def label(self) -> str:
@@ -170,13 +178,13 @@ def _points(found: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, .
                 raise ScenarioError(f"{key}: cannot be swept, because the study sets it for each run")
             if "." not in key and key != CASE_COLUMN:
                 raise ScenarioError(f"{key}: a section cannot be swept; name a key in it, such as contact.model")
-        changes = {key: value for key, value in parameters.items() if key != CASE_COLUMN}
+        point = Point(index, case, dict(parameters))
         try:
-            changed = case.change(changes) if changes else case
+            _ = point.case
         except ScenarioError as error:
-            error.add_note(f"at the point {', '.join(f'{key} = {value}' for key, value in parameters.items())}")
+            error.add_note(f"at the point {point.label}")
             raise
-        points.append(Point(index, changed, dict(parameters)))
+        points.append(point)
     if not points:
         raise ScenarioError("a study needs at least one point")
     return tuple(points)

@@ -15,7 +15,7 @@ from evac.arrays import FloatArray
 from evac.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
-from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
+from evac.study.identity import check_identity, definition_of, digest_of, identity_of, key_of, write_identity
 from evac.study.points import Point, Seeds
 from evac.study.runs import Order, Row, order_of
 from evac.study.statistics import MEDIAN, Estimate, Statistics, statistics
@@ -42,32 +42,51 @@ class Progress:
 class Study:
     """Runs of one or several points, with the same seeds at every point.
 
-    Returned by `evac.repeat` and `evac.sweep`.
+    Returned by `evac.repeat` and `evac.sweep`, and by `evac.read_study` for the folder of an earlier study.
 
-    Attributes
+    Parameters
     ----------
-    points : tuple of Point
+    points : sequence of Point
     seeds : Seeds
     rule : Rule
     folder : Path
-        Folder with the rows.
+        Folder with the rows. Of an interrupted study, the runs before the first missing one are in the statistics.
+
+    Attributes
+    ----------
+    points, seeds, rule, folder
+        As the parameters.
     """
 
-    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> None:
+    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path) -> None:
         self.points = tuple(points)
         self.seeds, self.rule, self.folder = seeds, rule, folder
-        keys = [key_of(point.case) for point in self.points]
-        digests = [digest_of(point.case, key) for point, key in zip(self.points, keys, strict=True)]
-        self._orders = [order_of(*of) for of in zip(self.points, [seeds] * len(keys), digests, keys, strict=True)]
-        identity = identity_of(self.points, seeds, digests)
-        if resume:
-            check_identity(self.folder, identity)
-        else:
-            write_identity(self.folder, identity)
         self._store = Store(self.folder, self.points)
-        self._store.forget_failed()
-        self._wanted = [rule.first] * len(self.points)
-        self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
+        self._orders: list[Order] = []
+        self._wanted = [self._extent(point.index) for point in self.points]
+        self._there = list(self._wanted)
+
+    @classmethod
+    def begun(cls, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> "Study":
+        """Return a study to be conducted; its folder contains no study, or if it is resumed, the same one.
+
+        Raises
+        ------
+        ResultError
+            The folder contains another study, or cannot be read or written.
+        """
+        keys = [key_of(point.case) for point in points]
+        digests = [digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
+        identity = identity_of(points, seeds, digests)
+        if resume:
+            check_identity(folder, identity)
+        write_identity(folder, identity, definition_of(points, rule))
+        study = cls(points, seeds, rule, folder)
+        study._store.forget_failed()
+        study._orders = [order_of(*of) for of in zip(points, [seeds] * len(keys), digests, keys, strict=True)]
+        study._wanted = [rule.first] * len(points)
+        study._there = [rule.first - len(study._missing(point.index, range(rule.first))) for point in points]
+        return study
 
     def __repr__(self) -> str:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
@@ -91,7 +110,7 @@ class Study:
             The error of the first run, if all runs failed; or the rows cannot be written.
         """
         workers = workers or cpu_count() or 1
-        missing = [self._missing(order, range(self.rule.first)) for order in self._orders]
+        missing = [self._missing(order.point, range(self.rule.first)) for order in self._orders]
         refused: list[Row] = []
         if sum(map(len, missing)) > 1:
             checks = Conductor(self.points, refused.append, workers, executor)
@@ -140,7 +159,7 @@ class Study:
 
     def times(self, point: int) -> FloatArray:
         """Return the evacuation times (runs,) [s] of a point; infinite if people are left, NaN for failed runs."""
-        return np.array([self._store.entries[point, run].last_out for run in range(self._wanted[point])])
+        return self._times(point, self._wanted[point])
 
     def populations(self, point: int) -> list[int]:
         """Return the number of the population of each run of a point."""
@@ -212,8 +231,19 @@ class Study:
         """Return the case of one run, with its seeds."""
         return self.points[point].case.change(self.seeds.changes(run))
 
-    def _missing(self, order: Order, runs: Iterable[int]) -> list[int]:
-        return [run for run in runs if (order.point, run) not in self._store.entries]
+    def _times(self, point: int, runs: int) -> FloatArray:
+        return np.array([self._store.entries[point, run].last_out for run in range(runs)])
+
+    def _missing(self, point: int, runs: Iterable[int]) -> list[int]:
+        return [run for run in runs if (point, run) not in self._store.entries]
+
+    def _extent(self, point: int) -> int:
+        """Return the number of runs that the stopping rule wants, or of those before the first missing one."""
+        runs, before = self.rule.first, 0
+        while runs > before and not (missing := self._missing(point, range(before, runs))):
+            populations = [self.seeds.population(run) for run in range(runs)]
+            before, runs = runs, self.rule.wanted(self._times(point, runs), populations)
+        return runs if runs == before else missing[0] - missing[0] % self.seeds.repetitions
 
     def _advanced(self, order: Order) -> list[int]:
         """Apply the stopping rule to a point until it requests runs that are missing; return these."""
@@ -223,7 +253,7 @@ class Study:
             self._wanted[point] = self.rule.wanted(self.times(point), self.populations(point))
             if self._wanted[point] == before:
                 break
-            missing = self._missing(order, range(before, self._wanted[point]))
+            missing = self._missing(point, range(before, self._wanted[point]))
             self._there[point] = self._wanted[point] - len(missing)
             if missing:
                 return missing

@@ -14,6 +14,7 @@ from evac.output.congestion import DENSITY
 from evac.output.files import RUNS_STREAM_NAME
 from evac.output.report.study import study_report
 from evac.study.executors import in_processes
+from evac.study.identity import read_identity, write_identity
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +196,66 @@ def test_curves_of_the_folder(case, tmp_path):
     at = float(rows[4]["time"])
     out = [np.sum(row["exit_time"] <= at) for row in study.rows(columns=["exit_time"])]
     assert float(rows[4]["mean_over_runs"]) == pytest.approx(np.mean(out))
+
+
+def test_a_study_is_opened_again_from_its_folder(case, tmp_path):
+    values = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9], "people.people.number": [3]}
+    study = evac.sweep(case, values, 3, folder=tmp_path / "r", workers=1)
+    again = evac.read_study(tmp_path / "r")
+    assert repr(again.statistics) == repr(study.statistics)
+    assert [point.parameters for point in again.points] == [point.parameters for point in study.points]
+    assert again.table().equals(study.table())
+    results = again.run_again(0, 2)
+    assert results.crowd.exit_time.tobytes() == list(again.rows(0))[2]["exit_time"].tobytes()
+    more = evac.repeat(case, until=0.2, least=4, most=9, folder=tmp_path / "until", workers=1)
+    assert evac.read_study(tmp_path / "until").runs_of(0) == more.runs_of(0)
+
+
+def test_an_interrupted_study_is_opened_with_the_runs_that_there_are(case, tmp_path):
+    with pytest.raises(StopError):
+        evac.repeat(case, 6, folder=tmp_path / "r", workers=1, repetitions=2, progress=stopping_after(5))
+    found = evac.read_study(tmp_path / "r.running")
+    assert (found.statistics[0].runs, len(found.table())) == (4, 5)  # whole populations
+
+
+def test_opening_a_study_needs_neither_its_case_nor_its_plugins_and_runs_none(tmp_path):
+    case = with_plugin(tmp_path, "pass")
+    evac.repeat(case, 2, folder=tmp_path / "r", workers=1)
+    plugin = tmp_path / "odd.py"
+    plugin.write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
+    study = evac.read_study(tmp_path / "r")
+    assert study.statistics[0].runs == 2
+    with pytest.raises(ResultError, match=r"odd\.py.*plugin_files"):
+        study.run_again(0, 0)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_forged_study_runs_no_plugin_file_that_was_not_given(case, tmp_path):
+    evac.repeat(case, 1, folder=tmp_path / "r", workers=1)
+    identity, definition = read_identity(tmp_path / "r")
+    (tmp_path / "evil.py").write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
+    definition["cases"][0]["table"]["plugins"] = {"files": ["evil.py"]}
+    definition["cases"][0]["source"] = str(tmp_path / "case.toml")
+    write_identity(tmp_path / "r", identity, definition)
+    with pytest.raises(ResultError, match=r"evil\.py"):
+        evac.read_study(tmp_path / "r").run_again(0, 0)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("damage", ["cut", "digit", "type"])
+def test_a_damaged_definition_is_refused(case, tmp_path, damage):
+    evac.repeat(case, 1, folder=tmp_path / "r", workers=1)
+    path = tmp_path / "r" / "study.json"
+    if damage == "type":
+        identity, definition = read_identity(tmp_path / "r")
+        write_identity(tmp_path / "r", identity, definition | {"rule": {"least": "x"}})
+    else:
+        text = path.read_text()
+        path.write_text(
+            text[: len(text) // 2] if damage == "cut" else text.replace('"first_seed": 5', '"first_seed": 6')
+        )
+    with pytest.raises(ResultError, match=r"study\.json"):
+        evac.read_study(tmp_path / "r")
 
 
 def test_one_run_is_made_again_into_a_folder(case, tmp_path):
