@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -148,15 +148,16 @@ def show_study(study: "Study") -> int:
     facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
     if failed:
         facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
-    if len(study.points) == 1:
+    change = study.step_change
+    if len(study.points) == 1 or change is not None:
         show_facts(facts | _settled_facts(study))
-        show_table(
-            "Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study)
-        )
+        show_table(TITLE, ("statistic", "value", "95 % interval", "over"), _rows(study))
         _show_blocked(study)
     else:
         show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
         _show_points(study)
+    if change is not None:
+        _show_step(study, change)
     _show_rule(study)
     _show_quality(study)
     _show_failed(study)
@@ -186,7 +187,30 @@ def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
 
 
 def _row(one: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return one.name, seconds(one.value), interval(one), f"{over}; {one.note}" if one.note else over
+    return one.name, seconds(one.value), interval(one), _noted(over, one.note)
+
+
+def _noted(over: str, note: str) -> str:
+    return f"{over}; {note}" if note else over
+
+
+def _show_step(study: "Study", change: "Estimate") -> None:
+    """Show the effect of half the time step, and what follows from it."""
+    mean, half = (one.mean for one in study.statistics)
+    step = study.points[1].parameters["simulation.step"]
+    pairs = counted(change.runs, "pair") + " of runs with the same seed"
+    rows = [_row(half, counted(half.runs, "complete run"))]
+    rows.append(("change of the mean", signed(change.value), interval(change, signed), _noted(pairs, change.note)))
+    share = [100.0 * value / mean.value for value in (change.value, change.low, change.high)]
+    percent = [f"{value:+.1f} %" for value in share]
+    reach = f"{percent[1]} to {percent[2]}" if change.has_interval else "none"
+    rows.append(("change in percent", percent[0] if change.runs else "-", reach, "of the mean"))
+    show_table(f"With half the time step, {step:g} s", ("statistic", "value", "95 % interval", "over"), rows)
+    if change.has_interval and change.low * change.high > 0.0:
+        advice = f"use --set simulation.step={step:g}, and check that step again"
+        show_warnings([f"the time step changes the mean by more than chance: {percent[0]} with half of it; {advice}"])
+    elif not change.has_interval:
+        print("evac: the runs do not determine the effect of the time step; make more (--runs)", file=sys.stderr)
 
 
 def _show_points(study: "Study") -> None:
@@ -304,12 +328,17 @@ def seconds(value: float) -> str:
     return f"{value:.2f} s" if math.isfinite(value) else "not reached"
 
 
-def interval(one: "Estimate") -> str:
+def signed(value: float) -> str:
+    """Format a difference of times."""
+    return "-" if math.isnan(value) else f"{value:+.2f} s"
+
+
+def interval(one: "Estimate", told: Callable[[float], str] = seconds) -> str:
     """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
     if math.isnan(one.low) and math.isnan(one.high):
         return "none"
-    low = "open" if math.isnan(one.low) else seconds(one.low)
-    high = seconds(one.high) if math.isfinite(one.high) else "open"
+    low = "open" if math.isnan(one.low) else told(one.low)
+    high = told(one.high) if math.isfinite(one.high) else "open"
     return f"{low} to {high}"
 
 

@@ -37,6 +37,7 @@ def repeat(
     executor: Executor | None = None,
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    check_step: bool = False,
 ) -> Study:
     """Run a case with many seeds: ``simulation.seed`` and the following ones.
 
@@ -68,16 +69,19 @@ def repeat(
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
         Called with a `Progress` after each row has been written.
+    check_step : bool
+        Make all runs with half the time step as well, as a second point; `Study.step_change` compares them.
 
     Returns
     -------
     Study
+        With the rows of failed runs, which are in no statistic.
 
     Raises
     ------
     EvacError
-        An error of `evac.run` in the first run that fails, with its seed in a note; or a number is out of range, or
-        the folder cannot be used or contains another study.
+        If all runs fail, the error of the first one, with its seed in a note; or a number is out of range, or the
+        folder cannot be used or contains another study.
 
     Examples
     --------
@@ -86,9 +90,9 @@ def repeat(
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
     place = Path(folder) if folder is not None else None
-    return conducted(
-        points.single(run_plugin_files(as_case(case))), rule, place, repetitions, workers, executor, resume, progress
-    )
+    case = run_plugin_files(as_case(case))
+    found = points.halved_steps(case) if check_step else points.single(case)
+    return conducted(found, rule, place, repetitions, workers, executor, resume, progress)
 
 
 def sweep(

@@ -97,6 +97,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         if study.seeds.repetitions > 1:
             entry["variation"] = asdict(study.variation(point.index))
         found.append(entry)
+    change = study.step_change
     return {
         "title": case.title,
         "runs": sum(one.runs + one.failed for one in study.statistics),
@@ -105,6 +106,7 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
         "points": found,
+        **({} if change is None else {"step_change": asdict(change)}),
         "case": case.to_dict(),
         "plugins": providers(case),
         "versions": versions(),

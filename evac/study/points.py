@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 #: Keys that a study sets for each run.
 SEEDS = ("simulation.seed", "simulation.population_seed")
 
+#: Key of the time step.
+STEP = "simulation.step"
+
 #: Column of a table of cases that names the case of a row, and the array of tables of a TOML file with the rows.
 CASE_COLUMN = "case"
 ROWS_KEY = "points"
@@ -85,6 +88,12 @@ class Seeds:
 def single(case: "Case") -> tuple[Point, ...]:
     """Return the one point of a study without parameters."""
     return (Point(0, case, {}),)
+
+
+def halved_steps(case: "Case") -> tuple[Point, ...]:
+    """Return the points that check the time step of a case: its step, and half of it."""
+    step = case.simulation.step
+    return _points((case, {STEP: value}) for value in (step, 0.5 * step))
 
 
 def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:

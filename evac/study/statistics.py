@@ -317,17 +317,72 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
     error = float(values.std(ddof=1)) / math.sqrt(n)
     if error <= 1e-12 * mean:  # all values are equal
         return mean, mean
-    tail = 0.5 * (1.0 - confidence)
     if n < LEAST_FOR_BOOTSTRAP:
-        from scipy.special import stdtrit
-
-        factor = math.exp(float(stdtrit(n - 1, 1.0 - tail)) * math.sqrt(math.log1p((error / mean) ** 2)))
+        factor = math.exp(_student(n, confidence) * math.sqrt(math.log1p((error / mean) ** 2)))
         return mean / factor, mean * factor
+    return _studentised(values, confidence)
+
+
+def difference(
+    before: FloatArray,
+    after: FloatArray,
+    populations: Sequence[int] | None = None,
+    confidence: float = CONFIDENCE,
+) -> Estimate:
+    """Return the mean difference of pairs of runs with the same seeds, ``after - before``, with its interval.
+
+    The interval is that of the studentised bootstrap, for fewer than `LEAST_FOR_BOOTSTRAP` pairs Student's. As for a
+    mean, there is none where few pairs decide it.
+
+    Parameters
+    ----------
+    before, after : (runs,) float64 [s]
+        Evacuation times; only pairs of complete runs are compared.
+    populations, confidence
+        As for `statistics`.
+    """
+    is_pair = np.isfinite(before) & np.isfinite(after)
+    found = (after - before)[is_pair]
+    left_out = len(is_pair) - len(found)
+    notes = [f"without {counted(left_out, 'pair')} in which a run is blocked or failed"] if left_out else []
+    if not len(found):
+        return Estimate("difference", math.nan, math.nan, math.nan, 0, "; ".join(notes))
+    sample, values = found, "pair"
+    if populations is not None and len(np.unique(populations)) < len(is_pair):
+        groups = np.asarray(populations)[is_pair]
+        sample, values = np.array([found[groups == name].mean() for name in np.unique(groups)]), "population"
+    low = high = math.nan
+    if len(sample) == 1:
+        notes.append(f"no interval for one {values}")
+    elif np.ptp(sample) == 0.0:
+        low = high = float(sample[0])
+    elif len(sample) < LEAST_FOR_BOOTSTRAP:
+        half = _student(len(sample), confidence) * float(sample.std(ddof=1)) / math.sqrt(len(sample))
+        low, high = float(sample.mean()) - half, float(sample.mean()) + half
+    else:
+        low, high = _studentised(sample, confidence)
+        if low < sample.min() or high > sample.max():
+            low = high = math.nan
+            notes.append(f"no interval, because few of {len(sample)} {values}s decide it")
+    return Estimate("difference", float(found.mean()), low, high, len(found), "; ".join(notes))
+
+
+def _studentised(values: FloatArray, confidence: float) -> tuple[float, float]:
+    """Return the interval of the mean of values that are not all equal by the studentised bootstrap."""
+    n, mean = len(values), float(values.mean())
+    error, tail = float(values.std(ddof=1)) / math.sqrt(n), 0.5 * (1.0 - confidence)
     samples = values[_resamples(n)]
     errors = samples.std(axis=1, ddof=1) / math.sqrt(n)
-    spread = errors > 1e-12 * mean
+    spread = errors > 1e-9 * error
     low, high = np.quantile((samples.mean(axis=1)[spread] - mean) / errors[spread], [tail, 1.0 - tail])
     return mean - float(high) * error, mean - float(low) * error
+
+
+def _student(n: int, confidence: float) -> float:
+    """Return the quantile of Student's t distribution for both bounds of a mean of n values."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(n - 1, 0.5 + 0.5 * confidence))
 
 
 def _percentile(of: float, times: FloatArray, groups: NDArray[Any] | None, confidence: float) -> Estimate:

@@ -16,9 +16,9 @@ from evac.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
 from evac.study.identity import check_identity, definition_of, digest_of, identity_of, key_of, write_identity
-from evac.study.points import Point, Seeds
+from evac.study.points import STEP, Point, Seeds
 from evac.study.runs import Order, Row, order_of
-from evac.study.statistics import MEDIAN, Estimate, Statistics, statistics
+from evac.study.statistics import MEDIAN, Estimate, Statistics, difference, statistics
 from evac.study.stopping import Rule
 from evac.study.store import Store
 
@@ -178,6 +178,20 @@ class Study:
         """Name of the statistic that describes all points: the mean, or the median if the mean lacks intervals."""
         means, medians = ([one[name].has_interval for one in self.statistics] for name in ("mean", MEDIAN))
         return "mean" if sum(means) >= sum(medians) else MEDIAN
+
+    def difference(self, point: int, other: int) -> Estimate:
+        """Return the mean difference of evacuation times, ``other - point``, of the runs with the same seeds."""
+        runs = min(self._wanted[point], self._wanted[other])
+        before, after = self._times(point, runs), self._times(other, runs)
+        return difference(before, after, self.populations(point)[:runs], self.rule.confidence)
+
+    @property
+    def step_change(self) -> Estimate | None:
+        """The difference that half the time step makes, if that is what the points of the study differ in."""
+        if [tuple(point.parameters) for point in self.points] != [(STEP,), (STEP,)]:
+            return None
+        step, other = (point.parameters[STEP] for point in self.points)
+        return self.difference(0, 1) if other == 0.5 * step else None
 
     def deciding(self, point: int) -> Estimate:
         """Return the statistic on which the stopping rule is based, at one point."""

@@ -9,6 +9,7 @@ from scipy.stats import binom, norm
 from evac.errors import ScenarioError
 from evac.study.statistics import (
     deciding,
+    difference,
     estimate,
     grouped_interval,
     least_runs,
@@ -178,6 +179,31 @@ def test_skewed_and_blocked_studies_are_told():
     assert "skewed" in estimate("mean", skewed).note
     assert "percentile 50" in estimate("mean", skewed).note
     assert "percentile 50" in estimate("mean", np.append(regular, math.inf)).note
+
+
+@pytest.mark.parametrize("n", [4, 10, 30])
+def test_the_interval_of_a_difference_covers_it(n):
+    rng, covered = np.random.default_rng(12), []
+    for _ in range(300):
+        before = rng.lognormal(2.0, 0.1, n)
+        found = difference(before, before - 0.2 + rng.normal(0.0, 0.3, n))
+        covered.append(found.low <= -0.2 <= found.high)
+    assert np.mean(covered) >= 0.92
+
+
+def test_pairs_with_a_blocked_or_failed_run_have_no_difference():
+    before = np.array([1.0, 2.0, math.inf, 4.0, 5.0])
+    after = np.array([1.5, 2.6, 3.0, math.nan, 5.4])
+    found = difference(before, after)
+    assert (found.runs, found.value) == (3, pytest.approx(0.5))
+    assert "2 pairs" in found.note
+    assert difference(before[2:4], after[2:4]).runs == 0
+    assert difference(np.ones(9), np.ones(9)).low == 0.0
+
+
+def test_one_pair_that_decides_a_difference_leaves_no_interval():
+    after = 60.0 + np.append(np.random.default_rng(13).normal(0.0, 0.5, 10), 340.0)
+    assert not difference(np.full(11, 60.0), after).has_interval
 
 
 def test_failed_runs_are_in_no_statistic():

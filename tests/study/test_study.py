@@ -258,6 +258,21 @@ def test_a_damaged_definition_is_refused(case, tmp_path, damage):
         evac.read_study(tmp_path / "r")
 
 
+def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path):
+    study = evac.repeat(case, 4, folder=tmp_path / "r", workers=1, check_step=True)
+    times = [[evac.run(study.case_of(point, run)).last_out for run in range(4)] for point in (0, 1)]
+    assert [study.case_of(point, 0).simulation.step for point in (0, 1)] == [0.01, 0.005]
+    change = study.step_change
+    assert (change.runs, change.value) == (4, pytest.approx(np.mean(np.subtract(times[1], times[0]))))
+    assert change.value != 0.0
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["step_change"]["value"] == change.value
+    assert evac.read_study(tmp_path / "r").step_change == change
+    other = evac.sweep(case, {"simulation.step": [0.01, 0.02]}, 2, workers=1)
+    assert other.step_change is None
+    assert other.difference(0, 1).runs == 2
+
+
 def test_one_run_is_made_again_into_a_folder(case, tmp_path):
     study = evac.repeat(case, 2, workers=1)
     results = study.run_again(0, 1, tmp_path / "again")
