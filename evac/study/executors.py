@@ -1,10 +1,12 @@
 """Local processes, and other executors."""
 
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 from os import cpu_count
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -50,8 +52,7 @@ class LocalPool:
             self._pool = ProcessPoolExecutor(
                 self.workers,
                 mp_context=get_context("spawn"),
-                initializer=signal.signal,  # Ctrl-C reaches all processes; only this one handles it
-                initargs=(signal.SIGINT, signal.SIG_IGN),
+                initializer=_begin_worker,
             )
         return self._pool
 
@@ -71,6 +72,19 @@ class LocalPool:
                     process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._pool = None
+
+
+def _begin_worker() -> None:
+    """Ignore Ctrl-C, which the process that started this one handles; end with that process, for whatever reason."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def workers_of(executor: Executor) -> int | None:
