@@ -16,7 +16,7 @@ from evac.scenario.loading import as_case
 from evac.scenario.trust import run_plugin_files
 from evac.study import points
 from evac.study.points import Point, Seeds
-from evac.study.stopping import LEAST_RUNS, Rule, fixed, until_known
+from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
 from evac.study.study import Progress, Study
 
 if TYPE_CHECKING:
@@ -185,6 +185,9 @@ def conducted(
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
+    if len(found) * rule.first > MOST_OF_STUDY:
+        runs = f"{rule.first} runs at each of {len(found)} points"
+        raise ScenarioError(f"{runs} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
     seeds = Seeds(found[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))

@@ -22,6 +22,9 @@ from evac.study.statistics import CONFIDENCE, Estimate, estimate, least_runs, pe
 LEAST_RUNS = 20
 MOST_RUNS = 1000
 
+#: Greatest number of runs of a study, and of its points together; each takes some memory until the end.
+MOST_OF_STUDY = 1_000_000
+
 #: Least factor by which the number of runs grows from one computation of the interval to the next.
 GROWTH = 1.5
 
@@ -146,5 +149,5 @@ def until_known(
 
 def _check(**counts: int) -> None:
     for name, count in counts.items():
-        if count < 1:
-            raise ScenarioError(f"{name} must be at least 1, not {count}")
+        if not 1 <= count <= MOST_OF_STUDY:
+            raise ScenarioError(f"{name} must be from 1 to {MOST_OF_STUDY}, not {count}")
