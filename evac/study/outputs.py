@@ -242,8 +242,8 @@ def _draw_statistics(study: "Study", path: Path) -> None:
         value = np.array([one.value for one in middle])
         spread = np.abs([[one.value - one.low, one.high - one.value] for one in middle]).T
         line = "o-" if along else "o"
-        style = {"fmt": line, "color": colour, "capsize": 3, "label": name or None}
-        axes.errorbar(place, _drawn(value), np.nan_to_num(_drawn(spread)), **style)
+        bars = np.nan_to_num(_drawn(spread))
+        axes.errorbar(place, _drawn(value), bars, fmt=line, color=colour, capsize=3, label=name or None)
         greatest = np.array([one.percentiles[-1].value for one in found])
         axes.plot(place, _drawn(greatest), "^", color=colour, markerfacecolor="none")
     if not along:

@@ -83,7 +83,7 @@ class Rule:
             return bool(np.isfinite(times).any())
         further = np.arange(max(self.most - len(times), 0))
         names = np.append(populations[: len(times)], populations[len(times) - 1] + 1 + further // self.repetitions)
-        best = self.estimate(np.append(times, np.full(len(further), np.nanmin(times))), names)
+        best = self.estimate(np.append(times, np.full(len(further), np.nanmin(times))), names.tolist())
         return math.isfinite(best.relative_half_width) and not math.isinf(self.estimate(times, populations).low)
 
     def wanted(self, times: FloatArray, populations: Sequence[int]) -> int:

@@ -84,7 +84,7 @@ def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, i
     """Return the interval of one study, and its number of runs."""
     if task.times.ndim == 2:
         drawn = task.times[generator.integers(len(task.times), size=task.runs)]
-        found = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]))
+        found = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]).tolist())
         return found.low, found.high, task.runs
     if task.until is None:
         times = generator.choice(task.times, task.runs)

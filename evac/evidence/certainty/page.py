@@ -114,7 +114,7 @@ COVERAGE, OTHER_RUNS, STEPS, QUESTIONS, SEEDS, WORK = (
 
 def run(evidence: Evidence) -> None:
     """Measure and write the page."""
-    times = _times(evidence.measured("times", lambda: _runs(repeat(load_case(CASE), **_many(evidence, RUNS)))))
+    times = _times(evidence.measured("times", lambda: _runs(evidence, CASE, RUNS[evidence.quick])))
     report_coverage(evidence, times)
     report_other_runs(evidence, times)
     report_steps(evidence)
@@ -192,10 +192,12 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
 def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
     """Add the coverage for runs that are less regular: blocked, with rare long ones, or of the same people."""
     studies = STUDIES[evidence.quick]
-    blocked = _times(
-        evidence.measured("times_blocked", lambda: _runs(repeat(load_case(BLOCKED), **_many(evidence, BLOCKED_RUNS))))
+    blocked = _times(evidence.measured("times_blocked", lambda: _runs(evidence, BLOCKED, BLOCKED_RUNS[evidence.quick])))
+    repeated = _times(
+        evidence.measured(
+            "times_repeated", lambda: _runs(evidence, CASE, REPETITIONS * POPULATIONS[evidence.quick], REPETITIONS)
+        )
     )
-    repeated = _times(evidence.measured("times_repeated", lambda: _runs(_repetitions(evidence))))
     rare = np.where(np.arange(len(times)) % RARE == 0, LONGER * times, times)
     kinds: Mapping[str, tuple[FloatArray, Mapping[str, Sequence[int]]]] = {
         BLOCKED: (blocked, FIXED_BLOCKED),
@@ -320,18 +322,10 @@ def report_work(evidence: Evidence) -> None:
             evidence.verdict(at_most(question, row["over the loops"], bounds[row["study"]], "", WORK))
 
 
-def _many(evidence: Evidence, runs: Mapping[bool, int]) -> dict[str, int]:
-    """Return the arguments of a study with many runs."""
-    return {"runs": runs[evidence.quick], "workers": 1 if evidence.quick else WORKERS}
-
-
-def _repetitions(evidence: Evidence) -> Study:
-    runs = {quick: REPETITIONS * number for quick, number in POPULATIONS.items()}
-    return repeat(load_case(CASE), repetitions=REPETITIONS, **_many(evidence, runs))
-
-
-def _runs(study: Study) -> list[Row]:
-    found = study.rows(columns=["seed", "last_out"])
+def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
+    """Return the evacuation times of many runs of a case."""
+    workers = 1 if evidence.quick else WORKERS
+    found = repeat(load_case(name), runs, repetitions=repetitions, workers=workers).rows(columns=["seed", "last_out"])
     return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in found]
 
 
