@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from evac.building.surfacemesh import SurfaceMesh as SurfaceMesh
     from evac.errors import BuildingError as BuildingError
     from evac.errors import EvacError as EvacError
+    from evac.errors import EvacWarning as EvacWarning
     from evac.errors import PluginError as PluginError
     from evac.errors import ResultError as ResultError
+    from evac.errors import RunWarning as RunWarning
     from evac.errors import ScenarioError as ScenarioError
     from evac.errors import SimulationError as SimulationError
     from evac.hookspecs import hookimpl as hookimpl
@@ -59,6 +61,7 @@ _HOMES = {
     "Case": "evac.scenario.case",
     "ContactModel": "evac.physics.contact_model",
     "EvacError": "evac.errors",
+    "EvacWarning": "evac.errors",
     "Exporter": "evac.output.exporter",
     "Finding": "evac.building.findings",
     "Force": "evac.physics.force",
@@ -73,6 +76,7 @@ _HOMES = {
     "Registry": "evac.registry",
     "ResultError": "evac.errors",
     "Results": "evac.output.results",
+    "RunWarning": "evac.errors",
     "ScenarioError": "evac.errors",
     "Simulation": "evac.simulation",
     "SimulationError": "evac.errors",

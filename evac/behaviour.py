@@ -1,6 +1,7 @@
 """Behaviours: what people decide at the tick. The base class of behaviour plugins."""
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from evac.building.model import Building
     from evac.directions.fields import Fields
     from evac.directions.routes import Route
+    from evac.outside import Outside
     from evac.physics.state import Crowd, World
     from evac.scene import Scene
 
@@ -24,6 +26,8 @@ _LEGAL = {
 
 #: What behaviours may write.
 WRITABLE = ("start_time", "route", "speed_factor", "extra_direction")
+
+Arrays = TypeVar("Arrays", "Crowd", "Outside")
 
 
 class Behaviour(Configurable):
@@ -41,6 +45,10 @@ class Behaviour(Configurable):
 
     #: Whether it acts after all other behaviours, because it uses what they write, whatever the order in the case.
     acts_last: ClassVar[bool] = False
+
+    #: Whether people slow down behind others before bodies touch. Only then `BehaviourScene.outside` exists: the
+    #: people who have left, whom the behaviour sees as those ahead, and whose speed factors it multiplies, too.
+    keeps_distance: ClassVar[bool] = False
 
     #: Keys that `people` groups may set for this behaviour, e.g. ``("teacher",)``.
     group_keys: ClassVar[tuple[str, ...]] = ()
@@ -123,12 +131,27 @@ class BehaviourScene:
         groups: tuple[Any, ...],
         generator: np.random.Generator,
         tick: float,
+        outside: "Outside | None" = None,
     ) -> None:
         self.crowd = crowd
         self.scene = scene
         self.groups = groups
         self.generator = generator
         self.tick = tick
+        self._outside = outside
+
+    @property
+    def outside(self) -> "Outside":
+        """The people who have left, until 2 m behind their exit; read-only except for ``speed_factor``.
+
+        Raises
+        ------
+        PluginError
+            The behaviour does not set ``keeps_distance``.
+        """
+        if self._outside is None:
+            raise PluginError("scene.outside exists only for behaviours that keep distances; set keeps_distance = True")
+        return self._outside
 
     @property
     def building(self) -> "Building":
@@ -181,19 +204,31 @@ def crowd_for(behaviour: Behaviour, crowd: "Crowd") -> "Crowd":
         As `check_writes`.
     """
     check_writes(behaviour)
-    views = {name: array.view() for name, array in crowd.values().items()}
+    return _views(crowd, behaviour.writes)
+
+
+def outside_for(behaviour: Behaviour, outside: "Outside") -> "Outside | None":
+    """Return views of the arrays of people outside, read-only except for the speed factors; None if it sees nobody."""
+    return _views(outside, ("speed_factor",)) if behaviour.keeps_distance else None
+
+
+def _views(arrays: Arrays, writable: Sequence[str]) -> Arrays:
+    """Return views of the arrays of a struct, read-only except for those named."""
+    views = {name: array.view() for name, array in arrays.values().items()}
     for name, view in views.items():
-        view.flags.writeable = name in behaviour.writes
-    return type(crowd)(**views)
+        view.flags.writeable = name in writable
+    return type(arrays)(**views)
 
 
-def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float) -> None:
+def check_written(behaviour: Behaviour, crowd: "Crowd", outside: "Outside | None", routes: int, time: float) -> None:
     """Check the values that a behaviour wrote, which would otherwise appear as failures of the physics.
 
     Parameters
     ----------
     behaviour : Behaviour
     crowd : Crowd
+    outside : Outside or None
+        The people outside, if there are behaviours that see them.
     routes : int
         Number of routes.
     time : float [s]
@@ -203,16 +238,19 @@ def check_written(behaviour: Behaviour, crowd: "Crowd", routes: int, time: float
     PluginError
         A value is not valid for its array, or a route does not exist; names behaviour, time and person.
     """
-    for name in set(behaviour.writes) & {"speed_factor", "extra_direction", "start_time"}:
-        written = getattr(crowd, name)
+    checked = {name: getattr(crowd, name) for name in sorted(set(behaviour.writes) & _LEGAL.keys())}
+    if outside is not None and behaviour.keeps_distance:
+        checked["outside.speed_factor"] = outside.speed_factor
+    for place, written in checked.items():
+        name = place.removeprefix("outside.")
         is_lost = np.isnan(written) if name == "start_time" else ~np.isfinite(written)  # inf: never starts
         if name == "speed_factor":
             is_lost |= written < 0.0
         if is_lost.any():
             person = int(np.argwhere(is_lost)[0, 0])
             raise PluginError(
-                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote {written[person]} to {name} of person {person}; "
-                f"it must be {_LEGAL[name]}"
+                f"t = {time:.3f} s: behaviour {behaviour.name!r} wrote {written[person]} to {place} of person "
+                f"{person}; it must be {_LEGAL[name]}"
             )
     if "route" in behaviour.writes:
         lost = np.flatnonzero((crowd.route < 0) | (crowd.route >= routes))

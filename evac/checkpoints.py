@@ -1,10 +1,9 @@
 """Checkpoints: save the last state of a run in its folder, and resume the run from it."""
 
-import hashlib
-import json
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,23 +12,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evac import plan
 from evac.behaviour import Behaviour
 from evac.building.links import links_named
-from evac.errors import EvacError, FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
-from evac.jit.digest import digest_of
-from evac.jit.kernels import INTERPRETED
-from evac.jit.processor import host
-from evac.output.checkpoint import read_checkpoint, write_checkpoint
+from evac.errors import FolderWarning, PluginError, ResultError, ScenarioError, in_one_line
+from evac.made_with import differences_of, inputs_of, made_of
+from evac.output.checkpoint import Header, read_checkpoint, write_checkpoint
 from evac.output.files import CHECKPOINT_NAME
-from evac.output.header import building_to_json
+from evac.output.reading import checked
 from evac.output.recorder import Recorder
-from evac.output.resultfolder import ResultFolder, find_result, is_within
-from evac.output.results import plain, versions
+from evac.output.resultfolder import ResultFolder, find_result, is_link, is_within
+from evac.output.results import plain
 from evac.parameters import Configurable
 from evac.physics.contact_model import ContactModel
+from evac.saved import SavedError, part_of, taken
 from evac.scenario.loading import case_from
-from evac.scenario.trust import run_plugin_files
+from evac.scenario.trust import named_files, run_plugin_files
+from evac.scene import MOST_VERSIONS
 from evac.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -139,45 +137,45 @@ class Checkpoint:
     Attributes
     ----------
     path : Path
-    header : mapping
+    header : Header
     arrays : mapping of str to array
     """
 
     path: Path
-    header: Mapping[str, Any]
+    header: Header
     arrays: Mapping[str, NDArray[Any]]
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.header["time"])
+        return self.header.time
 
     @property
     def every(self) -> float | None:
         """Requested wall time between two checkpoints [s]."""
-        every: float | None = self.header["every"]
-        return every
+        return self.header.every
 
     @property
-    def files(self) -> dict[str, int]:
-        """Names of the files that recorders append to, and their lengths [bytes].
+    def files(self) -> dict[str, tuple[int, str]]:
+        """Names of the files that recorders append to, their lengths [bytes], and their SHA-256 up to there.
 
         Raises
         ------
         ResultError
             A file lies outside of the folder or is a link, so that truncating it would damage another file.
         """
-        files: dict[str, int] = dict(self.header["files"])
-        for name in files:
-            if not is_within(name) or (self.path.parent / name).is_symlink():
+        folder = self.path.parent
+        for name in (*self.header.files, *self.header.plugin_files):
+            if not is_within(name) or is_link(folder, name):
                 raise ResultError(f"{self.path}: {name} is not a file of this folder; run the case from its start")
-        return files
+        return {name: (file.length, file.sha256) for name, file in self.header.files.items()}
 
     def case(
         self,
         overrides: Mapping[str, Any] | Iterable[str] = (),
         plugin_files: Iterable[str | Path] = (),
         registry: "Registry | None" = None,
+        case_file: str | Path | None = None,
         announce: Callable[[Path], None] | None = None,
     ) -> "Case":
         """Return the case of the run as it was at the start, with overrides applied.
@@ -187,6 +185,9 @@ class Checkpoint:
         overrides, plugin_files, registry
             As for `evac.load`. Plugin files that the run was given in addition to those of its case must be given
             again.
+        case_file : str or Path, optional
+            The file of the case, or its folder. Needed if the case names plugin files, and lies neither in the parent
+            folder of the result folder nor in a folder beside it.
         announce : callable, optional
             Called with the path of each plugin file of the case before it is run.
 
@@ -195,16 +196,18 @@ class Checkpoint:
         ScenarioError
             The case cannot be loaded any more, or an override changes a key that must not change.
         """
-        given = self.header["case"]
-        source = Path(given["source"])
+        given = self.header.case
+        source = Path(given.source)
         files = [Path(path).resolve() for path in plugin_files]
-        named = [(source.parent / name).resolve() for name in given["table"].get("plugins", {}).get("files", [])]
-        if missing := [path for path in given["plugin_files"] if Path(path) not in (*files, *named)]:
+        named, _ = named_files(given.table, source.parent)
+        if missing := [path for path in given.plugin_files if Path(path) not in (*files, *named)]:
             raise PluginError(
                 f"{self.path}: the run was started with the plugin {', '.join(missing)} in addition to those of its "
                 "case; give it again (--plugin)"
             )
-        case = run_plugin_files(case_from(given["table"], source, (), files, registry), announce)
+        if set(named) - set(files):
+            self._check_place(source, case_file)
+        case = run_plugin_files(case_from(given.table, source, (), files, registry), announce)
         changed = case.change(overrides)
         table, new = case.to_dict(), changed.to_dict()
         kept = [key for key in FIXED if _at(table, key) != _at(new, key)]
@@ -225,14 +228,15 @@ class Checkpoint:
         case : Case
             As `case` returns it.
         """
-        return _differences(self.header["made_with"], inputs_of(case))
+        return differences_of(self.header.made_with, inputs_of(case))
 
     def simulation_differences(self, simulation: Simulation) -> list[str]:
         """Return what has changed in the building and the kernels, one line per difference."""
-        before, now = self.header["made_with"], made_of(simulation)
-        both = before["kernel"].keys() & now["kernel"].keys()  # a changed case may use others
+        before, now = self.header.made_with, made_of(simulation)
+        both = before.get("kernel", {}).keys() & now["kernel"].keys()  # a changed case may use others
         kept = {key: {name: now[key][name] for name in (both if key == "kernel" else now[key])} for key in now}
-        return _differences({key: {name: before[key].get(name, "") for name in kept[key]} for key in kept}, kept)
+        old = {key: {name: before.get(key, {}).get(name, "") for name in kept[key]} for key in kept}
+        return differences_of(old, kept)
 
     def restore(self, simulation: Simulation, case_before: "Case | None" = None) -> None:
         """Restore the state of a simulation, except that of the recorders.
@@ -252,34 +256,59 @@ class Checkpoint:
             An array is missing or has a wrong shape.
         """
         routes = [str(route) for route in simulation.fields.routes]
-        if routes != self.header["routes"]:
+        if routes != self.header.routes:
             raise ScenarioError(
                 f"{self.path}: the routes of the changed case are {'; '.join(routes)}, those of the checkpoint "
-                f"{'; '.join(self.header['routes'])}; the run cannot be resumed, run the case from its start"
+                f"{'; '.join(self.header.routes)}; the run cannot be resumed, run the case from its start"
             )
-        state = _part(self.arrays, "simulation.")
-        if case_before is not None:
-            state |= _closed_now(state, simulation.building, case_before, simulation.case)
-        try:
+        with self._naming(), part_of(self.arrays, "simulation.") as state:
+            if case_before is not None:
+                state |= _closed_now(state, simulation.building, case_before, simulation.case)
             simulation.restore(state)
+            taken({"time": np.array(self.time)}, "time", np.float64, (), simulation.time, simulation.time)
+        simulation.resumed = list(self.header.resumed)
+
+    def check_recorders(self, simulation: Simulation) -> None:
+        """Check that the recorders of a restored simulation can be restored, without changing anything.
+
+        Raises
+        ------
+        ResultError
+            A file is missing, shorter, or another one than at the checkpoint, or a state is not valid.
+        """
+        with self._naming(), part_of(self.arrays, "recorder.") as state:
+            simulation.recording.check(simulation, state, self.path.parent, self.files)
+            simulation.phases.add(self.header.wall_time)
+
+    def restore_recorders(self, simulation: Simulation) -> None:
+        """Truncate the files of the recorders to their lengths at the checkpoint and restore the recorders."""
+        lengths = {name: file.length for name, file in self.header.files.items()}
+        with self._naming(), part_of(self.arrays, "recorder.") as state:
+            simulation.recording.restore(simulation, state, lengths, self.header.plugin_files)
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Name the checkpoint in errors about its content."""
+        try:
+            yield
+        except SavedError as error:
+            raise ResultError(f"{self.path}: the state cannot be restored: {error}; run the case again") from error
         except (KeyError, ValueError, IndexError) as error:
             raise ResultError(
                 f"{self.path}: the state cannot be restored: {in_one_line(error)}; run the case from its start (in a "
                 "plugin, state() must return everything that restore() reads)"
             ) from error
-        simulation.resumed = list(self.header["resumed"])
 
-    def restore_recorders(self, simulation: Simulation) -> None:
-        """Truncate the files of the recorders to their lengths at the checkpoint and restore recorders and wall times.
-
-        Raises
-        ------
-        ResultError
-            A file is missing or shorter than at the checkpoint.
-        """
-        state, made = _part(self.arrays, "recorder."), self.header["plugin_files"]
-        simulation.recording.restore(simulation, state, self.files, made)
-        simulation.phases.add(self.header["wall_time"])
+    def _check_place(self, source: Path, case_file: str | Path | None) -> None:
+        """Refuse to run plugin files of a case that does not lie where the user has named it."""
+        folder, beside = source.resolve().parent, self.path.resolve().parent.parent
+        given = None if case_file is None else Path(case_file).resolve()
+        if beside in (folder, folder.parent) if given is None else given in (source.resolve(), folder):
+            return
+        raise PluginError(
+            f"{self.path}: its case {source} names plugin files and is not beside the result folder; if you trust "
+            f"it, name it: --case {source}"
+        )
 
 
 def find_checkpoint(folder: Path) -> Checkpoint:
@@ -292,7 +321,9 @@ def find_checkpoint(folder: Path) -> Checkpoint:
     """
     for place in dict.fromkeys((ResultFolder(folder).running, find_result(folder))):
         if (place / CHECKPOINT_NAME).is_file():
-            return Checkpoint(place / CHECKPOINT_NAME, *read_checkpoint(place / CHECKPOINT_NAME))
+            path = place / CHECKPOINT_NAME
+            header, arrays = read_checkpoint(path)
+            return Checkpoint(path, checked(Header, header, path), arrays)
     if not find_result(folder).exists():
         raise ResultError(f"{folder}: no such result folder; check the path")
     raise ResultError(
@@ -319,45 +350,6 @@ def without_state(simulation: Simulation) -> list[str]:
     return lines
 
 
-def inputs_of(case: "Case") -> dict[str, dict[str, str]]:
-    """Return versions, processor and file digests that the results depend on besides the case and the kernels."""
-    files = {str(path): path for path in case.plugin_files}
-    if case.mesh is not None:
-        files[case.mesh.name] = case.mesh
-    packages = [one for one in case.registry.provenance if one.source == "distribution"]
-    return {
-        "version": {**versions(), **{one.plugin: one.version for one in packages}},
-        "processor": {"": f"{host()}"},
-        "file": {name: _digest(path) for name, path in files.items()},
-    }
-
-
-def made_of(simulation: Simulation) -> dict[str, dict[str, str]]:
-    """Return digests of the building, independent of its files, and of the kernels."""
-    text = json.dumps({**building_to_json(simulation.building), "closed": []}, sort_keys=True)
-    return {"building": {"": hashlib.sha256(text.encode()).hexdigest()}, "kernel": kernels_of(simulation)}
-
-
-def kernels_of(simulation: Simulation) -> dict[str, str]:
-    """Return digests of the kernels that a run uses or may need later, by name."""
-    behaviours = [behaviour for behaviour, _ in simulation.behaviours]
-    parts = simulation.case, simulation.building, simulation.contact, simulation.forces, behaviours
-    entries = [*plan.set_up_kernels(), *plan.run_kernels(*parts, full=True)]
-    found = {entry.label: digest_of(entry, f"{host()}") for entry in entries}
-    return found | {"interpreted": str(INTERPRETED)}
-
-
-def _differences(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
-    lines = []
-    for kind, values in now.items():
-        for name in sorted({*before.get(kind, {}), *values}):
-            old, new = before.get(kind, {}).get(name), values.get(name)
-            if old != new:
-                what = f"{kind} {name}".strip()
-                lines.append(f"{what}: {old or 'missing'} when the checkpoint was written, {new or 'missing'} now")
-    return lines
-
-
 def _closed_now(
     state: Mapping[str, NDArray[Any]], building: "Building", before: "Case", after: "Case"
 ) -> dict[str, NDArray[Any]]:
@@ -365,15 +357,12 @@ def _closed_now(
     closed, opened = (
         frozenset().union(*(links_named(building, name) for name in case.building.closed)) for case in (after, before)
     )
-    links = set(state["scene.closed"].tolist())
+    links = set(taken(state, "scene.closed", np.int64, (None,)).tolist())
     changed = links - (opened - closed) | (closed - opened)
     if changed == links:
         return {}
-    return {"scene.closed": np.array(sorted(changed), np.int64), "scene.version": state["scene.version"] + 1}
-
-
-def _part(arrays: Mapping[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    return {key[len(prefix) :]: value for key, value in arrays.items() if key.startswith(prefix)}
+    version = taken(state, "scene.version", np.int64, (1,), 0, MOST_VERSIONS - 1)
+    return {"scene.closed": np.array(sorted(changed), np.int64), "scene.version": version + 1}
 
 
 def _at(table: Mapping[str, Any], key: str) -> Any:
@@ -381,10 +370,3 @@ def _at(table: Mapping[str, Any], key: str) -> Any:
     for part in key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
     return value
-
-
-def _digest(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise EvacError(f"{path}: cannot be read: {error}; check the path") from error

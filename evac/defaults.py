@@ -12,6 +12,9 @@ UP = "z"
 #: Least height above the ground of solid bodies, and above and below flights [m].
 HEADROOM = 2.0
 
+#: Greatest number of characters in a title and in the name of a group or of a part of a building.
+LONGEST_NAME = 200
+
 #: Distance of the nodes of the grid of directions [m].
 SPACING = 0.1
 #: Weight of the time on stairs for the strategy "comfortable".

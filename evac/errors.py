@@ -2,6 +2,7 @@
 
 import re
 import traceback
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,7 +37,15 @@ class ResultError(EvacError):
 
 
 class EvacWarning(UserWarning):
-    """Root of the Python warnings of evac; warnings about a case or a run are part of the results instead."""
+    """Root of the Python warnings of evac."""
+
+
+class RunWarning(EvacWarning):
+    """What the results of a run or a study say too: about building, people, people left inside, and quality."""
+
+
+class ProcessWarning(EvacWarning):
+    """A study cannot use other processes; it takes longer, and nothing else is affected."""
 
 
 class FolderWarning(EvacWarning):
@@ -113,19 +122,25 @@ def plugin_code(what: str) -> Iterator[None]:
 
 
 @contextmanager
-def noting(warnings: Iterable[str]) -> Iterator[None]:
+def noting(lines: Iterable[str]) -> Iterator[None]:
     """Add warnings that may explain an error raised within to it, as notes."""
     try:
         yield
     except EvacError as error:
-        note(error, warnings)
+        note(error, lines)
         raise
 
 
-def note(error: EvacError, warnings: Iterable[str]) -> None:
+def warn(lines: Iterable[str]) -> None:
+    """Issue each line as a `RunWarning` about the line of code that called the function which calls this one."""
+    for line in lines:
+        warnings.warn(line, RunWarning, stacklevel=3)
+
+
+def note(error: EvacError, lines: Iterable[str]) -> None:
     """Add warnings to an error as notes."""
-    for warning in warnings:
-        error.add_note(f"warning: {warning}")
+    for line in lines:
+        error.add_note(f"warning: {line}")
 
 
 @contextmanager

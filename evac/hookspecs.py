@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: Version of the plugin interface. A plugin's module states the one that it was written for as ``evac_interface``;
 #: docs/plugins.md, section "Interface versions", lists what changed in each.
-INTERFACE = 2
+INTERFACE = 3
 
 hookspec = pluggy.HookspecMarker("evac")
 hookimpl = pluggy.HookimplMarker("evac")

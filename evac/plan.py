@@ -124,6 +124,7 @@ def explain(
     loop: Sequence[tuple[str, bool, str]],
     forces: Mapping[str, str | None],
     behaviours: Mapping[str, bool | None],
+    keepers: Sequence[str],
 ) -> list[Part]:
     """Return every optional part, whether it is used, and why.
 
@@ -140,6 +141,8 @@ def explain(
         For each force in the case, how it acts, see `Engine.explain_forces`; None if it is left out.
     behaviours : mapping of str to bool or None
         For each behaviour in the case, whether it acts at ticks; None if it is left out.
+    keepers : sequence of str
+        The behaviours that keep distances.
     """
     portals, flights = len(building.portals), sum(level.kind == "flight" for level in building.levels)
     parts = [
@@ -159,6 +162,8 @@ def explain(
         parts.append(Part(f"behaviour: {name}", acts is not None, why))
     if not behaviours:
         parts.append(Part("behaviours", False, "none named in [behaviours]"))
+    seen_by = f"seen by {', '.join(keepers)}" if keepers else "no behaviour keeps distances"
+    parts.append(Part("people outside", bool(keepers), seen_by))
     with plugin_code(f"contact model {model.name!r}: parts"):
         parts.extend(Part(*row) for row in model.parts())
     parts.extend(Part(*row) for row in loop)

@@ -14,21 +14,38 @@ _BOOTSTRAP = (
 )
 
 
-def start_worker(module: str) -> subprocess.Popen[bytes]:
+def start_worker(module: str, is_quiet: bool = True) -> subprocess.Popen[bytes]:
     """Start a process that calls the function ``serve()`` of a module, with pipes to its standard input and output.
+
+    Parameters
+    ----------
+    module : str
+    is_quiet : bool
+        Whether its standard error is discarded; else it is that of this process, if that is open.
 
     Raises
     ------
     OSError
         The process cannot be started.
     """
+    if not sys.executable or getattr(sys, "frozen", False):
+        raise OSError("this program is not started by an interpreter of Python")
     folders = json.dumps([os.path.abspath(folder) for folder in sys.path])
     return subprocess.Popen(
         [sys.executable, "-P", "-c", _BOOTSTRAP.format(module=module), folders],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL if is_quiet or not _is_open(2) else None,
     )
+
+
+def _is_open(descriptor: int) -> bool:
+    """Return whether a file descriptor is open."""
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
 
 
 def kill_workers(workers: Iterable[subprocess.Popen[bytes]]) -> None:

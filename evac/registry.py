@@ -214,6 +214,14 @@ class Registry:
             self._enter(kind, cls, plugin)
             self.provenance.append(Provenance(plugin, "class", cls.__module__, ""))
 
+    def names_of_classes(self) -> list[str]:
+        """Return module and name of each plugin that was registered with `add_class`."""
+        return [one.plugin for one in self.provenance if one.source == "class"]
+
+    def files(self) -> tuple[Path, ...]:
+        """Return the plugin files, in the order they were registered."""
+        return tuple(Path(one.origin) for one in self.provenance if one.source == "file")
+
     def importer_for(self, path: Path, without: Collection[str] = ()) -> "type[Importer]":
         """Return the importer of a file by the ending of its name; of several, the one registered last.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from evac.checkpoints import Checkpoints, find_checkpoint
 from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
-from evac.errors import EvacError, ResultError, ScenarioError, note
+from evac.errors import EvacError, ResultError, ScenarioError, note, warn
 from evac.interrupt import Interrupt
 from evac.output.files import (
     CHECKPOINT_NAME,
@@ -21,7 +21,7 @@ from evac.output.files import (
     TRAJECTORY_NAME,
 )
 from evac.output.recording import check_lengths
-from evac.output.resultfolder import ResultFolder
+from evac.output.resultfolder import ResultFolder, remove_written
 from evac.output.results import Results
 from evac.output.trajectory import read_trajectory
 from evac.phases import Phases, Progress
@@ -58,7 +58,8 @@ def run(
         Wall time between two checkpoints [s], from which `resume` continues if the run is killed. None saves none.
     threads : int, optional
         Number of threads that share the steps, and of processes that share the directions of large buildings, at most
-        one per core; None chooses both by the size. The results are identical.
+        one per core, and in the steps one per 25,000 people; None chooses both by the size. The results are
+        identical.
     progress : callable or bool, optional
         Function that is called with a `Progress` at every tick. None shows a bar on a terminal and a line in a
         notebook, True also prints lines elsewhere, False shows nothing.
@@ -76,6 +77,12 @@ def run(
         Ctrl-C was pressed. The run stops at the end of the tick, and tables and state are in the folder, from which
         `resume` continues. A second Ctrl-C stops at once, without them.
 
+    Warns
+    -----
+    RunWarning
+        What the command says, which the results contain too: warnings about building and people, before the run;
+        people who are left inside or stuck; quality warnings.
+
     Examples
     --------
     >>> results = run("classroom", "classroom-result")  # doctest: +SKIP
@@ -85,11 +92,17 @@ def run(
         if checkpoint is not None:
             raise ScenarioError("checkpoint: needs a result folder; give `folder`")
         with displayed(progress) as shown:
-            return Simulation(case, None, full, threads=threads).run(shown)
-    with ResultFolder(folder) as place, displayed(progress) as shown:
-        simulation = Simulation(case, place.running, full, threads=threads)
-        place.start()
-        return _run_interruptible(simulation, place, shown, checkpoint)
+            simulation = Simulation(case, None, full, threads=threads)
+            warn(simulation.warnings())
+            results = simulation.run(shown)
+    else:
+        with ResultFolder(folder) as place, displayed(progress) as shown:
+            simulation = Simulation(case, place.running, full, threads=threads)
+            warn(simulation.warnings())
+            place.start()
+            results = _run_interruptible(simulation, place, shown, checkpoint)
+    warn((*results.remarks, *results.quality_warnings))
+    return results
 
 
 def resume(
@@ -102,6 +115,7 @@ def resume(
     checkpoint: float | None = None,
     threads: int | None = None,
     allow_differences: bool = False,
+    case_file: str | Path | None = None,
     progress: Callable[[Progress], None] | bool | None = None,
 ) -> Results:
     """Continue a killed or stopped run from its last checkpoint, with the results of an uninterrupted run.
@@ -124,6 +138,9 @@ def resume(
     allow_differences : bool
         Resume even if versions, kernels, plugins or the building's file have changed; the results may then differ
         from those of a run without interruption, and the summary lists the differences.
+    case_file : str or Path, optional
+        The file of the case, or its folder. Needed if the case names plugin files, which are executed, and lies neither
+        in the parent folder of the result folder nor in a folder beside it.
     progress : callable or bool, optional
         As for `run`.
 
@@ -138,14 +155,23 @@ def resume(
     EvacError
         As `run`.
 
+    Warns
+    -----
+    RunWarning
+        As `run`, all of them after the run.
+
     Examples
     --------
     >>> results = resume("classroom-result")  # doctest: +SKIP
     >>> results = resume("classroom-result", {"building.closed": ["door"]}, out="closed-result")  # doctest: +SKIP
     """
     with ResultFolder(folder if out is None else out) as place, displayed(progress) as shown:
-        simulation, every = resumed(folder, place, overrides, plugin_files, registry, allow_differences, threads)
-        return _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
+        simulation, every = resumed(
+            folder, place, overrides, plugin_files, registry, allow_differences, threads, case_file
+        )
+        results = _run_interruptible(simulation, place, shown, every if checkpoint is None else checkpoint)
+    warn((*results.warnings, *results.remarks, *results.quality_warnings))
+    return results
 
 
 def resumed(
@@ -156,6 +182,7 @@ def resumed(
     registry: "Registry | None" = None,
     allow_differences: bool = False,
     threads: int | None = None,
+    case_file: str | Path | None = None,
     compiling: Callable[[int, int], None] | None = None,
     announce: Callable[[Path], None] | None = None,
 ) -> tuple[Simulation, float | None]:
@@ -172,22 +199,25 @@ def resumed(
             "mixed; give one (--out)"
         )
     found = find_checkpoint(folder)
-    before = found.case((), plugin_files, registry, announce)
-    case = found.case(overrides, plugin_files, before.registry) if overrides else before
+    before = found.case((), plugin_files, registry, case_file, announce)
+    case = found.case(overrides, plugin_files, before.registry, case_file) if overrides else before
     differences = found.differences(before)
     _check_differences(found.path, differences, allow_differences)
-    simulation = Simulation(case, place.running, bool(found.header["full"]), threads=threads, compiling=compiling)
+    simulation = Simulation(case, place.running, found.header.full, threads=threads, compiling=compiling)
     differences += found.simulation_differences(simulation)
     _check_differences(found.path, differences, allow_differences)
     found.restore(simulation, before if overrides else None)
+    if not is_branch:
+        found.check_recorders(simulation)
     simulation.resumed.append(
         {"from": str(folder), "time": found.time, "changes": dict(overrides), "differences": differences}
     )
     if is_branch:
         place.start()
     else:
-        place.reopen(found.path.parent, [*found.files, CHECKPOINT_NAME])
+        place.reopen(found.path.parent)
         found.restore_recorders(simulation)
+        remove_written(place.running, [*found.files, CHECKPOINT_NAME])
     return simulation, found.every
 
 

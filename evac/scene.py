@@ -13,6 +13,10 @@ from evac.building.model import Building
 from evac.directions.fields import Fields
 from evac.physics.state import World
 from evac.physics.world import make_world, set_open
+from evac.saved import taken
+
+#: Greatest number of changes that a saved state can have.
+MOST_VERSIONS = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -97,9 +101,17 @@ class Scene:
         return {"closed": np.array(sorted(self.building.closed), dtype=np.int64), "version": np.array([self.version])}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
-        self._close(frozenset(state["closed"].tolist()))
-        self.version = int(state["version"][0])
+        """Restore the arrays that `state` returned.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        closed = taken(state, "closed", np.int64, (None,), 0, self.building.n_links - 1)
+        version = taken(state, "version", np.int64, (1,), 0, MOST_VERSIONS)
+        self._close(frozenset(closed.tolist()))
+        self.version = int(version[0])
 
     def _close(self, closed: frozenset[int]) -> None:
         if closed == self.building.closed:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac import assembly, plan
-from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for
+from evac.behaviour import Behaviour, BehaviourScene, check_written, crowd_for, outside_for
 from evac.building.model import Building
 from evac.building.narrow import narrow_places
 from evac.directions.fields import Fields
@@ -22,16 +22,19 @@ from evac.output.recorder import Recorder
 from evac.output.recording import Recording, metrics
 from evac.output.results import Results
 from evac.output.watch import Watch
-from evac.people.distributions import generator_for, generator_state, restore_generator
+from evac.outside import PeopleOutside
+from evac.people.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
 from evac.people.unusual import late_starts, unusual
 from evac.phases import Phases, Progress
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
-from evac.physics.threads import number_of_threads
+from evac.physics.threads import PEOPLE_PER_THREAD, number_of_threads, unused_threads
 from evac.plugin_state import state_of
 from evac.registry import Registry
+from evac.saved import SavedError, part_of, taken
+from evac.scenario.schema import LONGEST_RUN
 from evac.scenario.trust import run_plugin_files
 from evac.scene import Ground, Scene, make_ground
 
@@ -70,6 +73,8 @@ class Simulation:
         The parts of the simulation, see docs/architecture.md.
     behaviours : list of (Behaviour, BehaviourScene)
         The behaviours in use, each with the scene that it can access.
+    outside : PeopleOutside or None
+        The people who have left, if a behaviour keeps distances.
     plan : list of Part
         The parts that the scene needs and those that are left out, see `evac.plan.explain`.
     step, time : int, float
@@ -132,14 +137,16 @@ class Simulation:
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
             self.population, border = assembly.make_population(case, self.scene.ground, self.contact)
+            sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
+            self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
             self._promised_overlap = float(self.contact.promised_overlap(border))
         n, names = len(self.population.crowd.level), [level.name for level in building.levels]
-        threads = number_of_threads(self._threads, n)
-        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, self.registry.solvers, threads)
+        number, solvers = number_of_threads(self._threads, n), self.registry.solvers
+        self.engine = Engine(self.scene.world, n, self.forces, self.full, names, solvers, number, PEOPLE_PER_THREAD)
 
     def _prepare(self) -> None:
         """Record the initial state of people and call `prepare` of the behaviours."""
@@ -154,7 +161,7 @@ class Simulation:
             with naming(self.case.source), plugin_code(f"behaviour {behaviour.name!r}: prepare"):
                 self._force_is_read |= "contact_force" in behaviour.reads
                 behaviour.prepare(scene)
-            check_written(behaviour, crowd, len(self.fields.routes), 0.0)
+            self._check_written(behaviour)
             with plugin_code(f"behaviour {behaviour.name!r}: acts_at_ticks"):
                 self._acts[behaviour.name] = behaviour.acts_at_ticks()
 
@@ -163,8 +170,9 @@ class Simulation:
         effects = self.engine.explain_forces()
         acting = {force.name: effects.get(force.name) for force in forces}
         acts = {behaviour.name: self._acts.get(behaviour.name) for behaviour in behaviours}
+        keepers = [behaviour.name for behaviour, _ in self.behaviours if behaviour.keeps_distance]
         loop = self.engine.explain(self.contact)
-        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts)
+        return plan.explain(self.case, self.building, self.fields.routes, self.contact, loop, acting, acts, keepers)
 
     @property
     def building(self) -> Building:
@@ -192,14 +200,15 @@ class Simulation:
         Returns
         -------
         tuple of str
-            About the building, places that are too narrow for the widest person, unusual properties of people, and
-            people who start only after the end of the run.
+            About the building, places that are too narrow for the widest person, unusual properties of people,
+            people who start only after the end of the run, and threads that are not used.
         """
         crowd = self.population.crowd
         narrow = narrow_places(self.building, 2.0 * float(crowd.radius.max()))
         start = crowd.replace(position=self._start[0], level=self._start[1])
         people = (*unusual(start, self.population.groups), *late_starts(crowd, self.case.simulation.duration))
-        return (*self.building.warnings, *map(str, narrow), *people)
+        unused = unused_threads(self._threads, len(crowd.level))
+        return (*self.building.warnings, *map(str, narrow), *people, *unused)
 
     def run(
         self, progress: Callable[[Progress], None] | None = None, begun: Callable[[], None] | None = None
@@ -211,7 +220,8 @@ class Simulation:
             while people remain and time < end:
                 for behaviour in due(step): behaviour.act(crowd, time)    # Python, whole arrays, every tick = k h
                 events = engine.advance(contact, crowd, step, k, ...)     # compiled: drive, forces, contact, move
-                population.settle(events)                                 # exits and portals crossed
+                left = population.settle(events)                          # exits and portals crossed
+                outside.advance(left, time, tick)                         # if behaviours keep distances to who has left
                 watch.look_at_velocities(...)                             # for quality warnings
                 for recorder in due(step): recorder.record(simulation)
 
@@ -280,7 +290,9 @@ class Simulation:
         with self.phases.enter("recording"):
             self.step += steps
             self.displacement_velocity[:] = (crowd.position - before) / (steps * settings.step)
-            self.population.settle(events)
+            left = self.population.settle(events)
+            if self.outside is not None:
+                self.outside.advance(left, self.time, steps * settings.step)
             self._watch.look_at_velocities(self.time, crowd, self.displacement_velocity)
             if is_output:
                 self._watch.look_at_forces(self.time, crowd)
@@ -328,6 +340,8 @@ class Simulation:
             state[f"generator.{behaviour.name}"] = generator_state(scene.generator)
         state |= state_of(self.contact, f"contact model {self.contact.name!r}", f"contact.{self.contact.name}.")
         state |= {f"scene.{key}": value for key, value in self.scene.state().items()}
+        if self.outside is not None:
+            state |= {f"outside.{key}": value for key, value in self.outside.state().items()}
         state["simulation.clock"] = np.array([self.step, self._version])
         state["simulation.ending"] = self._ending.state()
         state["simulation.start_position"], state["simulation.start_level"] = self._start
@@ -336,25 +350,55 @@ class Simulation:
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a simulation of the same case."""
+        """Restore the arrays that `state` returned in a simulation of the same case.
+
+        Raises
+        ------
+        SavedError
+            An array is missing, or is not what `state` returns.
+        PluginError
+            A plugin cannot restore its arrays.
+        """
         with self.phases.enter("kernels"):
             self.engine.load(self.contact)
-        self.scene.restore(_part(state, "scene."))
-        self.population.restore(_part(state, "population."))
+        with part_of(state, "simulation.") as own:
+            self._restore_own(own)
+        with part_of(state, "scene.") as own:
+            self.scene.restore(own)
+        with part_of(state, "population.") as own:
+            self.population.restore(own, self.building, len(self.fields.routes))
+        if self.outside is not None and any(key.startswith("outside.") for key in state):  # not if a change adds it
+            with part_of(state, "outside.") as own:
+                self.outside.restore(own)
         for behaviour, scene in self.behaviours:
             if f"generator.{behaviour.name}" in state:  # not if a changed case has added the behaviour
-                with plugin_code(f"behaviour {behaviour.name!r}: restore"):
-                    behaviour.restore(_part(state, f"behaviour.{behaviour.name}."))
-                restore_generator(scene.generator, state[f"generator.{behaviour.name}"])
-        with plugin_code(f"contact model {self.contact.name!r}: restore"):
-            self.contact.restore(_part(state, f"contact.{self.contact.name}."))
-        self.step, self._version = state["simulation.clock"].tolist()
-        self._start = (state["simulation.start_position"], state["simulation.start_level"])
-        self.engine.restore(_part(state, "engine."))
-        self._ending.restore(state["simulation.ending"])
-        self.displacement_velocity[:] = state["simulation.displacement_velocity"]
-        self._watch.restore(_part(state, "watch."))
+                what = f"behaviour {behaviour.name!r}: restore"
+                with plugin_code(what), part_of(state, f"behaviour.{behaviour.name}.") as own:
+                    behaviour.restore(own)
+                with part_of(state, "generator.") as own:
+                    words = taken(own, behaviour.name, np.uint64, MOST_WORDS.shape, 0, MOST_WORDS)
+                restore_generator(scene.generator, words)
+        what = f"contact model {self.contact.name!r}: restore"
+        with plugin_code(what), part_of(state, f"contact.{self.contact.name}.") as own:
+            self.contact.restore(own)
+        with part_of(state, "engine.") as own:
+            self.engine.restore(own)
+        with part_of(state, "watch.") as own:
+            self._watch.restore(own, len(self.building.levels))
         self.ended = self._ending.over(self.step, self.population.crowd)
+
+    def _restore_own(self, state: dict[str, NDArray[Any]]) -> None:
+        """Restore the arrays that no part of the simulation owns."""
+        settings, (position, level) = self.case.simulation, self._start
+        step, self._version = taken(state, "clock", np.int64, (2,), 0, round(LONGEST_RUN / settings.step)).tolist()
+        if step % settings.steps_per_tick and step < settings.last_step:
+            raise SavedError(f"clock: step {step} is not at the end of a tick")
+        self.step = step
+        position[:] = taken(state, "start_position", np.float64, position.shape)
+        level[:] = taken(state, "start_level", np.int32, level.shape, 0, len(self.building.levels) - 1)
+        displaced = self.displacement_velocity
+        displaced[:] = taken(state, "displacement_velocity", np.float64, displaced.shape)
+        self._ending.restore(taken(state, "ending", np.float64, self._ending.state().shape, 0.0, np.inf))
 
     def _start_recording(self) -> None:
         """Load the kernels, start the recorders and record the initial state."""
@@ -378,16 +422,19 @@ class Simulation:
             crowd.speed_factor[:] = 1.0
         if "extra_direction" in renewed:
             crowd.extra_direction[:] = 0.0
+        if self.outside is not None and any(behaviour.keeps_distance for behaviour, _ in acting):
+            self.outside.arrays.speed_factor[:] = 1.0
         for behaviour, scene in self.behaviours if self.full else acting:
             with plugin_code(f"t = {self.time:.3f} s: behaviour {behaviour.name!r}"):
                 behaviour.act(scene.crowd, self.time)
-            check_written(behaviour, crowd, len(self.fields.routes), self.time)
+            self._check_written(behaviour)
+
+    def _check_written(self, behaviour: Behaviour) -> None:
+        outside = self.outside.arrays if self.outside is not None else None
+        check_written(behaviour, self.population.crowd, outside, len(self.fields.routes), self.time)
 
     def _scene(self, behaviour: Behaviour) -> BehaviourScene:
         crowd, groups = crowd_for(behaviour, self.population.crowd), self.population.groups_for(behaviour.name)
         generator = generator_for(self.seed, "behaviour", behaviour.name)
-        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick)
-
-
-def _part(state: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
+        outside = outside_for(behaviour, self.outside.arrays) if self.outside is not None else None
+        return BehaviourScene(crowd, self.scene, groups, generator, self.case.simulation.tick, outside)

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.behaviour import Behaviour, BehaviourScene
+from evac.building.model import FLAT
 from evac.directions.sampling import sample_travel_time
 from evac.hookspecs import hookimpl
 from evac.jit import Floats, Ints, Pairs, Struct, inner, kernel
+from evac.outside import Outside
 from evac.parameters import Parameter
 from evac.physics.cells import fill_cells
 from evac.physics.drive import desired_direction, desired_speed
-from evac.physics.seams import reaches
+from evac.physics.seams import reaches, way_out
 from evac.physics.sight import bucket_at, passes_through
 from evac.physics.state import Crowd, World
 
@@ -36,11 +38,17 @@ class Rule(Struct):
 
 
 class Sights(Struct):
-    """Desired motion of all people at a tick, and the cells of the plan that they are in."""
+    """Places and desired motion of all people at a tick, and the cells of the plan that they are in.
 
+    People outside are on levels of their own, one behind the exits of each level of the building.
+    """
+
+    levels: int  # of the building
+    level: Ints  # (n,) level, for people outside plus `levels`; -1 for those who are no longer seen
+    position: Pairs  # (n, 2)
     direction: Pairs  # (n, 2) unit desired direction
-    wanted: Floats  # (n,) desired plan speed, 0 before the response time and after leaving [m/s]
-    remaining: Floats  # (n,) remaining travel time [s]
+    wanted: Floats  # (n,) desired plan speed, 0 before the response time [m/s]
+    remaining: Floats  # (n,) remaining travel time; for people outside the time since leaving, negative [s]
     start: Ints  # cell lists of `fill_cells`
     cell_of: Ints
     slots: Ints
@@ -69,6 +77,9 @@ class Headway(Behaviour):
       remaining travel time on the same route, or, on another route, is also ahead along the sum of both directions.
       Therefore, of two people side by side at a door one goes first, and nobody waits for a person who waits for it.
 
+    People who have left count until they are 2 m behind their exit, seen through open exits. They walk straight on and
+    slow down for those ahead of them outside who walk in a similar direction.
+
     Bodies wider than l still touch, at a speed of (2 r - l) / T. The behaviour is applied to the speeds and directions
     that other behaviours have set.
 
@@ -83,6 +94,7 @@ class Headway(Behaviour):
     reads = ("position", "level", "speed", "start_time", "route", "speed_factor", "extra_direction")
     writes = ("speed_factor", "extra_direction")
     acts_last = True
+    keeps_distance = True
 
     time_gap = Parameter(1.0, "time gap T to the person ahead", "s", above=0.0, maximum=60.0)
     length = Parameter(0.3, "distance of centres l at which people stop behind others", "m", minimum=0.0, maximum=2.0)
@@ -92,8 +104,11 @@ class Headway(Behaviour):
     def prepare(self, scene: BehaviourScene) -> None:
         """Allocate the arrays of a tick."""
         n = len(scene.crowd.level)
-        self._world = scene.world
+        self._world, self._outside = scene.world, scene.outside
         self._sights = Sights(
+            levels=len(scene.world.cosine),
+            level=np.zeros(n, np.int32),
+            position=np.zeros((n, 2)),
             direction=np.zeros((n, 2)),
             wanted=np.zeros(n),
             remaining=np.zeros(n),
@@ -112,7 +127,7 @@ class Headway(Behaviour):
 
     def act(self, crowd: Crowd, time: float) -> None:
         """Add repulsions to the directions, and reduce the speeds of people close to a person ahead."""
-        apply_rules(self._world, crowd, self._sights, self._rule, time)
+        apply_rules(self._world, crowd, self._outside, self._sights, self._rule, time)
 
     def is_needed(self, scene: BehaviourScene) -> bool:
         """Return False for a single person."""
@@ -124,22 +139,33 @@ class Headway(Behaviour):
 
 
 @kernel
-def apply_rules(world: World, crowd: Crowd, sights: Sights, rule: Rule, time: float) -> None:
-    """Apply the rules of `Headway` to all people inside who have started."""
+def apply_rules(world: World, crowd: Crowd, outside: Outside, sights: Sights, rule: Rule, time: float) -> None:
+    """Apply the rules of `Headway` to all people inside who have started, and to those outside."""
     n = crowd.level.shape[0]
-    inside = 0
-    for i in range(n):
-        if crowd.level[i] >= 0:
-            inside += 1
-    if inside == 0:
+    if set_places(crowd, outside, sights) == 0:
         return
-    nx, ny = fill_cells(n, crowd.position, crowd.level, CELL, sights.start, sights.cell_of, sights.slots)
+    nx, ny = fill_cells(n, sights.position, sights.level, CELL, sights.start, sights.cell_of, sights.slots)
     sights.cells_x = nx
     sights.cells_y = ny
-    set_open_distances(world, crowd, sights)
+    set_open_distances(world, sights)
     add_repulsions(world, crowd, sights, rule)
-    set_desired_motion(world, crowd, sights, time)
-    reduce_speeds(world, crowd, sights, rule)
+    set_desired_motion(world, crowd, outside, sights, time)
+    reduce_speeds(world, crowd, outside, sights, rule)
+
+
+@inner
+def set_places(crowd, outside, sights):  # type: ignore[no-untyped-def]
+    """Set levels and positions of all people inside and outside; return the number of people inside."""
+    inside = 0
+    for i in range(crowd.level.shape[0]):
+        sights.level[i] = crowd.level[i]
+        sights.position[i, 0], sights.position[i, 1] = crowd.position[i, 0], crowd.position[i, 1]
+        if crowd.level[i] >= 0:
+            inside += 1
+        elif outside.level[i] >= 0:
+            sights.level[i] = sights.levels + outside.level[i]
+            sights.position[i, 0], sights.position[i, 1] = outside.position[i, 0], outside.position[i, 1]
+    return inside
 
 
 @inner
@@ -166,12 +192,12 @@ def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         for cx in range(left, right):
             for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
                 j = sights.slots[slot]
-                dx = crowd.position[j, 0] - crowd.position[i, 0]
-                dy = crowd.position[j, 1] - crowd.position[i, 1]
+                dx = sights.position[j, 0] - sights.position[i, 0]
+                dy = sights.position[j, 1] - sights.position[i, 1]
                 s = math.sqrt(dx * dx + dy * dy)
                 if not 0.0 < s < rule.cutoff:
                     continue
-                if (s <= sights.open_to[i] and crowd.level[j] == crowd.level[i]) or sees(world, crowd, i, j):
+                if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
                     push = rule.repulsion * math.exp((rule.length - s) / rule.range)
                     px -= push * dx / s
                     py -= push * dy / s
@@ -180,23 +206,28 @@ def add_repulsions(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
 
 
 @inner
-def set_desired_motion(world, crowd, sights, time):  # type: ignore[no-untyped-def]
+def set_desired_motion(world, crowd, outside, sights, time):  # type: ignore[no-untyped-def]
     """Set the desired directions and speeds and remaining travel times of all people."""
     for i in range(crowd.level.shape[0]):
         sights.wanted[i] = 0.0
-        level = crowd.level[i]
-        if level < 0 or time < crowd.start_time[i]:
+        level = sights.level[i]
+        if level >= sights.levels:
+            sights.direction[i, 0] = outside.direction[i, 0]
+            sights.direction[i, 1] = outside.direction[i, 1]
+            sights.wanted[i] = crowd.speed[i, FLAT] * outside.speed_factor[i]
+            sights.remaining[i] = -outside.depth[i]
+        if level < 0 or level >= sights.levels or time < crowd.start_time[i]:
             continue
         ex, ey = desired_direction(world, crowd, i)
         sights.direction[i, 0] = ex
         sights.direction[i, 1] = ey
         sights.wanted[i] = desired_speed(world, crowd, i, ex, ey)
-        x, y = crowd.position[i, 0], crowd.position[i, 1]
+        x, y = sights.position[i, 0], sights.position[i, 1]
         sights.remaining[i] = sample_travel_time(world.fields, x, y, level, crowd.route[i])
 
 
 @inner
-def reduce_speeds(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
+def reduce_speeds(world, crowd, outside, sights, rule):  # type: ignore[no-untyped-def]
     """Reduce the speed factors of people close to the nearest person for whom they slow down."""
     for i in range(crowd.level.shape[0]):
         full = rule.time_gap * sights.wanted[i]
@@ -208,56 +239,83 @@ def reduce_speeds(world, crowd, sights, rule):  # type: ignore[no-untyped-def]
         for cx in range(left, right):
             for slot in range(sights.start[cx * sights.cells_y + low], sights.start[cx * sights.cells_y + high]):
                 j = sights.slots[slot]
-                dx = crowd.position[j, 0] - crowd.position[i, 0]
-                dy = crowd.position[j, 1] - crowd.position[i, 1]
+                dx = sights.position[j, 0] - sights.position[i, 0]
+                dy = sights.position[j, 1] - sights.position[i, 1]
                 if ex * dx + ey * dy <= 0.0 or abs(ex * dy - ey * dx) > rule.length:
                     continue
                 s = math.sqrt(dx * dx + dy * dy)
                 if s >= nearest or not brakes_for(crowd, sights, i, j, dx, dy):
                     continue
-                if (s <= sights.open_to[i] and crowd.level[j] == crowd.level[i]) or sees(world, crowd, i, j):
+                if (s <= sights.open_to[i] and sights.level[j] == sights.level[i]) or sees(world, sights, i, j):
                     nearest = s
         if nearest < rule.length + full:
-            crowd.speed_factor[i] *= max((nearest - rule.length) / full, 0.0)
+            share = max((nearest - rule.length) / full, 0.0)
+            if crowd.level[i] >= 0:
+                crowd.speed_factor[i] *= share
+            else:
+                outside.speed_factor[i] *= share
 
 
 @inner
 def brakes_for(crowd, sights, i, j, dx, dy):  # type: ignore[no-untyped-def]
-    """Return whether person i slows down for j, who is ahead at (dx, dy): not if j is behind on the same way."""
+    """Return whether person i slows down for j, who is ahead at (dx, dy): not if j is behind on the same way.
+
+    Of two people outside only the one who is nearer to its exit may slow down, so that nobody waits there for ever.
+    """
     if sights.wanted[j] <= 0.0:
         return False
     ex, ey = sights.direction[i, 0], sights.direction[i, 1]
     fx, fy = sights.direction[j, 0], sights.direction[j, 1]
+    is_outside = sights.level[i] >= sights.levels
     if ex * fx + ey * fy <= 0.0:
-        return True
-    if crowd.route[i] == crowd.route[j]:
+        return not is_outside
+    if crowd.route[i] == crowd.route[j] or is_outside:
         return sights.remaining[j] < sights.remaining[i]
     return (ex + fx) * dx + (ey + fy) * dy > 0.0
 
 
 @inner
-def set_open_distances(world, crowd, sights):  # type: ignore[no-untyped-def]
+def set_open_distances(world, sights):  # type: ignore[no-untyped-def]
     """Set the distance within which visibility need not be tested: 0 for people with walls nearby."""
-    for i in range(crowd.level.shape[0]):
-        if crowd.level[i] >= 0:
+    for i in range(sights.level.shape[0]):
+        if sights.level[i] >= sights.levels:
+            sights.open_to[i] = math.inf
+        elif sights.level[i] >= 0:
             sights.open_to[i] = world.bucket_reach
-            first, last = bucket_at(world, crowd.position[i, 0], crowd.position[i, 1])
+            first, last = bucket_at(world, sights.position[i, 0], sights.position[i, 1])
             for slot in range(first, last):
                 w = world.bucket_wall[slot]
-                if world.wall_level[w] == crowd.level[i] and not world.wall_open[w]:
+                if world.wall_level[w] == sights.level[i] and not world.wall_open[w]:
                     sights.open_to[i] = 0.0
 
 
 @inner
-def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
+def sees(world, sights, i, j):  # type: ignore[no-untyped-def]
     """Return whether the straight line from person i to j ends on the level of j and crosses no wall of either level.
 
-    The line follows at most two portals, as in `reaches`; walls of a level between two portals are ignored.
+    The line follows at most two portals, as in `reaches`; walls of a level between two portals are ignored. A person
+    outside is seen up to an open exit of the level that it has left.
     """
-    a, b = crowd.level[i], crowd.level[j]
-    ax, ay, bx, by = crowd.position[i, 0], crowd.position[i, 1], crowd.position[j, 0], crowd.position[j, 1]
-    if not reaches(world, a, ax, ay, b, bx, by):
+    a, b = sights.level[i], sights.level[j]
+    ax, ay, bx, by = sights.position[i, 0], sights.position[i, 1], sights.position[j, 0], sights.position[j, 1]
+    if a >= sights.levels:
         return False
+    if b >= sights.levels:
+        b -= sights.levels
+        share = way_out(world, b, ax, ay, bx, by)
+        if share < 0.0:
+            return False
+        bx, by = ax + share * (bx - ax), ay + share * (by - ay)
+        if a != b and not reaches(world, a, ax, ay, b, bx, by):
+            return False
+    elif not reaches(world, a, ax, ay, b, bx, by):
+        return False
+    return not is_hidden(world, a, ax, ay, b, bx, by)
+
+
+@inner
+def is_hidden(world, a, ax, ay, b, bx, by):  # type: ignore[no-untyped-def]
+    """Return whether the straight line from one place to another crosses a wall of level a or b."""
     # A bucket lists the walls within its reach, so this number of buckets along the line covers all crossing walls.
     pieces = int(math.sqrt((bx - ax) ** 2 + (by - ay) ** 2) / (2.0 * world.bucket_reach)) + 1
     for k in range(pieces):
@@ -268,11 +326,11 @@ def sees(world, crowd, i, j):  # type: ignore[no-untyped-def]
             if world.wall_open[w] or (world.wall_level[w] != a and world.wall_level[w] != b):
                 continue
             if passes_through(world.wall, w, ax, ay, bx, by):
-                return False
-    return True
+                return True
+    return False
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -96,7 +96,7 @@ class ResponseTime(Behaviour):
         return place
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -17,6 +17,7 @@ from evac.errors import PluginError, ScenarioError
 from evac.hookspecs import hookimpl
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.state import Crowd
+from evac.saved import taken
 
 #: Tolerance of times, which are multiples of the step [s].
 INSTANT = 1e-9
@@ -141,9 +142,12 @@ class RouteChoice(Behaviour):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        self._changed = state["changed"].copy()
-        self._next = state["next"].copy()
-        self._version = int(state["version"][0])
+        changed = taken(state, "changed", np.uint8, self._changed.shape, 0, 1)
+        following = taken(state, "next", np.float64, (1,), 0.0, math.inf)
+        self._version = int(taken(state, "version", np.int64, (1,))[0])
+        self._changed = changed
+        if self.every > 0.0:
+            self._next = following
 
     def _single_exits(self) -> tuple[tuple[str, ...], ...]:
         return tuple((name,) for name in self.exits) or ((),)
@@ -238,7 +242,7 @@ def _words(key: str, value: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(value))
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -17,6 +17,7 @@ from evac.jit import Bytes, Floats, Ints, Struct, inner, kernel
 from evac.jit.layout import FloatGrid
 from evac.parameters import Parameter, did_you_mean
 from evac.physics.state import Crowd
+from evac.saved import taken
 
 #: Decrease of the remaining travel time below its minimum so far that counts as progress [s].
 PROGRESS = 0.5
@@ -121,8 +122,9 @@ class TeacherFollowing(Behaviour):
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Restore what `state` returned."""
-        self._classes.memory[:] = state["memory"]
-        self._classes.goes_alone[:] = state["goes_alone"]
+        memory, alone = self._classes.memory, self._classes.goes_alone
+        memory[:] = taken(state, "memory", np.float64, memory.shape, -np.inf, np.inf)
+        alone[:] = taken(state, "goes_alone", np.uint8, alone.shape, 0, 1)
 
 
 def _teacher_of(group: Any, groups: tuple[Any, ...]) -> int:
@@ -243,7 +245,7 @@ def add_waiting_time(memory, g, seen, vain, remaining, spent):  # type: ignore[n
         memory[g, vain] += spent
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

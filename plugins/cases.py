@@ -6,7 +6,7 @@ from pathlib import Path
 
 from evac.hookspecs import hookimpl
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

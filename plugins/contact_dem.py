@@ -13,10 +13,10 @@ from evac.jit import Floats, Struct, Triples, inner, kernel
 from evac.parameters import Parameter
 from evac.physics import tallies as at
 from evac.physics.contact_model import BorderScene, ContactModel
-from evac.physics.contacts import push, use_free_velocity
+from evac.physics.contacts import push, set_reach, tangential_velocity, use_free_velocity
 from evac.physics.stability import add_stiffness, forget_stiffnesses, longest_step, makes_unstable
 from evac.physics.state import State, World
-from evac.physics.status import OK, TOO_STIFF, WALL_CROSSED
+from evac.physics.status import OK, SEARCH_AGAIN, TOO_STIFF, WALL_CROSSED
 
 #: Ratio of the tangent stiffness of a hardening contact at an overlap of one radius to k.
 HARDEST = 1000.0
@@ -24,34 +24,96 @@ HARDEST = 1000.0
 #: Minimum force at which contacts harden [N], so that soft springs do not harden under bearable forces.
 LEAST_FORCE = 6000.0
 
+#: Share of the energy at the onset with which a contact counts as one that may harden.
+LIKELY = 0.98
+
+#: A contact counts as one in motion if its energy is less than this multiple of its kinetic energy.
+STANDING = 10.0
+
+#: Squared factor by which steps with hardened contacts are shorter than the limit of stability.
+FINE = 64.0
+
+#: Number of parts beyond which steps are divided for stability only.
+MOST_FINE_PARTS = 128
+
+#: Steps of Newton's method for the overlap that a contact reaches.
+NEWTON_STEPS = 8
+
 
 class Spring(Struct):
-    """Parameters of the law, and scratch arrays for its stability check."""
+    """Parameters of the law, and scratch for its checks."""
 
     stiffness: float  # [kg/s2]
     hardening: float  # overlap at which contacts harden, as a share of the radius
     least: float  # minimum overlap at which contacts harden [m]
+    hardens: int  # 1: a contact of the sub-step has the energy to harden
     stiffnesses: Triples  # (n, 3) of each body divided by k, see `evac.physics.stability` [1/kg]
     coupling: Floats  # (n,) [1/kg]
 
 
 @kernel
 def spring(state: State, own: Spring, h: float) -> int:
-    """Set the percussions and the velocities after the sub-step; count the hardened contacts."""
+    """Set the percussions and the velocities after the sub-step; count the hardened contacts.
+
+    Forces act for the sub-step. While a contact has the energy to harden, they act from the middle of the previous
+    sub-step to the middle of this one: the leapfrog scheme, which stays of second order where the length changes.
+    """
     bodies, contacts = state.bodies, state.contacts
-    if _is_too_stiff(state, own, h):
+    onset = max(own.hardening * bodies.smallest, own.least)
+    if _look_ahead(state, own, h, onset):
+        return SEARCH_AGAIN
+    if _is_too_stiff(state, own, h, onset):
         return TOO_STIFF
     use_free_velocity(state)
-    onset = max(own.hardening * bodies.smallest, own.least)
+    duration = 0.5 * (state.clock.h_before + h) if own.hardens else h
     for c in range(contacts.number):
         overlap = -min(0.0, contacts.gap[c])
         if overlap > onset:
             overlap, tangent = press(overlap, _radius(bodies, contacts, c), own)
             if tangent > 1.0:
                 state.tally[at.HARDENED_CONTACTS] += 1.0
-        contacts.percussion[c] = h * own.stiffness * overlap
+        contacts.percussion[c] = duration * own.stiffness * overlap
         push(bodies.solved, bodies.inverse_mass, contacts, c, contacts.percussion[c])
     return OK
+
+
+@inner
+def _look_ahead(state, own, h, onset):
+    """Extend the reach of bodies to their free paths if two of them have the energy for a hard contact; return whether.
+
+    Contacts that begin within the sub-step are then found before.
+    """
+    bodies, speed = state.bodies, 2.0 * state.bodies.fastest
+    least = own.stiffness * _least(state, own, 2.0 / bodies.lightest, 0.0, speed, onset)
+    if state.clock.attempt > 0 or 0.5 * bodies.heaviest * speed**2 <= least:
+        return False
+    first, second = 0.0, 0.0
+    for i in range(bodies.inside):
+        if bodies.level[i] >= 0:
+            free, velocity = bodies.free, bodies.velocity
+            square = max(free[i, 0] ** 2 + free[i, 1] ** 2, velocity[i, 0] ** 2 + velocity[i, 1] ** 2)
+            energy = square / bodies.inverse_mass[i]
+            second = max(second, min(first, energy))
+            first = max(first, energy)
+    if first + second <= least:
+        return False
+    set_reach(bodies, 0, bodies.inside, h, 1.0)
+    bodies.farthest_reach = h * bodies.fastest
+    return True
+
+
+@inner
+def _least(state, own, omega, gap, speed, onset):
+    """Return the energy, over k / 2, from which on steps are those of a contact that hardens [m2].
+
+    It is less by what a collision can gain in steps that are not cut, where bodies are about to collide, and, so that
+    the steps stay the same, where they collide in steps that have been cut.
+    """
+    clock = state.clock
+    gain = 0.0
+    if gap >= 0.0 or clock.h_before < clock.step:
+        gain = min(own.stiffness * omega * onset**2, STANDING * speed**2)
+    return LIKELY * onset**2 - 0.5 * clock.step**2 * gain
 
 
 @inner
@@ -74,6 +136,39 @@ def press(overlap, radius, own):
 
 
 @inner
+def _hardest(state, own, c, radius):
+    """Return the tangent stiffness over k up to which contact c hardens with its energy; 0 if it does not.
+
+    The energy is that of the spring and of the normal velocity, less what the rotation of two bodies takes up to the
+    onset. Velocities are those of half a sub-step ago. Where the energy is more than the spring takes up to the radius,
+    the bodies started with a greater overlap.
+    """
+    contacts = state.contacts
+    onset = max(own.hardening * radius, own.least)
+    gap, speed, mass = contacts.gap[c], -contacts.velocity_before[c], 1.0 / (contacts.omega[c] * own.stiffness)
+    overlap = -min(0.0, gap)
+    if onset >= radius or overlap > radius:
+        return 0.0
+    length = (radius - onset) / math.log(HARDEST)
+    force, tangent = press(overlap, radius, own)
+    # Divided by k L^2, the energy beyond that at the onset is exp(s) - 1 + a s, s being the logarithm of the slope.
+    unit, a, s = 2.0 * length**2, onset / length - 1.0, math.log(HARDEST)
+    energy = mass * speed**2 - state.clock.h_before * speed * force + min(overlap, onset) ** 2 - onset**2
+    if contacts.other[c] >= 0:
+        distance = state.bodies.radius[contacts.body[c]] + state.bodies.radius[contacts.other[c]]
+        turn = tangential_velocity(state.bodies.velocity, contacts, c)
+        energy -= mass * turn**2 * (((distance + gap) / (distance - onset)) ** 2 - 1.0)
+    energy = energy / unit + tangent - 1.0 + a * math.log(tangent)
+    least = _least(state, own, contacts.omega[c], gap, speed, onset) - onset**2
+    if energy * unit < least or energy > HARDEST - 1.0 + a * s:
+        return 0.0
+    s = min(s, energy / (a + 1.0))  # beyond the root, from where Newton's method converges
+    for _ in range(NEWTON_STEPS):
+        s -= (math.exp(s) - 1.0 + a * s - energy) / (math.exp(s) + a)
+    return math.exp(max(s, 0.0))
+
+
+@inner
 def _radius(bodies, contacts, c):
     """Return the radius of the smaller body of contact c [m]."""
     j = contacts.other[c]
@@ -82,20 +177,30 @@ def _radius(bodies, contacts, c):
 
 
 @inner
-def _is_too_stiff(state, own, h):
-    """Return whether the present contacts make a sub-step of length `h` unstable; note the body as failed.
+def _is_too_stiff(state, own, h, onset):
+    """Return whether the contacts make a sub-step of length `h` unstable or, if they harden, inaccurate.
 
-    The stiffness of a contact is the tangent stiffness at the overlap that it reaches within the step.
+    The body is noted as failed. The stiffness of a contact is the tangent stiffness at the overlap that it reaches
+    within the step; of one with the energy to harden, the one that it reaches at all, for equal steps throughout.
     """
-    bodies, contacts = state.bodies, state.contacts
-    onset = max(own.hardening * bodies.smallest, own.least)
+    bodies, contacts, before = state.bodies, state.contacts, state.clock.h_before
+    fine = FINE if MOST_FINE_PARTS * h > state.clock.step else 1.0
+    own.hardens = 0
     forget_stiffnesses(contacts, own)
     for c in range(contacts.number):
         tangent = 1.0
-        deepest = -contacts.gap[c] - h * min(contacts.velocity_before[c], 0.0)
-        if deepest > onset:
-            radius = _radius(bodies, contacts, c)
-            tangent = press(max(min(deepest, radius), -contacts.gap[c]), radius, own)[1]
+        gap, speed = contacts.gap[c], -contacts.velocity_before[c]
+        overlap = -min(gap, 0.0)
+        deepest = h * max(speed, 0.0) - gap
+        if deepest > 0.0:
+            least = _least(state, own, contacts.omega[c], gap, speed, onset) - overlap**2 + before * speed * overlap
+            if deepest > onset or speed**2 > least * own.stiffness * contacts.omega[c]:
+                radius = _radius(bodies, contacts, c)
+                tangent = press(max(min(deepest, radius), -gap), radius, own)[1]
+                hardest = _hardest(state, own, c, radius)
+                if hardest > 0.0:
+                    own.hardens = 1
+                    tangent = max(tangent, fine * hardest)
         add_stiffness(bodies, contacts, own, c, tangent)
     return makes_unstable(state, own, h, own.stiffness)
 
@@ -146,6 +251,7 @@ class Dem(ContactModel):
             stiffness=self.stiffness,
             hardening=self.hardening,
             least=LEAST_FORCE / self.stiffness,
+            hardens=0,
             stiffnesses=np.zeros((people, 3)),
             coupling=np.zeros(people),
         )
@@ -162,7 +268,7 @@ class Dem(ContactModel):
         }
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

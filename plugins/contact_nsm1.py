@@ -126,7 +126,7 @@ class Nsm1(SolvedContactModel):
         return float(self.gap_tolerance)
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -174,7 +174,7 @@ class Nsm2(SolvedContactModel):
         }
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -26,7 +26,7 @@ class CsvExporter(Exporter):
         return [path]
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -74,7 +74,7 @@ def _feature(shape: BaseGeometry, kind: str, name: str, levels: list[str], **mor
     return {"type": "Feature", "properties": properties, "geometry": mapping(shape)}
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

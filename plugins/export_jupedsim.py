@@ -103,7 +103,7 @@ def _typed(rows: np.ndarray) -> Iterator[tuple[int, int, float, float, float, fl
         yield int(frame), int(person), *place
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -34,7 +34,7 @@ class ParquetExporter(Exporter):
         return [path]
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

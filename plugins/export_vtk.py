@@ -24,7 +24,7 @@ class VtkExporter(Exporter):
         return trajectory.path.parent
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -58,7 +58,7 @@ class SocialForce(Force):
         return np.array([self.strength, self.range, self.anisotropy, isotropic, self.cutoff()])
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

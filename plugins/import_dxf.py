@@ -301,7 +301,7 @@ def _no_floor(document: Any) -> str:
     )
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

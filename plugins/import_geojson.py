@@ -159,7 +159,7 @@ def _metres_per_degree(latitude: float) -> np.ndarray[Any, np.dtype[np.float64]]
     return np.radians([across * math.cos(latitude), along])
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -198,7 +198,7 @@ def _text(value: Any) -> str:
     return "" if value is None else " ".join(str(value).split())
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

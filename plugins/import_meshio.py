@@ -135,7 +135,7 @@ def _array_tags(mesh: Any) -> Tags:
     return tags
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -124,7 +124,7 @@ def _tagged(
     return SurfaceMesh(points, [faces[row] for row in kept], cell_tags, edge_tags, findings)
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -50,7 +50,7 @@ class OffImporter(Importer):
         return SurfaceMesh(points, faces)
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -31,7 +31,7 @@ class PlanImporter(Importer):
         return plan_of(table, path, path.parent)
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -160,7 +160,7 @@ def _read_rows(body: _TextBody | _BinaryBody, element: _Element) -> list[list[li
     return rows
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -56,7 +56,7 @@ def _geometries(text: str) -> list[shapely.Geometry]:
     return found
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

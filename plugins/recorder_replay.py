@@ -1,6 +1,7 @@
 """Recorder "replay": the run as one HTML page, written when the run ends, also after an error."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from evac.hookspecs import hookimpl
 from evac.output.files import REPLAY_NAME
 from evac.output.recorder import Recorder
+from evac.saved import taken
 
 if TYPE_CHECKING:
     from evac.output.replay.writer import ReplayWriter
@@ -49,15 +51,21 @@ class ReplayRecorder(Recorder):
         """Return the compressed record so far."""
         return {} if self.writer is None else {"recorded": np.array([self._recorded])} | self.writer.state()
 
+    def check_state(
+        self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]
+    ) -> None:
+        """Check the record by restoring it, which writes no file."""
+        self.restore(simulation, state)
+
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the record of a resumed run."""
         self.start(simulation)
-        if self.writer is not None and state:
+        if self.writer is not None:
+            self._recorded = float(taken(state, "recorded", np.float64, (1,), -1.0, simulation.time)[0])
             self.writer.restore(state)
-            self._recorded = float(state["recorded"][0])
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -1,6 +1,7 @@
 """Recorder "trajectory": positions of all people in each frame, in a file that stays readable if a run is killed."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from evac.output.files import TRAJECTORY_NAME
 from evac.output.header import building_to_json
 from evac.output.recorder import Recorder
 from evac.output.results import versions
-from evac.output.trajectory_writer import TrajectoryWriter
+from evac.output.trajectory_writer import TrajectoryWriter, read_to_continue
+from evac.saved import SavedError, taken
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -53,6 +55,21 @@ class TrajectoryRecorder(Recorder):
             return {}
         return {"recorded": np.array(self._recorded), "length": np.array(self._writer.length)}
 
+    def check_state(
+        self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]
+    ) -> None:
+        """Check that the file is one of this run, with a frame that ends at its length at the checkpoint."""
+        is_written = simulation.folder is not None and simulation.case.output.trajectory
+        if (TRAJECTORY_NAME in files) != is_written or bool(state) != is_written:
+            raise SavedError("length: the checkpoint does not say where the trajectory ends")
+        if is_written:
+            length = files[TRAJECTORY_NAME]
+            taken(state, "recorded", np.float64, (), -1.0, simulation.time)
+            taken(state, "length", np.int64, (), length, length)
+            before = read_to_continue(folder / TRAJECTORY_NAME, length)
+            if not np.array_equal(before.radius, simulation.population.crowd.radius):
+                raise SavedError(f"length: {TRAJECTORY_NAME} is of other people")
+
     def restore(self, simulation: "Simulation", state: Mapping[str, NDArray[Any]]) -> None:
         """Open the file again, after its last frame."""
         if simulation.folder is not None and state:
@@ -80,7 +97,7 @@ def _header(simulation: "Simulation") -> dict[str, Any]:
     }
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

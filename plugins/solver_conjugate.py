@@ -337,7 +337,7 @@ class ConjugateFaces(Solver):
     stronger = "conjugate_sweeps"
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -179,7 +179,7 @@ class AcceleratedGradient(Solver):
     solve = accelerated_gradient
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -255,7 +255,7 @@ class AcceleratedSweeps(Solver):
     make_phase = make_phase
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -6,7 +6,7 @@ from evac.registry import Registry
 
 PLUGIN = """
     from evac.hookspecs import hookimpl
-    evac_interface = 2
+    evac_interface = 3
     from evac import Behaviour, ContactModel, Force, Importer, Parameter
 
     class Soft(ContactModel):

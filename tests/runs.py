@@ -43,7 +43,7 @@ def in_the_room(tmp_path, text, positions=None, **changes):
 
 SQUEEZED = """
     from evac import Behaviour, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Squeezed(Behaviour):
         '''Who feels more than 300 N takes half the speed.'''

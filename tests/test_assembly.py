@@ -11,7 +11,7 @@ from evac.registry import Registry
 PLUGIN = """
 from evac import Importer, SurfaceMesh, hookimpl
 
-evac_interface = 2
+evac_interface = 3
 
 
 class Odd(Importer):

@@ -1,7 +1,9 @@
 """A run that was killed or stopped goes on to the bits of one that was not; what cannot go on is refused by name."""
 
+import hashlib
 import json
 import os
+import re
 import textwrap
 
 import numpy as np
@@ -34,7 +36,7 @@ HALL = {
 PLUGIN = """
     import numpy as np
     from evac import Behaviour, Recorder, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Closing(Behaviour):
         '''Closes the front door after 1 s.'''
@@ -234,7 +236,7 @@ def test_a_plugin_that_was_given_is_to_be_given_again_and_unchanged(tmp_path, cl
 
 def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, monkeypatch):
     kill(evac.load(hall), tmp_path / "r", 1.5)
-    monkeypatch.setattr("evac.checkpoints.versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr("evac.made_with.versions", lambda: {"numpy": "0.1"})
     mesh = tmp_path / "hall.obj"
     mesh.write_text(mesh.read_text() + "# changed\n")
     with pytest.raises(ResultError) as caught:
@@ -248,7 +250,7 @@ def test_other_versions_and_files_are_refused_unless_allowed(tmp_path, hall, mon
 
 def test_other_kernels_are_refused(tmp_path, hall, monkeypatch):
     kill(evac.load(hall), tmp_path / "r", 1.5)
-    monkeypatch.setattr("evac.checkpoints.digest_of", lambda entry, processor: "changed")
+    monkeypatch.setattr("evac.made_with.digest_of", lambda entry, processor: "changed")
     with pytest.raises(ResultError, match=r"kernel .*advance.*changed now"):
         evac.resume(tmp_path / "r")
 
@@ -271,10 +273,102 @@ def test_no_file_outside_the_folder_is_cut(tmp_path, hall, name):
     found = find_checkpoint(tmp_path / "r")
     (found.path.parent / "link").symlink_to(tmp_path / "thesis.txt")
     name = str(tmp_path / "thesis.txt") if name.startswith("/") else name
-    write_checkpoint(found.path, {**found.header, "files": {name: 0}}, found.arrays)
+    empty = {"length": 0, "sha256": hashlib.sha256().hexdigest()}
+    write_checkpoint(found.path, found.header.model_dump() | {"files": {name: empty}}, found.arrays)
     with pytest.raises(ResultError, match=f"{name} is not a file of this folder"):
         evac.resume(tmp_path / "r")
     assert (tmp_path / "thesis.txt").read_text() == "precious"
+
+
+def content(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def forge(folder, header=(), **arrays):
+    """Replace parts of a checkpoint, with a valid checksum, and return the content of the folder."""
+    found = find_checkpoint(folder)
+    write_checkpoint(found.path, found.header.model_dump() | dict(header), {**found.arrays, **arrays})
+    return content(found.path.parent)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("simulation.population.route", np.full(16, 10**6, np.int32)),
+        ("simulation.population.level", np.full(16, 7, np.int32)),
+        ("simulation.population.position", np.full((16, 2), np.nan)),
+        ("simulation.population.radius", np.full(16, 1e9)),
+        ("simulation.population.mass", np.ones(15)),
+        ("simulation.population.exit_used", np.full(16, 5, np.int32)),
+        ("simulation.population.level", np.full(16, -1, np.int32)),
+        ("simulation.simulation.clock", np.array([-(2**31), 0])),
+        ("simulation.simulation.clock", np.array([101, 0])),
+        ("simulation.scene.closed", np.array([9])),
+        ("simulation.engine.room", np.array([10**12] * 4)),
+        ("simulation.engine.tally", np.full(29, np.nan)),
+        ("simulation.watch.chatter.of_whom", np.array([0, 5])),
+        ("recorder.replay.frames", np.array([10**15])),
+        ("recorder.replay.stream.times", np.zeros(8, np.uint8)),
+        ("recorder.trajectory.length", np.array(16)),
+    ],
+)
+def test_arrays_that_no_run_can_have_are_refused_by_name(tmp_path, hall, name, value):
+    kill(evac.load(hall), tmp_path / "r", 1.0)
+    before = forge(tmp_path / "r", **{name: value})
+    with pytest.raises(ResultError, match=rf"checkpoint\.evac: the state cannot be restored: {name}") as caught:
+        evac.resume(tmp_path / "r")
+    assert "\n" not in str(caught.value)
+    assert content(tmp_path / "r.running") == before
+
+
+@pytest.mark.parametrize("key", ["files", "routes", "made_with", "case", "time"])
+def test_headers_that_evac_does_not_write_are_refused_by_name(tmp_path, hall, key):
+    kill(evac.load(hall), tmp_path / "r", 1.0)
+    before = forge(tmp_path / "r", {key: None})
+    with pytest.raises(ResultError, match=rf"checkpoint\.evac: {key}"):
+        evac.resume(tmp_path / "r")
+    assert content(tmp_path / "r.running") == before
+
+
+def test_a_checkpoint_without_the_entry_of_the_trajectory_is_refused_and_leaves_it(tmp_path, hall):
+    kill(evac.load(hall), tmp_path / "r", 1.0)
+    before = forge(tmp_path / "r", {"files": {}})
+    with pytest.raises(ResultError, match="trajectory"):
+        evac.resume(tmp_path / "r")
+    assert content(tmp_path / "r.running") == before
+
+
+def test_the_trajectory_of_another_run_is_refused_before_it_is_cut(tmp_path, hall):
+    """Both runs record frames of the same length, so that one ends where the checkpoint says."""
+    kill(evac.load(hall), tmp_path / "r", 1.0)
+    kill(evac.load(hall, {"simulation.seed": 2}), tmp_path / "other", 2.0)
+    path = tmp_path / "r.running" / "trajectory.evac"
+    path.write_bytes((tmp_path / "other.running" / "trajectory.evac").read_bytes())
+    before = content(tmp_path / "r.running")
+    with pytest.raises(ResultError, match=r"trajectory\.evac: is not the file of the checkpoint"):
+        evac.resume(tmp_path / "r")
+    assert content(tmp_path / "r.running") == before
+
+
+def test_plugin_files_of_a_case_are_run_only_beside_the_result_or_where_the_user_says(tmp_path, hall):
+    (tmp_path / "elsewhere" / "case").mkdir(parents=True)
+    case = tmp_path / "elsewhere" / "case" / "case.toml"
+    (case.parent / "mark.py").write_text(
+        "from pathlib import Path\nfrom evac import hookimpl\nevac_interface = 3\n"
+        f"Path({str(tmp_path / 'run')!r}).touch()\n@hookimpl\ndef evac_prepare(): pass\n"
+    )
+    kill(evac.load(hall), tmp_path / "r", 1.0)
+    given = find_checkpoint(tmp_path / "r").header.case
+    table = {**given.table, "plugins": {"files": ["mark.py"]}}
+    forge(tmp_path / "r", {"case": {**given.model_dump(), "table": table, "source": str(case)}})
+    with pytest.raises(PluginError, match="--case"):
+        evac.resume(tmp_path / "r")
+    with pytest.raises(PluginError, match="--case"):
+        evac.resume(tmp_path / "r", case_file=tmp_path)
+    assert not (tmp_path / "run").exists()
+    with pytest.raises(ResultError, match="--allow-differences"):  # it has come since
+        evac.resume(tmp_path / "r", case_file=case)
+    assert (tmp_path / "run").exists()
 
 
 def test_files_of_plugins_go_with_their_result_and_those_of_others_stay(tmp_path, closing, hall):
@@ -297,8 +391,11 @@ def test_a_changed_case_goes_on_in_a_folder_of_its_own(tmp_path, hall):
         evac.resume(tmp_path / "r", change)
     with pytest.raises(ScenarioError, match=r"people.* cannot change"):
         evac.resume(tmp_path / "r", {"people.people.number": 3}, out=tmp_path / "other")
-    with pytest.raises(ScenarioError, match=r"building\.scale.* cannot change"):
-        evac.resume(tmp_path / "r", {"building.scale": 2.0}, out=tmp_path / "other")
+    fixed = {"building.scale": 2.0, "simulation.seed": 9, "output.every": 1.0}
+    fixed |= {"simulation.step": 0.5 * case.simulation.step, "simulation.tick": 2 * case.simulation.tick}
+    for key, value in fixed.items():
+        with pytest.raises(ScenarioError, match=rf"{re.escape(key)}.* cannot change"):
+            evac.resume(tmp_path / "r", {key: value}, out=tmp_path / "other")
     assert not (tmp_path / "other").exists()
     inside = evac.read_trajectory(tmp_path / "r")[-1]["person"]
     results = evac.resume(tmp_path / "r", change, out=tmp_path / "other")

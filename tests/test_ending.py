@@ -68,6 +68,14 @@ def test_who_has_yet_to_set_off_and_who_gets_out_are_progress():
     assert first_end(Ending(SETTINGS, 2, 1), crowd, Ways())[0] == 3500
 
 
+def test_who_stands_is_stuck_unless_gone_or_not_yet_started():
+    ending, crowd = Ending(SETTINGS, 4, 1), make_crowd(np.zeros((4, 2)))
+    crowd.start_time[0], crowd.level[3] = 20.0, -1
+    assert first_end(ending, crowd, Ways(np.full(4, 9.0)), last=900) is None
+    assert ending.stuck(490, crowd).tolist() == []
+    assert ending.stuck(900, crowd).tolist() == [1, 2]
+
+
 @pytest.mark.parametrize(("depth", "end"), [(0.3, 500), (3.0, 600)])
 def test_a_jam_that_jiggles_makes_no_progress(depth, end):
     """Both are pushed back and return, again and again, to where one of them is at the start, the other after 1 s."""

@@ -94,7 +94,7 @@ def test_full_is_told_as_it_was_done():
 
 ODD = """
     from evac import Behaviour, ContactModel, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Odd(Behaviour):
         '''Fails where it is asked.'''

@@ -12,7 +12,7 @@ from evac.registry import BUILTIN_PLUGINS, KINDS, Registry
 
 SPRING = """
     from evac.hookspecs import hookimpl
-    evac_interface = 2
+    evac_interface = 3
     from evac.parameters import Parameter
     from evac.physics.contact_model import ContactModel
 
@@ -84,7 +84,7 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
         "kernels.py",
         """
         from evac.hookspecs import hookimpl
-        evac_interface = 2
+        evac_interface = 3
         from evac.jit import Floats, kernel
 
         @hookimpl
@@ -144,7 +144,7 @@ def test_a_kernel_in_a_file_is_compiled(tmp_path):
     ],
 )  # fmt: skip
 def test_a_broken_plugin_is_refused_by_name(tmp_path, text, words):
-    path = written(tmp_path, "broken.py", "evac_interface = 2\n" + text)
+    path = written(tmp_path, "broken.py", "evac_interface = 3\n" + text)
     with pytest.raises(PluginError) as caught:
         bare(path)
     for word in [str(path), *words]:
@@ -177,7 +177,7 @@ def test_the_interface_is_told_before_a_hook_that_it_no_longer_has(tmp_path):
 IMPORTER = """
     from evac import Importer, hookimpl
 
-    evac_interface = 2
+    evac_interface = 3
 
     class {name}(Importer):
         '''Nothing.'''

@@ -50,6 +50,27 @@ def test_a_run_into_the_folder_of_many_leaves_none_of_their_files(tmp_path):
     assert names == {"summary.json", "egress.csv", "people.csv", "trajectory.evac", "replay.html"}
 
 
+def test_a_script_is_told_what_the_command_tells(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"output.picture": False, **late})
+    for folder in (None, tmp_path / "r"):
+        with pytest.warns(evac.RunWarning) as told:
+            results = evac.run(case, folder)
+        lines = [str(one.message) for one in told]
+        assert lines == [*results.warnings, *results.remarks, *results.quality_warnings]
+        assert "simulation.duration is 1 s" in lines[0]
+        assert "20 of 20 people still inside" in lines[-1]
+        assert {one.filename for one in told} == {__file__}
+
+
+@pytest.mark.filterwarnings("error::evac.errors.RunWarning")
+def test_warnings_about_a_case_can_be_made_errors_that_leave_nothing(tmp_path):
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    with pytest.raises(evac.RunWarning, match="duration"):
+        run(evac.load("square_room", late), tmp_path / "r")
+    assert not list(tmp_path.glob("r*/*"))
+
+
 def interrupting(at):
     """A progress display that sends this process Ctrl-C, as a terminal or a notebook does."""
 
@@ -78,7 +99,7 @@ def test_ctrl_c_in_python_leaves_tables_and_a_state(tmp_path):
 
 RECORDER = """
     from evac import Recorder, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Odd(Recorder):
         '''Fails.'''
@@ -122,7 +143,7 @@ def test_a_run_that_fails_leaves_its_tables(tmp_path):
         tmp_path,
         """
         from evac import Behaviour, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Odd(Behaviour):
             '''Fails late.'''
@@ -155,7 +176,7 @@ def test_a_run_that_fails_tells_the_warnings_it_may_come_of(tmp_path):
 def test_evac_finish_sees_how_it_ended_and_is_named_where_it_fails(tmp_path):
     text = """
         from evac import hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         @hookimpl
         def evac_finish(results, error):
@@ -198,7 +219,7 @@ def test_a_stop_after_the_last_tick_leaves_how_it_ended():
 def test_a_recorder_that_fails_after_the_run_has_failed_is_told_too(tmp_path):
     text = """
         from evac import Behaviour, Recorder, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Odd(Behaviour):
             '''Fails.'''
@@ -280,7 +301,9 @@ def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeyp
     assert {"egress.csv", "people.csv", "summary.json"} <= {path.name for path in (tmp_path / "r").iterdir()}
 
 
-def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path):
+def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.physics.threads.PEOPLE_PER_THREAD", 45)
+    monkeypatch.setattr("evac.simulation.PEOPLE_PER_THREAD", 30)
     changes = {"people.people.number": 90, "simulation.duration": 2.0, "contact.model": "dem"}
     case = evac.load("square_room", changes)
     before = threading.active_count()
@@ -296,6 +319,13 @@ def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_pat
     for name in wanted.crowd.kinds:
         np.testing.assert_array_equal(getattr(found.crowd, name), getattr(wanted.crowd, name), err_msg=name)
     assert found.report == wanted.report
+
+
+def test_threads_that_a_small_run_does_not_use_are_told_in_the_summary(tmp_path):
+    results = run("square_room", tmp_path / "r", threads=2)
+    assert [line for line in results.warnings if "threads: 2 given" in line]
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["warnings"] == list(results.warnings)
 
 
 def test_no_threads_are_refused():

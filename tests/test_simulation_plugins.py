@@ -36,6 +36,13 @@ def test_what_prepare_writes_is_checked(tmp_path, line, words):
         Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
 
 
+def test_what_a_behaviour_writes_for_people_outside_is_checked(tmp_path):
+    text = SQUEEZED.replace("def act(self, crowd, time)", "keeps_distance = True\n\n        def prepare(self, scene)")
+    text = text.replace(IN_PLACE, "scene.outside.speed_factor[3] = float('nan')")
+    with pytest.raises(PluginError, match=r"'squeezed' wrote nan to outside\.speed_factor of person 3; it must be"):
+        Simulation(in_the_room(tmp_path, text, **{"behaviours.squeezed": {}}))
+
+
 def test_what_a_behaviour_may_not_write_is_refused(tmp_path):
     text = SQUEEZED.replace('writes = ("speed_factor",)', 'writes = ("position",)')
     with pytest.raises(PluginError, match=r"squeezed: .*'position'"):
@@ -67,7 +74,7 @@ def test_a_force_may_call_functions_that_numba_compiles(tmp_path):
         from evac import Force, Parameter, hookimpl
         from evac.jit import pair_force
 
-        evac_interface = 2
+        evac_interface = 3
 
 
         @numba.njit
@@ -119,7 +126,7 @@ def test_an_exception_in_a_function_that_numba_compiles_ends_the_run(tmp_path):
         from evac import Force, hookimpl
         from evac.jit import pair_force
 
-        evac_interface = 2
+        evac_interface = 3
 
 
         @numba.njit
@@ -156,7 +163,7 @@ def test_an_exception_in_a_function_that_numba_compiles_ends_the_run(tmp_path):
 def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path):
     text = """
         from evac import ContactModel, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Failing(ContactModel):
             '''Fails at once.'''
@@ -177,7 +184,7 @@ def test_a_contact_model_that_fails_is_named_before_the_first_step_too(tmp_path)
 def test_a_promise_that_is_no_length_is_named(tmp_path):
     text = """
         from evac import ContactModel, hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         class Vague(ContactModel):
             '''Promises nothing that can be compared.'''
@@ -197,7 +204,7 @@ def test_a_promise_that_is_no_length_is_named(tmp_path):
 
 FORCES = """
     from evac import Force, hookimpl
-    evac_interface = 2
+    evac_interface = 3
     from evac.jit import pair_force
 
     @pair_force
@@ -269,7 +276,7 @@ def test_a_plan_knows_what_a_behaviour_does_at_ticks():
 
 RANDOM = """
     from evac import Behaviour, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class One(Behaviour):
         '''Draws a factor for everybody at each tick.'''
@@ -319,7 +326,7 @@ def test_what_a_behaviour_adds_to_a_direction_holds_for_one_tick(tmp_path):
 def test_every_plugin_is_told_of_the_end(tmp_path):
     text = """
         from evac import hookimpl
-        evac_interface = 2
+        evac_interface = 3
 
         @hookimpl
         def evac_finish(simulation):

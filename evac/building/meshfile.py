@@ -27,7 +27,7 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
     is_bare = ~np.any([np.zeros(len(whole.triangles), dtype=bool), *whole.cell_tags.values()], axis=0)
     named = [group for group in groups if len(group[3])]
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(named))]
-    lines += [f'{dimension} {number} "{tag}"' for number, (dimension, _, tag, _) in enumerate(named, start=1)]
+    lines += [f"{dimension} {number} {_quoted(tag)}" for number, (dimension, _, tag, _) in enumerate(named, start=1)]
     lines += ["$EndPhysicalNames", "$Nodes", str(len(whole.points))]
     lines += [f"{row} {x!r} {y!r} {z!r}" for row, (x, y, z) in enumerate(whole.points.tolist(), start=1)]
     cells = [f"{TRIANGLE} 2 0 0 {a} {b} {c}" for a, b, c in (whole.triangles[is_bare] + 1).tolist()]
@@ -39,3 +39,9 @@ def write_surface(mesh: SurfaceMesh, path: Path) -> None:
         path.write_text("\n".join([*lines, "$EndElements", ""]), encoding="utf-8")
     except OSError as error:
         raise BuildingError(f"{path}: cannot be written ({error.strerror}); choose another path") from error
+
+
+def _quoted(tag: str) -> str:
+    """Return a tag in quotes, as meshio reads it: with a backslash before quotes and backslashes."""
+    escaped = tag.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

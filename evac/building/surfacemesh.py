@@ -1,7 +1,7 @@
 """Surface meshes of buildings as importers return them, and their triangulation."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import BoolArray, FloatArray, IndexArray
 from evac.building.conforming import Height, Point, conform
 from evac.building.findings import Finding, as_findings
+from evac.building.names import repaired, with_repaired_names
 from evac.building.polygons import triangulate
 from evac.errors import BuildingError, PluginError
 
@@ -149,7 +150,7 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
         raise BuildingError(f"{source}: {error}; repair this face, or triangulate the mesh") from error
     triangles = np.concatenate([piece for piece, _ in pieces])
     cell = np.concatenate([of[owner] for of, (_, owner) in zip(rows, pieces, strict=True)])
-    notes = [*as_findings(tuple(mesh.findings))]
+    notes = [replace(one, level=one.level and repaired(one.level)) for one in as_findings(tuple(mesh.findings))]
     for name in [*masks, *edges]:
         kind = name.partition(":")[0]
         if kind in EDGE_TAGS and not len(edges.get(name, ())) and not np.any(masks.get(name, False)):
@@ -161,7 +162,9 @@ def checked(source: Path, mesh: SurfaceMesh) -> TriangleMesh:
     kinds = (*SURFACE_TAGS, *EDGE_TAGS)
     cell_tags = {name: mask[cell] for name, mask in masks.items() if name.partition(":")[0] in kinds}
     edge_tags = {name: pairs for name, pairs in edges.items() if name.partition(":")[0] in EDGE_TAGS}
-    doors = tuple((name, _door_ends(source, name, ends)) for name, ends in mesh.doors)
+    cell_tags = with_repaired_names(source, cell_tags, notes)
+    edge_tags = with_repaired_names(source, edge_tags, notes)
+    doors = tuple((repaired(name), _door_ends(source, name, ends)) for name, ends in mesh.doors)
     return TriangleMesh(source, points, triangles, cell_tags, edge_tags, tuple(notes), doors)
 
 

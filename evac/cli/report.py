@@ -1,12 +1,10 @@
 """The tables shown after a run."""
 
 import sys
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from evac.cli.screen import show_facts, show_table
-from evac.errors import counted
 from evac.output.files import ANIMATION_NAME, REPLAY_NAME
 from evac.output.results import Results
 from evac.physics.state import Crowd
@@ -98,32 +96,11 @@ def _show_contact(contact: dict[str, Any]) -> None:
 
 
 def _show_left(summary: dict[str, Any], results: Results) -> None:
-    """Print the levels with people left inside to standard error, and list people without progress."""
-    left = summary["people"] - summary["evacuated"]
-    if left:
-        number = Counter(results.crowd.level[results.crowd.level >= 0].tolist())
-        waiting = summary["not_started"]
-        late = f"; {waiting} of them had not started, because their response time was not over" if waiting else ""
-        where = ", ".join(f"{number[index]} on {results.building.levels[index].name!r}" for index in sorted(number))
-        print(
-            f"evac: {left} of {counted(summary['people'], 'person', 'people')} still inside "
-            f"({summary['ended']}): {where}{late}",
-            file=sys.stderr,
-        )
-    pushed = summary["left_by_other_exits"]
-    if pushed:
-        print(
-            f"evac: {counted(pushed, 'person', 'people')} left by an exit that is not on the route, for example pushed "
-            "through it",
-            file=sys.stderr,
-        )
+    """Print the remarks on people to standard error, and list people without progress."""
+    for line in results.remarks:
+        print(f"evac: {line}", file=sys.stderr)
     stuck = summary["stuck"]
     if stuck:
-        print(
-            "evac: bodies in contact can block a narrow passage permanently, because people do not turn or give way;"
-            " compare several seeds, or a wider passage",
-            file=sys.stderr,
-        )
         rows = [(p["person"], p["level"], round(p["x"], 2), round(p["y"], 2)) for p in stuck[:MOST_LISTED]]
         more = "" if len(stuck) <= MOST_LISTED else f", the first {MOST_LISTED} of {len(stuck)} (all in summary.json)"
         show_table(f"Without progress at the end{more}", ("person", "level", "x [m]", "y [m]"), rows)

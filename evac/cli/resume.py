@@ -29,6 +29,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="another result folder, with records from the checkpoint on"
     )
+    parser.add_argument(
+        "--case",
+        type=Path,
+        metavar="FILE",
+        help="the case of the run; needed if it names plugin files and does not lie beside RESULT",
+    )
     declare_checkpoint(parser, "as the interrupted run")
     declare_threads(parser)
     parser.add_argument(
@@ -55,6 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 arguments.plugins,
                 allow_differences=arguments.allow_differences,
                 threads=arguments.threads,
+                case_file=arguments.case,
                 compiling=display.compiling,
                 announce=announce_plugin_file,
             )

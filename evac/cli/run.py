@@ -53,7 +53,8 @@ def declare_threads(parser: argparse.ArgumentParser) -> None:
         "--threads",
         type=_threads,
         metavar="N",
-        help="share steps and set-up among N threads, at most one for each core: the same results (default: by size)",
+        help="share steps and set-up among N threads, at most one for each core, and 25,000 people in steps: the same"
+        " results (default: by size)",
     )
 
 

@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,9 +29,6 @@ MOST_SHOWN = 40
 
 #: Maximum number of different notes on a statistic that are shown for a sweep.
 MOST_NOTES = 3
-
-#: Maximum number of kinds of quality warnings that are shown.
-MOST_WARNINGS = 10
 
 
 def declare_study(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +135,8 @@ class Rows:
 
 def show_study(study: "Study") -> int:
     """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
+    from evac.study.remarks import quality_of, remarks_of
+
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
     runs, blocked, failed = (
@@ -152,15 +151,15 @@ def show_study(study: "Study") -> int:
     if len(study.points) == 1 or change is not None:
         show_facts(facts | _settled_facts(study))
         show_table(TITLE, ("statistic", "value", "95 % interval", "over"), _rows(study))
-        _show_blocked(study)
     else:
         show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
         _show_points(study)
     if change is not None:
         _show_step(study, change)
     _show_rule(study)
-    _show_quality(study)
-    _show_failed(study)
+    for line in remarks_of(study):
+        print(f"evac: {line}", file=sys.stderr)
+    show_warnings(quality_of(study))
     show_facts({"results in": study.folder})
     return BAD_INPUT if failed else PEOPLE_LEFT if blocked else 0
 
@@ -206,11 +205,6 @@ def _show_step(study: "Study", change: "Estimate") -> None:
     reach = f"{percent[1]} to {percent[2]}" if change.has_interval else "none"
     rows.append(("change in percent", percent[0] if change.runs else "-", reach, "of the mean"))
     show_table(f"With half the time step, {step:g} s", ("statistic", "value", "95 % interval", "over"), rows)
-    if change.has_interval and change.low * change.high > 0.0:
-        advice = f"use --set simulation.step={step:g}, and check that step again"
-        show_warnings([f"the time step changes the mean by more than chance: {percent[0]} with half of it; {advice}"])
-    elif not change.has_interval:
-        print("evac: the runs do not determine the effect of the time step; make more (--runs)", file=sys.stderr)
 
 
 def _show_points(study: "Study") -> None:
@@ -232,9 +226,6 @@ def _show_points(study: "Study") -> None:
         notes = dict.fromkeys(one[name].note for one in study.statistics if one[name].note)
         for note in list(notes)[:MOST_NOTES]:
             print(f"evac: {name}: {note}", file=sys.stderr)
-    if any(one.blocked for one in study.statistics):
-        note = "people are left in blocked runs: percentiles count their times as infinite, means exclude these runs"
-        print(f"evac: {note}", file=sys.stderr)
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
@@ -249,76 +240,15 @@ def _settled_facts(study: "Study") -> dict[str, object]:
     return {"convergence (Ronchi et al.)": text}
 
 
-def _show_blocked(study: "Study") -> None:
-    one = study.statistics[0]
-    if not one.blocked:
-        return
-    seeds = [str(row["seed"]) for row in study.rows(0, ["seed", "blocked"]) if row["blocked"]]
-    listed = ", ".join(seeds[:20]) + (" and others" if len(seeds) > 20 else "")
-    print(
-        f"evac: people are left in {one.blocked} of {one.runs} runs ({100 * one.blocked_share:.1f} %, 95 % interval "
-        f"{100 * one.blocked_low:.1f} to {100 * one.blocked_high:.1f} %), with seeds {listed}; percentiles "
-        "count their times as infinite, means exclude these runs; evac run --seed N shows where people are left",
-        file=sys.stderr,
-    )
-
-
 def _show_rule(study: "Study") -> None:
-    """Show whether a study with --until has reached the required interval."""
-    rule = study.rule
-    if rule.until is None:
-        return
-    for point in study.points:
-        found, runs = study.deciding(point.index), study.runs_of(point.index)
-        where = f" at {point.label}" if len(study.points) > 1 else ""
-        half = found.relative_half_width
-        reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
-        if rule.is_known(study.times(point.index), study.populations(point.index)):
-            line = f"interval of the {found.name} narrow enough{where} after {counted(runs, 'run')}: {reached}"
-        elif not rule.is_open(study.times(point.index), study.populations(point.index)):
-            line = f"interval of the {found.name} cannot become finite{where}, stopped after {counted(runs, 'run')}"
-            line += f": {found.note}" if found.note else ""
-        else:
-            reason = found.note or "raise --most"
-            line = f"interval of the {found.name} too wide{where} after {counted(runs, 'run')}: {reached}, "
-            line += f"required {100 * rule.until:g} %; {reason}"
-        print(f"evac: {line}", file=sys.stderr)
-
-
-def _show_quality(study: "Study") -> None:
-    """Show the quality warnings, grouped by kind."""
-    found: dict[str, list[str]] = {}
-    for row in study.rows(columns=["point", "seed", "quality_warnings"]):
-        for line in row["quality_warnings"]:
-            found.setdefault(_kind(line), []).append(f"{_where(study, row)}: {line}")
-    for lines in list(found.values())[:MOST_WARNINGS]:
-        others = counted(len(lines) - 1, "more run")
-        show_warnings([lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else "")])
-
-
-def _show_failed(study: "Study") -> None:
-    """Show the first failed run of each point."""
-    found: dict[int, list[str]] = {}
-    for row in study.rows(columns=["point", "seed", "error"], failed=True):
-        if row["error"] is not None:
-            found.setdefault(row["point"], []).append(f"{_where(study, row)}: {row['error']}")
-    for lines in list(found.values())[:MOST_WARNINGS]:
-        others = f" (and {counted(len(lines) - 1, 'more run')}, in runs.csv)" if len(lines) > 1 else ""
-        print(f"evac: failed: {lines[0]}{others}", file=sys.stderr)
-    if len(found) > MOST_WARNINGS:
-        print(f"evac: failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv", file=sys.stderr)
-
-
-def _where(study: "Study", row: Mapping[str, Any]) -> str:
-    """Return the seed of a row, and its point if there are several."""
-    if len(study.points) == 1:
-        return f"seed {row['seed']}"
-    return f"point {row['point']} ({study.points[row['point']].label}), seed {row['seed']}"
-
-
-def _kind(line: str) -> str:
-    """Return the words with which a warning begins, without numbers."""
-    return "".join(sign for sign in line.partition(":")[0] if not sign.isdigit())
+    """Show the points at which a study with --until has reached the required interval."""
+    for point in study.points if study.rule.until is not None else ():
+        if study.rule.is_known(study.times(point.index), study.populations(point.index)):
+            found = study.deciding(point.index)
+            where = f" at {point.label}" if len(study.points) > 1 else ""
+            runs, half = counted(study.runs_of(point.index), "run"), 100 * found.relative_half_width
+            line = f"interval of the {found.name} narrow enough{where} after {runs}: half-width {half:.2g} %"
+            print(f"evac: {line}", file=sys.stderr)
 
 
 def seconds(value: float) -> str:

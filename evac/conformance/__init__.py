@@ -20,7 +20,7 @@ from typing import Any
 
 from evac.behaviour import Behaviour
 from evac.building.importer import Importer
-from evac.conformance.behaviours import check_declared_arrays
+from evac.conformance.behaviours import check_declared_arrays, check_distance
 from evac.conformance.cases import check_read_only, check_resume, check_same_bits
 from evac.conformance.classes import (
     SHIPPED_CASE,
@@ -109,7 +109,9 @@ def check_plugin(cls: type[Configurable], case: Case | None = None, ticks: int =
     if issubclass(cls, Behaviour) and (missing := run(check_declared_arrays, case, cls.name, ticks)):
         advice = f"give a case that executes them: check_plugin({cls.__name__}, case)"
         warnings.warn(f"{cls.name}: check_declared_arrays, {missing}; {advice}", ConformanceWarning, stacklevel=2)
-    elif issubclass(cls, Recorder):
+    if issubclass(cls, Behaviour) and cls.keeps_distance:
+        run(check_distance, case, cls.name)
+    if issubclass(cls, Recorder):
         run(check_read_only, cls(**values), case, ticks)
         run(check_resume, cls(**values), case, ticks)
     run(check_same_bits, case, ticks)

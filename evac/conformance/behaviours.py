@@ -52,6 +52,36 @@ def check_declared_arrays(case: Case, name: str, ticks: int = 20) -> str:
     return f"{missing} not executed in {case.title!r} and therefore not checked" if missing else ""
 
 
+def check_distance(case: Case, name: str) -> None:
+    """Check that a behaviour that keeps distances slows people down behind people who have left, inside and outside."""
+    simulation, behaviour, view = _prepared(case, name)
+    crowd, building = simulation.population.crowd, simulation.building
+    way = next((way for way in building.exits if building.link_of(way) not in building.closed), None)
+    with scene(f"three people at an exit of {case.title}"):
+        if simulation.outside is None or way is None or len(crowd.level) < 3:
+            raise CheckError("the case has no open exit, or fewer than three people", "give a case that has")
+        outside = simulation.outside.arrays
+        x1, y1, x2, y2 = max(way.segments, key=lambda piece: np.hypot(*(piece[2:] - piece[:2])))
+        normal = np.array([y2 - y1, x1 - x2]) / np.hypot(x2 - x1, y2 - y1)
+        places = np.array([(x1 + x2) / 2, (y1 + y2) / 2]) + np.multiply.outer((-0.4, 0.2, 0.8), normal)
+        crowd.level[:], crowd.level[0], crowd.start_time[:] = -1, way.level, -1.0
+        crowd.position[0], outside.position[:3], outside.direction[:3] = places[0], places, normal
+        outside.depth[:3] = -0.4, 0.2, 0.8
+        found = []
+        for number in range(3):
+            outside.level[1 : 1 + number] = way.level
+            crowd.speed_factor[:], crowd.extra_direction[:], outside.speed_factor[:] = 1.0, 0.0, 1.0
+            behaviour.act(view.crowd, 0.0)
+            found.append((crowd.speed_factor[0], outside.speed_factor[1]))
+        for what, slowed, free in (
+            ("a person inside behind a person who has left", found[1][0], found[0][0]),
+            ("a person who has left behind another one", found[2][1], found[1][1]),
+        ):
+            if not slowed < free:
+                remedy = "use scene.outside, and multiply its speed_factor; or do not set keeps_distance"
+                raise CheckError(f"does not slow down {what}, 0.6 m ahead", remedy)
+
+
 def _prepared(case: Case, name: str) -> tuple[Simulation, Behaviour, BehaviourScene]:
     """Return a simulation, and a prepared behaviour with its scene, whose crowd records which arrays are read."""
     with scene(case.title):

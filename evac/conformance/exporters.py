@@ -1,6 +1,7 @@
 """Checks of exporters: they write only to their path, reproducibly, and do not change the trajectory."""
 
 import tempfile
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evac.conformance.failures import CheckError, scene
-from evac.errors import PluginError, ResultError, text_of
+from evac.errors import PluginError, ResultError, RunWarning, text_of
 from evac.output.exporter import Exporter, export
 from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
@@ -23,7 +24,8 @@ def check_case(case: Case, ticks: int, folder: Path) -> Trajectory:
         "output.animation": False,
         "output.picture": False,
     }
-    with scene(case.title):
+    with scene(case.title), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunWarning)  # of a case, not of the exporter
         run(case.change(changes), folder / "result")
         return read_trajectory(folder / "result")
 

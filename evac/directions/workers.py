@@ -48,8 +48,6 @@ def number_of_workers(grids: BuildingGrids, marches: int, memory: float, wanted:
     wanted : int or None
         Greatest number; None means one for each core.
     """
-    if not sys.executable:
-        return 1
     each = WORKER_BYTES + WORKER_NODE_BYTES * grids.size + MARCH_BYTES * max(grid.sheet.size for grid in grids.levels)
     most = (wanted or cores(), cores(), marches, grids.size * marches // NODES_PER_WORKER, int(memory // each))
     return max(1, min(most))

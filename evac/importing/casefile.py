@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from evac.building.names import repaired
 from evac.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -52,8 +53,12 @@ def case_text(made: "Imported", exits: list[dict[str, Any]], building: dict[str,
     building : dict
         Keys of ``[building]`` that differ from their defaults.
     """
-    names = ", ".join(file.name for file in made.files)
-    lines = [f"title = {quoted(made.files[0].stem)}", "", f"# Written by evac import from {names}, with these options:"]
+    names = _one_line(", ".join(file.name for file in made.files))
+    lines = [
+        f"title = {quoted(repaired(made.files[0].stem))}",
+        "",
+        f"# Written by evac import from {names}, with these options:",
+    ]
     lines += [f"#   {key} = {_value(value)}" for key, value in made.options.items() if value is not None]
     assumed = [one for one in made.findings if one.kind == "assumed"]
     if assumed:
@@ -116,7 +121,7 @@ def write_text(path: Path, text: str) -> None:
         It cannot be written.
     """
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be UTF-8
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 

@@ -1,8 +1,10 @@
 """Import of building files to a folder with a case: surface, preliminary people, picture and report."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from evac.assembly import draw_plan, read_building, read_file
@@ -120,28 +122,49 @@ def import_building(
     mesh, notes = _surface(paths, importers, z, registry)
     surface = clean(mesh, paths[0], **own)
     building = building_of(surface, paths[0], need_exit=False)
-    place.mkdir(parents=True, exist_ok=True)
-    write_surface(tagged_surface(surface, building), place / MESH)
-    kept = ("flat_angle", "walkable_angle", "treads")  # the others have been applied to building.msh
-    angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
-    written = read_building(place / MESH, registry=registry, need_exit=False, **angles)
-    openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
-    chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
-    if chosen:
-        written = read_building(place / MESH, registry=registry, need_exit=False, exits=chosen, **angles)
-    findings = [*notes, *building.findings]
-    findings += [one for one in written.findings if one not in findings]
-    if people is None and density is None:
-        findings.append(Finding("assumed", f"{DENSITY:g} people per square metre in every room (--density, --people)"))
-    rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
-    findings += left_out
-    made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
-    write_text(place / CASE, case_text(made, chosen, angles))
-    fault = _fault(place, registry) if written.exits else "there is no exit"
-    made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, fault)
-    write_text(place / REPORT, report_text(made, place / CASE))
-    _draw(made)
+    with _published(place) as draft:
+        write_surface(tagged_surface(surface, building), draft / MESH)
+        kept = ("flat_angle", "walkable_angle", "treads")  # the others have been applied to building.msh
+        angles = {key: own[key] for key in kept if own[key] != BUILDING_OPTIONS[key]}
+        written = read_building(draft / MESH, registry=registry, need_exit=False, **angles)
+        openings = find_openings(written, [(name, own["scale"] * _array(ends)) for name, ends in mesh.openings])
+        chosen = [opening.exit(written) for opening in _chosen(exits, openings)]
+        if chosen:
+            written = read_building(draft / MESH, registry=registry, need_exit=False, exits=chosen, **angles)
+        findings = [*notes, *building.findings]
+        findings += [one for one in written.findings if one not in findings]
+        if people is None and density is None:
+            text = f"{DENSITY:g} people per square metre in every room (--density, --people)"
+            findings.append(Finding("assumed", text))
+        rooms, left_out = fill(written, find_rooms(written), people, DENSITY if density is None else density)
+        findings += left_out
+        written = replace(written, source=place / MESH)
+        made = Imported(paths, place, written, tuple(findings), tuple(openings), tuple(rooms), values, "")
+        write_text(draft / CASE, case_text(made, chosen, angles))
+        made = replace(made, fault=_fault(draft, place, registry) if written.exits else "there is no exit")
+        write_text(draft / REPORT, report_text(made, draft / CASE))
+        _draw(made, draft)
     return made
+
+
+@contextmanager
+def _published(folder: Path) -> Iterator[Path]:
+    """Yield a draft of a folder, whose files are moved into it at the end; an error leaves the folder as it was.
+
+    Raises
+    ------
+    ScenarioError
+        The folder cannot be written.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=".evac-import-", dir=folder.parent, ignore_cleanup_errors=True) as draft:
+            yield Path(draft)
+            folder.mkdir(exist_ok=True)
+            for name in (MESH, PICTURE, CASE, REPORT):
+                (Path(draft) / name).replace(folder / name)
+    except OSError as error:
+        raise ScenarioError(f"{folder}: cannot be written: {error.strerror}; choose another folder (--out)") from error
 
 
 def _array(ends: Any) -> Any:
@@ -204,23 +227,23 @@ def _chosen(numbers: Sequence[int], openings: Sequence[Opening]) -> list[Opening
     return [openings[number - 1] for number in sorted(set(numbers))]
 
 
-def _fault(folder: Path, registry: Registry) -> str:
-    """Return why a case cannot be run; empty if it can."""
+def _fault(draft: Path, folder: Path, registry: Registry) -> str:
+    """Return why the case in a draft of a folder cannot be run; empty if it can."""
     from evac.scenario.loading import load_case
     from evac.simulation import Simulation
 
     try:
-        Simulation(load_case(folder, registry=registry), will_run=False)
+        Simulation(load_case(draft, registry=registry), will_run=False)
     except EvacError as error:
-        return str(error)
+        return str(error).replace(str(draft.resolve()), str(folder))
     return ""
 
 
-def _draw(made: Imported) -> None:
+def _draw(made: Imported, folder: Path) -> None:
     """Draw every level, with numbered openings if there is no exit."""
     from evac.importing.report import MOST_OPENINGS
     from evac.output.annotated import Mark, draw_levels
 
     offered = () if made.building.exits else made.openings[:MOST_OPENINGS]
     marks = [Mark(f"{one.number}: {one.width:.2f} m", one.level, one.segment) for one in offered]
-    draw_levels(made.building, made.folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))
+    draw_levels(made.building, folder / PICTURE, made.findings, marks, ", ".join(one.name for one in made.files))

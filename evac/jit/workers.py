@@ -80,7 +80,7 @@ def compile_tasks(
 
     tell()
     importable = [task for task in tasks if _source(task.entry)]
-    shares = divide(importable, min(cores(), len(importable))) if sys.executable else []
+    shares = divide(importable, min(cores(), len(importable)))
     if len(shares) > 1:
         with closing(_compile_elsewhere(shares, processor, store, tell)) as found:
             for task, code in found:

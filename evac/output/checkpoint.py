@@ -16,20 +16,63 @@ import os
 import struct
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
 
 from evac.errors import ResultError
 from evac.output.files import sync_folder, writing
 
 MAGIC = b"EVACCHK1"
-FORMAT = 1
+FORMAT = 2
 _LENGTH = struct.Struct("<Q")
 _DIGEST_BYTES = hashlib.sha256().digest_size
 #: Kinds of numpy arrays that can be saved: booleans, integers and floats.
 _KINDS = "biuf"
+
+
+#: A path; no system has one with this character.
+FileName = Annotated[str, Field(pattern=r"^[^\x00]+$")]
+
+
+class _Table(BaseModel):
+    """A table of the header of a checkpoint."""
+
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class RecordedFile(_Table):
+    """A file that a recorder appends to: its length [bytes] and its SHA-256 up to there."""
+
+    length: int = Field(ge=0)
+    sha256: str
+
+
+class CaseAtStart(_Table):
+    """The case as it was at the start of the run, its file, and the plugin files given in addition."""
+
+    table: dict[str, Any]
+    source: FileName
+    plugin_files: list[FileName]
+
+
+class Header(_Table):
+    """The header of a checkpoint, checked; docs/results.md explains it."""
+
+    title: str
+    case: CaseAtStart
+    every: float | None = Field(ge=0.0)
+    full: bool
+    routes: list[str]
+    made_with: dict[str, dict[str, str]]
+    resumed: list[dict[str, Any]]
+    time: float
+    step: int
+    wall_time: dict[str, Annotated[float, Field(ge=0.0)]]
+    files: dict[FileName, RecordedFile]
+    plugin_files: list[FileName]
 
 
 def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -95,13 +138,13 @@ def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]
     try:
         length = _LENGTH.unpack_from(data, len(MAGIC))[0]
         header = json.loads(data[start : start + length])
-        if header["format"] != FORMAT:
+        if (found := header.pop("format")) != FORMAT:
             raise ResultError(
-                f"{path}: unknown checkpoint format {header['format']!r}, this version reads format {FORMAT}; "
+                f"{path}: unknown checkpoint format {found!r:.40}, this version reads format {FORMAT}; "
                 "resume with the version of evac that wrote it, or run the case again"
             )
         return header, _arrays(memoryview(data)[start + length : end], header.pop("arrays"))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise ResultError(f"{path}: the checkpoint is not valid: {error}; run the case again") from error
 
 
@@ -111,7 +154,7 @@ def _arrays(data: memoryview, listed: Iterable[tuple[str, str, list[int]]]) -> d
     start = 0
     for name, kind, shape in listed:
         dtype = np.dtype(kind)
-        if dtype.kind not in _KINDS or any(length < 0 for length in shape):
+        if not isinstance(name, str) or dtype.kind not in _KINDS or any(length < 0 for length in shape):
             raise ValueError(f"array {name!r} is of type {kind} and shape {shape}")
         end = start + math.prod(shape) * dtype.itemsize
         array = np.frombuffer(data[start:end], dtype).reshape(shape)

@@ -30,11 +30,12 @@ def results_html(results: "Results") -> str:
         "seed": results.seed,
     }
     exits = [(name, row["people"], row["last_out"], row["width"], row["flow"]) for name, row in results.exits.items()]
+    lines = (*results.warnings, *results.remarks, *results.quality_warnings)
     parts = [
         f"<h4>{escape(results.case.title or results.case.source.name)}</h4>",
         table_html((), facts.items()),
         table_html(("exit", "people", "last out [s]", "width [m]", "flow [1/s]"), exits),
-        "".join(f"<p>&#9888; {escape(line)}</p>" for line in (*results.warnings, *results.quality_warnings)),
+        "".join(f"<p>&#9888; {escape(line)}</p>" for line in lines),
         figure_html(results.plot(), "egress curve"),
         _replay_html(results),
     ]

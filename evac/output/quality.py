@@ -85,7 +85,7 @@ def crushing_warning(finding: Finding, levels: Sequence[str], keeps_distance: bo
     levels : sequence of str
         Names of the levels.
     keeps_distance : bool
-        Whether the behaviour headway is in use.
+        Whether people keep distances, see `Results.keeps_distance`.
     """
     force, load = finding.values
     advice = "" if keeps_distance else ", or use --set behaviours.headway={}, with which people keep their distance"
@@ -105,14 +105,14 @@ def flow_warnings(exits: Mapping[str, Mapping[str, Any]], keeps_distance: bool) 
     exits : mapping
         From `evac.output.flows.exit_table`.
     keeps_distance : bool
-        Whether the behaviour headway is in use.
+        Whether people keep distances, see `Results.keeps_distance`.
 
     Returns
     -------
     tuple of str
         One line for each exit.
     """
-    advice = "use --set behaviours.headway={}, with which people keep their distance"
+    advice = "use --set behaviours.headway={}, with which people keep their distance and flows are below measured ones"
     if keeps_distance:
         advice = "check in egress.csv whether they left within a short time"
     return tuple(

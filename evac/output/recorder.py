@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
@@ -71,6 +72,25 @@ class Recorder(Configurable, ABC):
         simulation : Simulation
             The simulation at the time of the checkpoint; its folder contains the files of the recorder.
         state : mapping of str to array
+        """
+
+    def check_state(
+        self, simulation: "Simulation", state: Mapping[str, NDArray[Any]], folder: Path, files: Mapping[str, int]
+    ) -> None:
+        """Raise an error if a saved state cannot be restored; called before a run that is resumed changes its folder.
+
+        By default, every state is accepted.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            The simulation at the time of the checkpoint.
+        state : mapping of str to array
+            As for `restore`; `evac.saved.taken` checks an array.
+        folder : Path
+            Where the files are now; they may be longer than at the checkpoint.
+        files : mapping of str to int
+            What `files` returned at the checkpoint.
         """
 
     def files(self) -> Mapping[str, int]:

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from evac.errors import EvacError, PluginError, ResultError, plugin_code
+from evac.output.digests import RunningDigest
 from evac.output.files import sync_file, writing
 from evac.output.recorder import Recorder
 from evac.output.resultfolder import files_of_others, is_written
 from evac.plugin_state import state_of
+from evac.saved import part_of
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -41,6 +43,7 @@ class Recording:
         self.is_started = False
         self._folder = folder
         self._made: set[str] = set()  # files created while plugins started or finished
+        self._digests: dict[str, RunningDigest] = {}  # of the files
 
     def start(self, simulation: "Simulation") -> None:
         """Start the recorders, and record the current state."""
@@ -120,14 +123,54 @@ class Recording:
     def _files_there(self) -> set[str]:
         return files_of_others(self._folder) if self._folder is not None and self._folder.is_dir() else set()
 
-    def sync(self) -> dict[str, int]:
-        """Flush the files to disk and return them as `files` does."""
-        files = self.files()
-        if self._folder is not None:
-            for name in files:
-                with writing(f"{name} at the checkpoint", self._folder):
-                    sync_file(self._folder / name)
+    def sync(self) -> dict[str, dict[str, Any]]:
+        """Flush the files to disk and return the length [bytes] and the SHA-256 of each."""
+        files: dict[str, dict[str, Any]] = {}
+        if self._folder is None:
+            return files
+        for name, length in self.files().items():
+            with writing(f"{name} at the checkpoint", self._folder):
+                sync_file(self._folder / name)
+            digest = self._digests.setdefault(name, RunningDigest()).extend(self._folder / name, length)
+            files[name] = {"length": length, "sha256": digest}
         return files
+
+    def check(
+        self,
+        simulation: "Simulation",
+        state: Mapping[str, NDArray[Any]],
+        folder: Path,
+        files: Mapping[str, tuple[int, str]],
+    ) -> None:
+        """Check that the recorders can be restored, without changing anything.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            A restored simulation.
+        state : mapping of str to array
+            As `state` returned it.
+        folder : Path
+            Where the files are.
+        files : mapping of str to (int, str)
+            Lengths at the checkpoint [bytes], and SHA-256 of the files up to there.
+
+        Raises
+        ------
+        ResultError
+            A file is missing, shorter, or not that of the checkpoint, or a state is not valid.
+        """
+        lengths = {name: length for name, (length, _) in files.items()}
+        check_lengths(folder, lengths)
+        for name, (length, digest) in files.items():
+            if self._digests.setdefault(name, RunningDigest()).extend(folder / name, length) != digest:
+                raise ResultError(
+                    f"{folder / name}: is not the file of the checkpoint, or was changed; run the case from its start"
+                )
+        for recorder in self.recorders:
+            what = f"recorder {recorder.name!r}: check_state"
+            with plugin_code(what), part_of(state, f"{recorder.name}.") as own:
+                recorder.check_state(simulation, own, folder, lengths)
 
     def check_files(self) -> None:
         """Check that the files of the recorders have the recorded lengths.
@@ -169,10 +212,14 @@ class Recording:
         self.is_started = True
         self._made = set(plugin_files)
         for recorder in self.recorders:
-            prefix = f"{recorder.name}."
-            own = {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
-            with plugin_code(f"recorder {recorder.name!r}: restore"):
+            what = f"recorder {recorder.name!r}: restore"
+            with plugin_code(what), part_of(state, f"{recorder.name}.") as own:
                 recorder.restore(simulation, own)
+        if self._folder is not None and self.files() != files:
+            raise ResultError(
+                f"{self._folder}: the checkpoint has the files {', '.join(files) or 'none'}, the recorders continue "
+                f"{', '.join(self.files()) or 'none'}, or other lengths; run the case from its start"
+            )
 
 
 def metrics(registry: "Registry", results: "Results") -> Iterator[tuple[str, Any]]:

@@ -114,15 +114,13 @@ class ResultFolder:
             remove_written(self.running)
             self._hold()
 
-    def reopen(self, source: Path, keep: Iterable[str]) -> None:
+    def reopen(self, source: Path) -> None:
         """Rename the folder of a run that is resumed to ``RESULT.running``.
 
         Parameters
         ----------
         source : Path
             ``RESULT.running``, or ``RESULT`` after a stop.
-        keep : iterable of str
-            Names of the files that are kept; other files written by evac are removed.
 
         Raises
         ------
@@ -135,7 +133,6 @@ class ResultFolder:
                     remove_written(self.running)
                     carry_over(self.running, self._place)
                 os.rename(self._place, self.running)
-            remove_written(self.running, keep)
             self._hold()
 
     def check(self) -> None:
@@ -355,6 +352,12 @@ def _remove_if_empty(folder: Path) -> None:
 def is_within(name: Any) -> bool:
     """Return whether a relative path from a file stays within its folder."""
     return isinstance(name, str) and bool(name) and not Path(name).is_absolute() and ".." not in Path(name).parts
+
+
+def is_link(folder: Path, name: str) -> bool:
+    """Return whether a file named relative to a folder is a link, or lies in a linked folder within it."""
+    parts = Path(name).parts
+    return any(folder.joinpath(*parts[: count + 1]).is_symlink() for count in range(len(parts)))
 
 
 def _is_result(folder: Path) -> bool:

@@ -21,6 +21,7 @@ from evac.output.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NA
 from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
+from evac.output.remarks import remarks_of
 from evac.output.watch import Finding
 from evac.physics.state import Crowd
 
@@ -197,16 +198,26 @@ class Results:
         return 0 if self.evacuated == self.number_of_people else 3
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """People left inside or stuck, and people who left by an exit that is not on their route, one line each."""
+        return remarks_of(self)
+
+    @property
     def quality_warnings(self) -> tuple[str, ...]:
         """Quality warnings (docs/results.md): numerical or physical problems of the results, one line each."""
         levels = [level.name for level in self.building.levels]
-        keeps_distance = self.case.behaviours.get("headway", False) is not False
         lines = [*contact_warnings(self.report)]
         if self.chatter:
             lines.append(chatter_warning(self.chatter, levels))
         if self.crushing:
-            lines.append(crushing_warning(self.crushing, levels, keeps_distance))
-        return (*lines, *flow_warnings(self.exits, keeps_distance))
+            lines.append(crushing_warning(self.crushing, levels, self.keeps_distance))
+        return (*lines, *flow_warnings(self.exits, self.keeps_distance))
+
+    @property
+    def keeps_distance(self) -> bool:
+        """Whether a behaviour of the case keeps distances, so that people slow down before bodies touch."""
+        used = [name for name, table in self.case.behaviours.items() if table is not False]
+        return any(self.case.registry.behaviours[name].keeps_distance for name in used)
 
     @cached_property
     def exits(self) -> Mapping[str, Mapping[str, Any]]:

@@ -11,8 +11,24 @@ from evac.arrays import FloatArray
 from evac.errors import ResultError, SimulationError
 from evac.output.files import writing
 from evac.output.layout import CHECK, FIELDS, FRAME, FRAME_HEAD_BYTES, RECORD_BYTES, damaged, pack_start
-from evac.output.trajectory import read_up_to
+from evac.output.trajectory import Trajectory, read_up_to
 from evac.physics.state import Crowd
+
+
+def read_to_continue(path: Path, length: int | None) -> Trajectory:
+    """Read the part of a trajectory file that `TrajectoryWriter.reopen` keeps.
+
+    Raises
+    ------
+    ResultError
+        The file is damaged or too short, no frame ends there, or it is of format 1.
+    """
+    before = read_up_to(path, length)
+    if before.dropped_bytes:
+        raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
+    if before.header["format"] != 2:
+        raise ResultError(f"{path}: trajectory format 1 can be read, not continued; run the case again")
+    return before
 
 
 class TrajectoryWriter:
@@ -67,11 +83,7 @@ class TrajectoryWriter:
         ResultError
             The file is damaged or too short, no frame ends there, it is of format 1, or it cannot be written.
         """
-        before = read_up_to(path, length)
-        if before.dropped_bytes:
-            raise damaged(path, f"no frame ends at byte {before.end + before.dropped_bytes}")
-        if before.header["format"] != 2:
-            raise ResultError(f"{path}: trajectory format 1 can be read, not continued; run the case again")
+        before = read_to_continue(path, length)
         writer = cls.__new__(cls)
         writer._set_up(path, before.origin, before.number_of_people, before.end, len(before))
         del before  # some systems cannot truncate a mapped file

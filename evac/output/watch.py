@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
 from evac.physics.state import Crowd
+from evac.saved import FINITE, part_of, taken
 
 #: Time over which the speeds of each person are averaged [s].
 SPAN = 2.0
@@ -122,11 +123,18 @@ class Watch:
             f"{name}.{key}": array.copy() for name, part in self._parts().items() for key, array in vars(part).items()
         }
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned."""
+    def restore(self, state: Mapping[str, NDArray[Any]], levels: int) -> None:
+        """Restore the arrays that `state` returned, in a building with a number of levels.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
         for name, part in self._parts().items():
-            for key, array in vars(part).items():
-                array[...] = state[f"{name}.{key}"]
+            with part_of(state, f"{name}.") as own:
+                for key, array in vars(part).items():
+                    array[...] = taken(own, key, array.dtype, array.shape, *part.bounds(key, levels))
 
     def _parts(self) -> "dict[str, _Means | _Notes]":
         return {
@@ -155,6 +163,12 @@ class _Means:
         self.times[1] = time
         return bool(self.looks[0] == self.looks[1])
 
+    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
+        """Return the least and greatest value of an array."""
+        if key == "looks":
+            return (0, self.looks[1]), (self.looks[1] - 1, self.looks[1])
+        return 0, 1 if key == "inside" else FINITE
+
     def take(self) -> tuple[float, NDArray[np.bool_], FloatArray]:
         """Return the start of the interval [s], who was always inside, and means (2, n); begin the next interval."""
         begin, inside, means = float(self.times[0]), self.inside.astype(bool), self.sums / self.looks[0]
@@ -174,6 +188,11 @@ class _Notes:
         self.greatest = np.zeros(1)
         self.of_whom = np.zeros(2, np.int64)  # person, level
         self.values = np.zeros(6)  # begin, end [s], x, y [m], the two means
+
+    def bounds(self, key: str, levels: int) -> tuple[Any, Any]:
+        """Return the least and greatest value of an array."""
+        most = {"concerned": 1, "of_whom": (len(self.concerned) - 1, levels - 1)}
+        return -FINITE if key == "values" else 0, most.get(key, FINITE)
 
     def note(
         self,

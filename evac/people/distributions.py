@@ -251,6 +251,10 @@ def generator_for(seed: int, *names: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, int.from_bytes(digest, "little")]))
 
 
+#: Greatest values of the words of a generator's state.
+MOST_WORDS = np.array([2**64 - 1] * 4 + [1, 2**32 - 1], dtype=np.uint64)
+
+
 def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
     """Return the state of a generator made by `generator_for` as an array."""
     state: Any = generator.bit_generator.state

@@ -19,6 +19,7 @@ from evac.people.groups import check_people, route_of
 from evac.people.placement import clearance, place
 from evac.physics.motion import EXIT
 from evac.physics.state import Crowd, Events, make_crowd
+from evac.saved import FINITE, SavedError, taken
 
 if TYPE_CHECKING:
     from evac.directions.fields import Fields
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 #: Tolerance for rounded positions outside a level or inside a wall [m].
 ROUNDING = 1e-6
 
+
+#: Distance from the building within which a saved position must lie [m].
+BEYOND = 10.0
 
 #: Allowed ranges of the drawn quantities; smaller masses and relaxation times make the models overflow.
 BOUNDS = {
@@ -93,13 +97,18 @@ class Population:
         """Return the groups with the settings for one behaviour only, as in its `BehaviourScene`."""
         return tuple(replace(group, settings=dict(group.settings.get(behaviour, {}))) for group in self.groups)
 
-    def settle(self, events: Events) -> None:
+    def settle(self, events: Events) -> IntArray:
         """Record the crossings of a tick: exit times, exits used, and the log of portal crossings.
 
         Parameters
         ----------
         events : Events
             The first `number` are new; ``link`` counts portals first, then exits.
+
+        Returns
+        -------
+        (m,) int32
+            The people who left.
         """
         count = int(events.number)
         row, link, time = events.row[:count], events.link[:count], events.time[:count]
@@ -108,6 +117,8 @@ class Population:
         self.crowd.exit_used[row[is_exit]] = link[is_exit] - self._n_portals
         if not is_exit.all():
             self._log.append((row[~is_exit].copy(), link[~is_exit].copy(), time[~is_exit].copy()))
+        left: IntArray = row[is_exit]
+        return left
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return copies of all arrays and of the log, for a checkpoint."""
@@ -115,11 +126,54 @@ class Population:
         log = {"crossing_row": row, "crossing_link": link, "crossing_time": time}
         return {name: array.copy() for name, array in self.crowd.values().items()} | log
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore a state returned by `state`, writing into the existing arrays."""
+    def restore(self, state: Mapping[str, NDArray[Any]], building: Building, routes: int) -> None:
+        """Restore a state returned by `state`, writing into the existing arrays.
+
+        Parameters
+        ----------
+        state : mapping of str to array
+        building : Building
+        routes : int
+            Number of routes.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        bounds = self._bounds(building, routes)
+        values = {
+            name: taken(state, name, array.dtype, array.shape, *bounds[name], nan=name == "exit_time")
+            for name, array in self.crowd.values().items()
+        }
+        is_out = values["level"] < 0
+        marks = np.isfinite(values["exit_time"]), values["exit_used"] >= 0
+        if not all(np.array_equal(is_out, mark) for mark in marks):
+            raise SavedError("level: is not -1 for exactly those who have an exit_time and an exit_used")
+        rows = taken(state, "crossing_row", np.int32, (None,), 0, len(is_out) - 1)
+        links = taken(state, "crossing_link", np.int32, rows.shape, 0, self._n_portals - 1)
+        self._log = [(rows, links, taken(state, "crossing_time", np.float64, rows.shape, 0.0))]
         for name, array in self.crowd.values().items():
-            array[...] = state[name]
-        self._log = [(state["crossing_row"].copy(), state["crossing_link"].copy(), state["crossing_time"].copy())]
+            array[...] = values[name]
+
+    def _bounds(self, building: Building, routes: int) -> dict[str, tuple[Any, Any]]:
+        """Return the least and greatest value of each array of the crowd."""
+        corners = building.vertices[:, :2]
+        own = {name: BOUNDS[name] for name in ("radius", "mass", "tau", "speed")}
+        return own | {
+            "position": (corners.min(axis=0) - BEYOND, corners.max(axis=0) + BEYOND),
+            "velocity": (-FINITE, FINITE),
+            "level": (-1, len(building.levels) - 1),
+            "group": (0, len(self.groups) - 1),
+            "start_time": (-np.inf, np.inf),
+            "route": (0, routes - 1),
+            "speed_factor": (0.0, FINITE),
+            "extra_direction": (-FINITE, FINITE),
+            "exit_time": (0.0, FINITE),
+            "exit_used": (-1, len(building.exits) - 1),
+            "distance": (0.0, FINITE),
+            "contact_force": (0.0, FINITE),
+        }
 
 
 def build_population(case: "Case", building: Building, fields: "Fields", seed: int) -> Population:

@@ -67,6 +67,8 @@ def gather(state: State, crowd: Crowd, inside: int) -> None:
         np.take(given, rows, axis=0, out=kept, mode="clip")  # which, unlike "raise", writes without a buffer
     bodies.inverse_mass[:inside] = 1.0 if state.traits.overdamped else 1.0 / bodies.mass[:inside]
     bodies.smallest = bodies.radius[:inside].min(initial=math.inf)
+    bodies.lightest = bodies.mass[:inside].min(initial=math.inf)
+    bodies.heaviest = bodies.mass[:inside].max(initial=0.0)
     bodies.inside = inside
     bodies.relaxation_step = 0.0
     bodies.node[:inside] = -1
@@ -301,6 +303,7 @@ def conclude(state: State) -> int:
     if traits.remembers:
         keep_percussions(contacts, state.warm_start)
     tally[at.SUB_STEPS] += 1.0
+    clock.h_before = clock.h
     if state.parts.team != 0:
         status = int(call_team(state.parts.team, state, MOVE))
     else:
@@ -322,6 +325,7 @@ def open_step(state: State) -> None:
     for k in range(state.tally.shape[0]):
         state.tally_before[k] = state.tally[k]
     state.events.number_before = state.events.number
+    state.clock.h_before_step = state.clock.h_before
     memory.half_before = memory.half
     memory.number_before = memory.number
     memory.failed_before = state.contacts.separation_failed
@@ -337,6 +341,7 @@ def cut(state: State, status: int, parts: int) -> int:
     """
     bodies, memory, tally = state.bodies, state.warm_start, state.tally
     state.clock.parts = parts
+    state.clock.h_before = state.clock.h_before_step
     builds = tally[at.LIST_BUILDS]
     # Contacts that create energy create more with smaller sub-steps.
     is_thrown = status == TOO_FAST and _speed(bodies, bodies.failed) > FASTEST

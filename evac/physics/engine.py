@@ -33,6 +33,11 @@ from evac.physics.solver import Solver
 from evac.physics.state import Crowd, Events, Forces, State, World
 from evac.physics.team import conduct, conduct_blocks, serve
 from evac.physics.threads import Threads
+from evac.saved import FINITE, taken
+
+#: Greatest reach of neighbour lists that a saved state can have [m], and greatest factor of the sizes of its arrays.
+LONGEST_REACH = 1000.0
+MOST_GROWTH = 64
 
 #: Descriptions of failed steps for messages; contact models add what to change.
 _FAILURES = {
@@ -70,6 +75,8 @@ class Engine:
         Registered solvers by name, see `Registry.solvers`.
     threads : int
         Threads that share the step loop; their number does not change the results.
+    people_per_thread : int
+        People inside for each of the threads below which the step loop has one.
 
     Attributes
     ----------
@@ -85,6 +92,7 @@ class Engine:
         levels: Sequence[str] = (),
         solvers: Mapping[str, type[Solver]] | None = None,
         threads: int = 1,
+        people_per_thread: int = 0,
     ) -> None:
         self.levels = levels
         self.full = full
@@ -95,6 +103,7 @@ class Engine:
         self.state = make_state(world, people, pack_forces(self._pair_forces), pack_forces(self._body_forces))
         self._own: Any = None
         self.threads = Threads(self.state, threads) if threads > 1 else None
+        self._people_of_threads = people_per_thread * threads
         self._model: ContactModel | None = None
 
     def advance(
@@ -122,8 +131,10 @@ class Engine:
         return state.events
 
     def _served(self, model: ContactModel) -> AbstractContextManager[None]:
-        """Let threads serve the loop, unless it is in Python, where they would wait too long."""
-        return nullcontext() if self.threads is None or model.law is None else self.threads.serving()
+        """Let threads serve the loop, unless they would wait too long: with few people inside, or a loop in Python."""
+        if self.threads is None or model.law is None or self.state.bodies.inside < self._people_of_threads:
+            return nullcontext()
+        return self.threads.serving()
 
     def end_threads(self) -> None:
         """End the threads, if there are any."""
@@ -274,20 +285,35 @@ class Engine:
         return {
             "tally": state.tally.copy(),
             "span": np.array([state.lists.pair_reach, state.lists.wall_reach]),
+            "h_before": np.array([state.clock.h_before]),
             "room": np.array([len(array) for array in room]),
         }
 
     def restore(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts."""
-        pairs, walls, contacts, events = map(int, saved["room"])
+        """Restore a state returned by `snapshot`, including array sizes, which affect warm starts.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `snapshot` returns.
+        """
         state, n = self.state, len(self.state.bodies.row)
+        own = self.snapshot()
+        most = np.full(len(at.NAMES), FINITE)
+        most[[at.DEEPEST_PERSON, at.DEEPEST_LEVEL]] = n - 1, len(state.world.cosine) - 1
+        tally = taken(saved, "tally", np.float64, most.shape, np.where(most < FINITE, 0.0, -FINITE), most)
+        span = taken(saved, "span", np.float64, (2,), own["span"], LONGEST_REACH)
+        before = taken(saved, "h_before", np.float64, (1,), 0.0, 1.0)
+        room = taken(saved, "room", np.int64, (4,), own["room"], own["room"] * MOST_GROWTH)
+        pairs, walls, contacts, events = map(int, room)
         state.lists, state.contacts = make_lists(n, pairs, walls), make_contacts(contacts)
         state.warm_start = make_warm_start(contacts)
         if len(state.problem.body):
             state.problem = make_problem(n, contacts)
         state.events = allocate(Events, events)
-        state.tally[:] = saved["tally"]
-        state.lists.pair_reach, state.lists.wall_reach = map(float, saved["span"])
+        state.tally[:] = tally
+        state.lists.pair_reach, state.lists.wall_reach = map(float, span)
+        state.clock.h_before = float(before[0])
 
     def report(self) -> dict[str, float | int]:
         """Return the tallies of the run by name: counts as int, other sums as float."""

@@ -37,14 +37,16 @@ def crossing(segment, s, ax, ay, bx, by, slack):
 
 
 @inner
-def leads_out(world, level, ax, ay, bx, by):
-    """Return whether the straight segment from a to b passes an open exit of a level."""
+def way_out(world, level, ax, ay, bx, by):
+    """Return the fraction of a-b at which the first open exit of a level is passed outwards, or -1 if there is none."""
+    first = -1.0
     for s in range(world.link_start[level], world.link_start[level + 1]):
         if world.link_to[s] >= 0 or not world.link_open[world.link_id[s]]:
             continue
-        if crossing(world.link_segment, s, ax, ay, bx, by, 0.0) >= 0.0:
-            return True
-    return False
+        share = crossing(world.link_segment, s, ax, ay, bx, by, 0.0)
+        if share >= 0.0 and (first < 0.0 or share < first):
+            first = share
+    return first
 
 
 @kernel
@@ -57,7 +59,7 @@ def reaches(world: World, level_a: int, ax: float, ay: float, level_b: int, bx: 
     if level_a == level_b:
         if world.backed[level_a] == 0:
             return True
-        return not (leads_out(world, level_a, ax, ay, bx, by) or leads_out(world, level_a, bx, by, ax, ay))
+        return way_out(world, level_a, ax, ay, bx, by) < 0.0 and way_out(world, level_a, bx, by, ax, ay) < 0.0
     if world.linked[level_a, level_b] == 0:
         return False
     slack = max(SEAM, world.rounding)

@@ -162,6 +162,8 @@ class Bodies(Struct):
     inside: int  # number of bodies
     failed: int  # body that the last failure concerns
     smallest: float  # smallest radius [m]
+    lightest: float  # smallest mass [kg]
+    heaviest: float  # greatest mass [kg]
     fastest: float  # largest free speed in the sub-step [m/s]
     reach_floor: float  # smallest reach [m]
     farthest_reach: float  # largest reach, if a law requests another search [m]
@@ -330,6 +332,8 @@ class Clock(Struct):
     step: float  # [s]
     time: float  # at the start of the sub-step [s]
     h: float  # length of the sub-step [s]
+    h_before: float  # of the previous one [s], 0: none
+    h_before_step: float  # its value at the start of the step [s]
     explicit: int  # 1: drive by explicit Euler, as in the paper, instead of the exponential update
     report_force: int  # 1: contact forces are requested for the last sub-step
     reports: int  # 1: this is that sub-step

@@ -21,15 +21,16 @@ from evac.physics.state import Events, State
 from evac.physics.team import Member, conduct, conduct_blocks, serve
 from evac.physics.turns import Team
 
-#: A thread pays from so many people on; docs/results.md has what it brings.
-PEOPLE_PER_THREAD = 10_000
+#: A thread pays from so many people on, also where other programs use the same cores: a phase of a step then waits for
+#: a thread that does not run, which takes longer than the phase where there are few. docs/results.md has the times.
+PEOPLE_PER_THREAD = 25_000
 
 #: More threads than this are not taken unless they are asked for.
 MOST_BY_DEFAULT = 2
 
 
 def number_of_threads(wanted: int | None, people: int) -> int:
-    """Return how many threads a run of so many people has; `wanted` is None where the size decides.
+    """Return how many threads a run of so many people has, at most `wanted` if it is not None.
 
     Raises
     ------
@@ -40,9 +41,18 @@ def number_of_threads(wanted: int | None, people: int) -> int:
         raise ScenarioError(f"threads: {wanted} given; give 1 or more, or nothing to let the size decide")
     if INTERPRETED:
         return 1
-    if wanted is None:
-        wanted = min(people // PEOPLE_PER_THREAD, MOST_BY_DEFAULT)
-    return max(1, min(wanted, cores()))
+    return max(1, min(MOST_BY_DEFAULT if wanted is None else wanted, people // PEOPLE_PER_THREAD, cores()))
+
+
+def unused_threads(wanted: int | None, people: int) -> tuple[str, ...]:
+    """Return a line for a run that has fewer threads than were wanted, otherwise nothing."""
+    number = number_of_threads(wanted, people)
+    if wanted is None or number == wanted:
+        return ()
+    return (
+        f"threads: {wanted} given, the steps use {number}: more than one for each core and one for each"
+        f" {PEOPLE_PER_THREAD:,} of the {people:,} people take longer, with the same results",
+    )
 
 
 class Threads:

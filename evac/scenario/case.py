@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import PrivateAttr, field_validator, model_validator
 
-from evac.scenario.keys import Parameters, Section, key, wrong
+from evac.scenario.keys import Parameters, Section, Title, key, wrong
 from evac.scenario.schema import (
     MOST_ITEMS,
     MOST_PEOPLE,
@@ -48,7 +48,7 @@ class Case(Section):
     Returned by `evac.scenario.load_case`; frozen. `change` returns a changed copy.
     """
 
-    title: str = key("one line that says what the case is", "", "")
+    title: Title = key("one line that says what the case is", "", "")
     building: BuildingSettings = key("the building: a table [building] with mesh or plan")
     directions: DirectionSettings = key("travel times and directions", "", DirectionSettings())
     people: tuple[GroupSettings, ...] = key(

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, PlainSerializer
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, InstanceOf, PlainSerializer
 from pydantic_core import PydanticCustomError
 
-from evac.defaults import LEAST_RADIUS, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
+from evac.building.names import is_one_line
+from evac.defaults import LEAST_RADIUS, LONGEST_NAME, MOST_MASS, MOST_RADIUS, MOST_SPEED, MOST_TAU
 from evac.people.distributions import Distribution, distribution_from
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -18,9 +19,15 @@ FARTHEST = 1e8
 Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST, le=FARTHEST)]
 Point = tuple[Coordinate, Coordinate]
 
-#: Greatest number of characters in the name of a group, an exit, an area or an obstacle.
-LONGEST_NAME = 200
-Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+
+def _one_line(text: str) -> str:
+    if not is_one_line(text):
+        raise ValueError(f"must be one line without control characters, got {text!r}")
+    return text
+
+
+Title = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_one_line)]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME), AfterValidator(_one_line)]
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from evac.building.names import escaped
 from evac.errors import PluginError, ScenarioError
 from evac.parameters import Configurable, did_you_mean
 from evac.scenario.case import DICTIONARY, Case, Origin
-from evac.scenario.content import faults, read_table
+from evac.scenario.content import faults, read_table, with_own_classes
 from evac.scenario.keys import is_multiple
 from evac.scenario.overrides import apply
 from evac.scenario.problems import Key, Problem, dotted, problems_of
@@ -101,6 +102,7 @@ def case_from(
     content: dict[str, Any] = copy.deepcopy(table)
     overridden, problems = apply(content, overrides)
     _refuse(faults(content), content, source, overridden)
+    content = with_own_classes(content)
     loaded = _added(plugin_files, registry)
     named, missing = named_files(content, source.parent)
     unloaded = tuple(path for path in named if path not in loaded)
@@ -356,4 +358,4 @@ def _line(problem: Problem, content: Mapping[str, Any], source: Path, overridden
     text = problem.text
     if len(text) > LONGEST_SHOWN:  # it contains a long value
         text = f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 2 :]}"
-    return f"{source}: {dotted(problem.key, content)}: {text}{note}"
+    return escaped(f"{source}: {dotted(problem.key, content)}: {text}{note}")

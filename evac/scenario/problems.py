@@ -7,6 +7,7 @@ from typing import Any, get_args, get_origin
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from evac.building.names import repaired
 from evac.parameters import did_you_mean
 from evac.scenario.case import Case
 from evac.scenario.keys import Section
@@ -39,7 +40,7 @@ def dotted(key: Key, table: Any) -> str:
         if isinstance(step, int) and isinstance(here, list):
             names = [item.get("name") for item in here if isinstance(item, dict)]
             name = here[step].get("name") if step < len(here) and isinstance(here[step], dict) else None
-            if isinstance(name, str) and name and "." not in name and names.count(name) == 1:
+            if isinstance(name, str) and name == repaired(name) != "" and "." not in name and names.count(name) == 1:
                 word = name
         words.append(word)
         try:

@@ -5,19 +5,23 @@ import shutil
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from os import cpu_count
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
-from evac.errors import ResultError, ScenarioError
+from evac.errors import EvacError, PluginError, ResultError, ScenarioError, warn
 from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
-from evac.output.resultfolder import ResultFolder
+from evac.output.resultfolder import ResultFolder, remove_written
 from evac.scenario.loading import as_case
 from evac.scenario.trust import run_plugin_files
 from evac.study import points
 from evac.study.points import Point, Seeds
+from evac.study.remarks import quality_of, remarks_of
+from evac.study.shared import simulation_of
 from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
 from evac.study.study import Progress, Study
+from evac.study.workers import warn_alone
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
@@ -61,10 +65,11 @@ def repeat(
         Number of consecutive runs with the same people, see `evac.study.points.Seeds`; `runs` counts all of them.
         100 populations with 5 repetitions, ``repeat(case, 500, repetitions=5)``, are the scheme of IMO MSC.1/Circ.1533.
     workers : int, optional
-        Number of processes; by default the number of cores. Results do not depend on it. With more than one, the
-        commands of a script must be under ``if __name__ == "__main__":``, because each process imports the script.
+        Number of processes; by default the number of cores. Results do not depend on it. The processes do not import
+        the main script, which needs no ``if __name__ == "__main__":``.
     executor : Executor, optional
         Executes all runs instead of local processes: any object with the interface of `concurrent.futures.Executor`.
+        A `ProcessPoolExecutor` may import the main script in each process, which then needs that line.
     resume : bool
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
@@ -83,16 +88,27 @@ def repeat(
         If all runs fail, the error of the first one, with its seed in a note; or a number is out of range, or the
         folder cannot be used or contains another study.
 
+    Warns
+    -----
+    RunWarning
+        What the command says: warnings about building and people of the first run; failed runs, people who are left
+        inside, intervals that are wider than required, an effect of the time step, quality warnings.
+    ProcessWarning
+        All runs are made in this process, although others were asked for.
+
     Examples
     --------
     >>> study = repeat(load("classroom"), until=0.02, folder="study")  # doctest: +SKIP
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
-    place = Path(folder) if folder is not None else None
     case = run_plugin_files(as_case(case))
     found = points.halved_steps(case) if check_step else points.single(case)
-    return conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    warn(_warnings_before(found))
+    place = Path(folder) if folder is not None else None
+    study = conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    warn((*remarks_of(study), *quality_of(study)))
+    return study
 
 
 def sweep(
@@ -132,6 +148,11 @@ def sweep(
     EvacError
         As for `repeat`; or the case is not valid at one of the points.
 
+    Warns
+    -----
+    RunWarning, ProcessWarning
+        As for `repeat`.
+
     Examples
     --------
     >>> changes = {"people.people.number": [20, 40], "contact.model": ["dem", "nsm2"]}
@@ -144,8 +165,11 @@ def sweep(
         found = points.grid(case, parameters)
     else:
         found = points.from_rows(case, parameters, Path.cwd(), case.registry)
+    warn(_warnings_before(found))
     place = Path(folder) if folder is not None else None
-    return conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    study = conducted(found, rule, place, repetitions, workers, executor, resume, progress)
+    warn((*remarks_of(study), *quality_of(study)))
+    return study
 
 
 def rule_of(
@@ -188,6 +212,7 @@ def conducted(
     if len(found) * rule.first > MOST_OF_STUDY:
         runs = f"{rule.first} runs at each of {len(found)} points"
         raise ScenarioError(f"{runs} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
+    workers = _number_of_workers(found, workers or cpu_count() or 1, executor)
     seeds = Seeds(found[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
@@ -208,6 +233,31 @@ def conducted(
     return study
 
 
+def _warnings_before(found: Sequence[Point]) -> tuple[str, ...]:
+    """Return the warnings about building and people of the first run, whose building and directions are kept."""
+    try:
+        return simulation_of(found[0].case, will_run=False).warnings()
+    except EvacError:  # the study tells why the run is refused
+        return ()
+
+
+def _number_of_workers(found: Sequence[Point], workers: int, executor: Executor | None) -> int:
+    """Return the number of processes: one if a plugin is a class, which other processes may not have.
+
+    Raises
+    ------
+    PluginError
+        There is an executor, and a plugin is a class.
+    """
+    names = dict.fromkeys(name for point in found for name in point.case.registry.names_of_classes())
+    why = f"{', '.join(names)}: a class that other processes do not have; put it in a file for plugin_files"
+    if names and executor is not None:
+        raise PluginError(why)
+    if names and workers > 1:
+        warn_alone(why)
+    return 1 if names else workers
+
+
 def open_folder(place: ResultFolder, resume: bool) -> None:
     """Prepare the folder of a study for writing; if it is resumed, with its existing rows.
 
@@ -221,7 +271,8 @@ def open_folder(place: ResultFolder, resume: bool) -> None:
         source = place.running if (place.running / STUDY_NAME).is_file() else place.path
         if not (source / STUDY_NAME).is_file():
             raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
-        place.reopen(source, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
+        place.reopen(source)
+        remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
     elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
         raise ResultError(
             f"{place.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "

@@ -11,12 +11,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from evac.ending import Stopped
-from evac.errors import EvacError, SimulationError
+from evac.errors import EvacError, SimulationError, in_one_line
 from evac.phases import Progress
-from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, LocalPool, died, workers_of
+from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, workers_of
 from evac.study.points import Point
 from evac.study.runs import Order, Row, Task, make_rows
 from evac.study.shared import GroundFile, shared_ground, write_ground
+from evac.study.workers import LocalPool, died, warn_alone
 
 #: Start-up cost of a further process: it is started only if there is at least this much work for it [s].
 JOINING = 1.5
@@ -55,8 +56,8 @@ class Conductor:
         self._executor = executor
         self._pool = LocalPool(workers - 1) if executor is None and workers > 1 else None
         self._waiting: deque[Task] = deque()
-        self._running: dict[Future[list[Row]], tuple[Task, int]] = {}  # with the number of the pool
-        self._pools, self._deaths = 0, 0
+        self._running: dict[Future[list[Row]], Task] = {}
+        self._deaths = 0
         self._spent, self._made = 0.0, 0
         self._begun: float | None = None  # time at which the current run of this process began
         self._failure: EvacError | None = None
@@ -148,15 +149,21 @@ class Conductor:
             room = 2 * joining if joining == self._pool.workers else joining
         else:
             return
+        executor = self._executor or self._pool
+        assert executor is not None
         while self._waiting and len(self._running) < room:
             task = self._next_task()
-            executor = self._executor or (self._pool.executor if self._pool else None)
-            assert executor is not None
             try:
-                self._running[executor.submit(make_rows, task)] = task, self._pools
-            except BrokenExecutor:
+                self._running[executor.submit(make_rows, task)] = task
+            except (OSError, RuntimeError) as error:
                 self._waiting.appendleft(task)
-                self._renew()
+                if self._executor is not None:
+                    raise SimulationError(
+                        f"the executor accepts no task: {in_one_line(error)}; continue with --resume"
+                    ) from error
+                self._pool = None
+                warn_alone(f"no other process can be started: {error}")
+                return
 
     def _next_task(self) -> Task:
         """Remove and return the next task: a run of one point, or for a given executor several short runs."""
@@ -192,14 +199,15 @@ class Conductor:
     def _collect(self) -> None:
         """Collect the rows of tasks that have ended; tasks of a killed process are executed again."""
         for future in [future for future in self._running if future.done()]:
-            task, pool = self._running.pop(future)
+            task = self._running.pop(future)
             error = None if future.cancelled() else future.exception()
             if isinstance(error, EvacError):
                 raise error
             if self._pool is not None and isinstance(error, BrokenExecutor):
                 self._waiting.appendleft(task)
-                if pool == self._pools:
-                    self._renew()
+                self._deaths += 1
+                if self._deaths > MOST_DEATHS:
+                    raise died()
             elif error is not None or future.cancelled():
                 runs = task.runs
                 raise SimulationError(
@@ -209,11 +217,3 @@ class Conductor:
             else:
                 self._deaths = 0
                 self._note(task, future.result())
-
-    def _renew(self) -> None:
-        """Start new processes after one was killed, unless this happens repeatedly."""
-        self._deaths += 1
-        if self._pool is None or self._deaths > MOST_DEATHS:
-            raise died()
-        self._pools += 1
-        self._pool.renew()

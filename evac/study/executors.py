@@ -1,25 +1,16 @@
-"""Local processes, and other executors."""
+"""Execution of functions in processes: local ones, and those of other executors."""
 
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context, parent_process
 from os import cpu_count
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
-from evac.errors import EvacError, SimulationError
-
-if TYPE_CHECKING:
-    from multiprocessing.process import BaseProcess
+from evac.errors import EvacError
+from evac.study.workers import LocalPool, died
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-
-#: Windows can wait for at most this many processes.
-MOST_WORKERS = 61
 
 #: Number of times that Dask repeats a task whose worker has died, in addition to its own attempts.
 DASK_RETRIES = 3
@@ -29,62 +20,6 @@ TASK_SECONDS = 0.5
 
 #: Number of submitted tasks if the executor does not report its number of workers.
 UNKNOWN_IN_FLIGHT = 64
-
-
-class LocalPool:
-    """Local worker processes. Each is started when a task is submitted and no other process is idle.
-
-    Parameters
-    ----------
-    workers : int
-        Greatest number of processes.
-    """
-
-    def __init__(self, workers: int) -> None:
-        self.workers = min(workers, MOST_WORKERS)
-        self._before: set[BaseProcess] = set(active_children())
-        self._pool: ProcessPoolExecutor | None = None
-
-    @property
-    def executor(self) -> ProcessPoolExecutor:
-        """The pool, created when first needed."""
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                self.workers,
-                mp_context=get_context("spawn"),
-                initializer=_begin_worker,
-            )
-        return self._pool
-
-    def renew(self) -> None:
-        """Discard a pool whose processes have died."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-
-    def close(self, at_once: bool = False) -> None:
-        """End the processes; busy ones finish their tasks, unless `at_once`."""
-        if self._pool is None:
-            return
-        if at_once:
-            for process in active_children():
-                if process not in self._before:
-                    process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._pool = None
-
-
-def _begin_worker() -> None:
-    """Ignore Ctrl-C, which the process that started this one handles; end with that process, for whatever reason."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
 
 
 def workers_of(executor: Executor) -> int | None:
@@ -152,7 +87,7 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
     pool = LocalPool(min(workers, cpu_count() or 1))
     at_once = True
     try:
-        futures = [pool.executor.submit(function, item) for item in items]
+        futures = [pool.submit(function, item) for item in items]
         for future in futures:
             yield future.result()
         at_once = False
@@ -163,11 +98,3 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item], work
         raise
     finally:
         pool.close(at_once)
-
-
-def died() -> SimulationError:
-    """Return the error for worker processes that were killed or could not be started."""
-    return SimulationError(
-        "a worker process ended unexpectedly, possibly for lack of memory; use fewer processes. In a script, put the "
-        "commands under: if __name__ == '__main__':"
-    )

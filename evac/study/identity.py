@@ -57,12 +57,14 @@ def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:
     cases = [base() if callable(base) else base for base in bases.values()]
     return {
         "rule": asdict(rule),
-        "cases": [
-            {"table": case.table, "source": str(case.source), "plugin_files": [str(path) for path in case.plugin_files]}
-            for case in cases
-        ],
+        "cases": [{"table": case.table, "source": str(case.source), "plugin_files": _files(case)} for case in cases],
         "case_of_point": [numbers[id(point.base)] for point in points],
     }
+
+
+def _files(case: "Case") -> list[str]:
+    """Return all plugin files of a case: those of its registry, and those that have not been run."""
+    return [str(path) for path in dict.fromkeys((*case.registry.files(), *case.plugin_files))]
 
 
 def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mapping[str, Any]) -> None:

@@ -226,7 +226,7 @@ def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
     """Return the order for the runs of a point."""
     case = point.case
     where = f" at the point {point.label}" if point.parameters else ""
-    return Order(point.index, where, digest, case.table, case.source, case.loaded_files, seeds, key)
+    return Order(point.index, where, digest, case.table, case.source, case.registry.files(), seeds, key)
 
 
 _cases: dict[str, "Case"] = {}

@@ -5,7 +5,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.attacks import accidents, drawings, kernels, keys, models, scenes, streams, texts, trajectories
+from tests.attacks import (
+    accidents,
+    checkpoints,
+    drawings,
+    kernels,
+    keys,
+    models,
+    scenes,
+    streams,
+    tables,
+    texts,
+    trajectories,
+)
 
 
 @dataclass(frozen=True)
@@ -41,5 +53,7 @@ FAMILIES = {
     "models": Family(models.cases, models.run, 800, 14),
     "drawings": Family(drawings.cases, drawings.run, 1200, 25),
     "kernels": Family(kernels.cases, kernels.run, 60, 2),
+    "checkpoints": Family(checkpoints.cases, checkpoints.run, 700, 12),
+    "tables": Family(tables.cases, tables.run, 300, 12),
     "accidents": Family(accidents.cases, accidents.run, 80, 2),
 }

@@ -236,7 +236,7 @@ from evac.output.recorder import Recorder
 from evac.physics.contact_model import ContactModel
 from evac.physics.force import Force
 
-evac_interface = 2
+evac_interface = 3
 SITE = {site!r}
 
 

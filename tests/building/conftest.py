@@ -8,8 +8,8 @@ import pytest
 
 from evac.assembly import read_building
 from evac.building.model import Building
+from tests.ustair import write_u_stair
 
-U_STAIR = Path(__file__).parents[3] / "shared" / "data" / "multi_level_u_stair.obj"
 U_STAIR_EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}
 
 
@@ -106,10 +106,8 @@ def read(tmp_path):
 
 
 @pytest.fixture
-def u_stair_path() -> Path:
-    if not U_STAIR.exists():
-        pytest.skip("the shared data are not beside this checkout")
-    return U_STAIR
+def u_stair_path(tmp_path) -> Path:
+    return write_u_stair(tmp_path / "u_stair.obj")
 
 
 @pytest.fixture

@@ -100,13 +100,15 @@ def test_a_bare_surface_is_left_as_it_is(tmp_path):
     assert building.findings == ()
 
 
-def treads(count=8, turn=0.0):
+def treads(count=8, turn=0.0, floors=("lower", "upper")):
     """Two floors, and treads without risers between them, each turned against the one before [degrees]."""
     model = Model()
-    model.flat(-4, 0, 0, 2, 0.0)
+    if "lower" in floors:
+        model.flat(-4, 0, 0, 2, 0.0)
     for k in range(count):
         model.flat(k * GOING, k * turn, (k + 1) * GOING, 1.2 + k * turn, (k + 1) * RISER)
-    model.flat(count * GOING, 0, count * GOING + 4, 2 + count * turn, (count + 1) * RISER)
+    if "upper" in floors:
+        model.flat(count * GOING, 0, count * GOING + 4, 2 + count * turn, (count + 1) * RISER)
     return model
 
 
@@ -117,6 +119,12 @@ def test_treads_without_risers_are_a_flight_over_the_floor(tmp_path):
     flight = next(level for level in building.levels if level.kind == "flight")
     assert (flight.z_min, flight.z_max) == pytest.approx((0.0, 9 * RISER))
     assert len(building.portals) >= 2
+
+
+@pytest.mark.parametrize("floor", ["lower", "upper"])
+def test_treads_that_join_one_floor_are_refused_with_both_heights_a_riser_beyond_them(tmp_path, floor):
+    with pytest.raises(BuildingError, match=r"z = 0\.00 to 1\.50, joins only level"):
+        treads(floors=(floor,)).read(tmp_path)
 
 
 def test_treads_stay_if_asked_for(tmp_path):

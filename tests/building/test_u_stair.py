@@ -1,4 +1,4 @@
-"""A bare surface drawn by others: two floors and a U-shaped stair, in every format and order."""
+"""A bare surface: two floors and a U-shaped stair, in every format and order."""
 
 import meshio
 import numpy as np
@@ -9,7 +9,7 @@ from evac.assembly import read_building
 from evac.building.elevation import elevation
 
 EXIT = {"name": "out", "segment": [[0, 5], [0, 6]], "z": 0.0}
-SLOPE = np.arctan(1.5 / 5.0)
+SLOPE = np.arctan(1.625 / 5.0)
 
 
 def read_plain(path):
@@ -33,10 +33,10 @@ def unwelded(points, triangles):
 
 def test_five_levels_and_four_portals_in_a_chain(u_stair):
     assert [(level.kind, level.z_min, level.z_max) for level in reversed(u_stair.levels)] == [
-        ("floor", 3.0, 3.0),
-        ("flight", 1.5, 3.0),
-        ("landing", 1.5, 1.5),
-        ("flight", 0.0, 1.5),
+        ("floor", 3.25, 3.25),
+        ("flight", 1.625, 3.25),
+        ("landing", 1.625, 1.625),
+        ("flight", 0.0, 1.625),
         ("floor", 0.0, 0.0),
     ]
     assert [portal.levels for portal in u_stair.portals] == [(0, 1), (1, 2), (2, 3), (3, 4)]
@@ -51,12 +51,12 @@ def test_flights_rise_as_drawn(u_stair):
     np.testing.assert_allclose([up.uphill, back.uphill], [[1, 0], [-1, 0]], atol=1e-14)
     for flight in (up, back):
         x1, _, x2, _ = flight.polygon.bounds
-        assert (x2 - x1) / np.cos(flight.slope) == pytest.approx(5.22, abs=0.001)
+        assert (x2 - x1) / np.cos(flight.slope) == pytest.approx(5.2574, abs=1e-4)
     assert all(u_stair.levels[index].slope == 0.0 for index in (0, 2, 4))
 
 
 def test_wall_between_the_flights_stands_on_both(u_stair):
-    for level, ends in ((1, [13, 9, 8, 9]), (3, [8, 9, 13, 9])):
+    for level, ends in ((1, [12, 8, 7, 8]), (3, [7, 8, 12, 8])):
         own = u_stair.walls[u_stair.wall_level == level]
         assert ends in own.tolist()
         assert len(own) == 2
@@ -77,9 +77,9 @@ def test_walls_and_portals_are_the_outline_with_the_inside_on_the_left(u_stair):
 
 
 def test_elevation_is_exact(u_stair):
-    position = np.array([[8, 7], [10.5, 7], [13, 8], [10.5, 11], [13.5, 9], [1, 1], [1, 1], [0, 0]])
+    position = np.array([[7, 6], [9.5, 6], [12, 7], [9.5, 10], [13, 8], [1, 1], [1, 1], [0, 0]])
     level = np.array([1, 1, 1, 3, 2, 0, 4, -1])
-    expected = [0.0, 0.75, 1.5, 2.25, 1.5, 0.0, 3.0, np.nan]
+    expected = [0.0, 0.8125, 1.625, 2.4375, 1.625, 0.0, 3.25, np.nan]
     np.testing.assert_allclose(elevation(u_stair, level, position), expected, rtol=0, atol=1e-14)
 
 

@@ -26,7 +26,7 @@ PLUGIN = """
 from evac.hookspecs import hookimpl
 from evac.jit import kernel
 
-evac_interface = 2
+evac_interface = 3
 
 @kernel
 def double(x: float) -> float:

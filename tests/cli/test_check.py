@@ -65,7 +65,7 @@ def test_an_importer_of_a_plugin_reads_the_file(evac, tmp_path, capsys):
         """
 from evac import Importer, SurfaceMesh, hookimpl
 
-evac_interface = 2
+evac_interface = 3
 
 class RectangleImporter(Importer):
     name = "rectangle"

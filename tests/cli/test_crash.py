@@ -154,7 +154,7 @@ def test_threads_destructors_and_the_exit_change_no_status(tmp_path):
         "def stumble():\n    raise ValueError('of the exit')\n"
         "thread = threading.Thread(target=fail)\nthread.start()\nthread.join()\n"
         "Evil()\nkept = Evil()\natexit.register(leave)\natexit.register(stumble)\n"
-        "from evac.hookspecs import hookimpl\nevac_interface = 2\n"
+        "from evac.hookspecs import hookimpl\nevac_interface = 3\n"
         "@hookimpl\ndef evac_behaviours():\n    return []\n"
     )
     command = [sys.executable, "-P", "-m", "evac", "list", "--plugin", "noise.py"]

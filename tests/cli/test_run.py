@@ -62,6 +62,7 @@ def test_response_times_beyond_the_duration_are_warned_of_before_the_run(evac, c
     err = capsys.readouterr().err
     assert err.count("simulation.duration is 1 s") == 1
     assert err.index("simulation.duration is 1 s") < err.index("still inside")
+    assert (err.count("simulation.duration is 1 s"), err.count("still inside")) == (1, 1)
     assert "20 of them had not started" in err
 
 
@@ -75,7 +76,7 @@ def test_the_last_line_names_the_result_folder(evac, capsys):
 PLUGIN = """
 from evac import Behaviour, hookimpl
 
-evac_interface = 2
+evac_interface = 3
 
 
 class Idle(Behaviour):
@@ -190,7 +191,7 @@ def test_a_plugin_file_is_used(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_metrics(results):
@@ -207,7 +208,7 @@ def test_metrics_that_fail_do_not_take_the_results_with_them(evac, tmp_path):
     plugin.write_text(
         """
 from evac import hookimpl
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_metrics():
@@ -236,7 +237,7 @@ def test_a_behaviour_that_fails_is_named(evac, tmp_path, capsys, act, words):
     plugin.write_text(
         f"""
 from evac import Behaviour, hookimpl
-evac_interface = 2
+evac_interface = 3
 
 class Odd(Behaviour):
     # Does it wrong.

@@ -53,7 +53,7 @@ def test_a_refused_point_is_named_with_its_seed_and_the_others_are_run(evac, tmp
 PLUGIN = """
 from pathlib import Path
 from evac import Behaviour, hookimpl
-evac_interface = 2
+evac_interface = 3
 Path({mark!r}).touch()
 
 class Idle(Behaviour):

@@ -147,6 +147,43 @@ class LostFollower(Slower):
             crowd.speed_factor[len(crowd.level)] = 1.0
 
 
+class KeepsNoDistance(Slower):
+    """Says that it keeps distances, and looks at nobody who has left."""
+
+    keeps_distance = True
+
+
+class WaitsInside(Slower):
+    """Slows down people inside for those who have left, and leaves these as they are."""
+
+    reads = ("level",)
+    keeps_distance = True
+
+    def prepare(self, scene):
+        self.outside = scene.outside
+
+    def act(self, crowd, time):
+        if (self.outside.level >= 0).any():
+            crowd.speed_factor[:] *= 0.5
+
+    def state(self):
+        return {}
+
+
+class MovesOthers(WaitsInside):
+    """Wants to move people who have left itself."""
+
+    def act(self, crowd, time):
+        self.outside.position[:] += 0.1
+
+
+class LooksOutside(Slower):
+    """Looks at people who have left without keeping distances."""
+
+    def prepare(self, scene):
+        scene.outside.level.copy()
+
+
 class PreparesTooMuch(Slower):
     """Looks at relaxation times beforehand."""
 
@@ -182,6 +219,7 @@ def takes_chances(self, crowd, time):
 
 
 ROOM, TICK, TICKS = "scene 'Twenty people", "scene 't = .* s of Twenty people", "scene '20 ticks of Twenty people"
+EXIT = "scene 'three people at an exit of Twenty people"
 DECLARED = "its reads and writes"
 
 BROKEN = [
@@ -205,6 +243,10 @@ BROKEN = [
     Broken(Remembers, "check_same_bits", f"{TICKS}.*resumed", r"differs in .*; state\(\) must"),
     Broken(Keeps, "check_same_bits", f"{TICKS}.*resumed", r"'slower' has the attributes scratch .* state\(\)"),
     Broken(Left, "check_same_bits", f"{TICKS}.*optional parts", r"changes .*; correct is_needed\(\)"),
+    Broken(KeepsNoDistance, "check_distance", EXIT, "a person inside .*; use scene.outside"),
+    Broken(WaitsInside, "check_distance", EXIT, "who has left behind another one.*; use scene.outside"),
+    Broken(MovesOthers, "check_declared_arrays", TICK, "read-only", ValueError),
+    Broken(LooksOutside, "check_declared_arrays", ROOM, "scene.outside exists only .*; set keeps_distance = True"),
     Broken(Exhausted, "check_declared_arrays", TICK, "StopIteration", StopIteration),
     Broken(LostFollower, "check_declared_arrays", "scene '", "out of bounds", IndexError),
     Broken(odd(Slower, act=raising), "check_declared_arrays", TICK, "partner", KeyError),

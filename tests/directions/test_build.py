@@ -212,6 +212,18 @@ def test_routes_with_exits_end_only_there(drawing):
     assert walk(fields, building, (1.0, 1.5), 0, route=1)[0] == "far"
 
 
+def test_exits_beside_each_other_are_reached_each_by_its_own_route(drawing):
+    room = drawing.level((0, 0, 8, 6))
+    ends = {"A": (1.0, 1.9), "B": (2.0, 2.5), "C": (2.6, 3.0)}
+    for name, (low, high) in ends.items():
+        drawing.exit(name, room, (8, low), (8, high))
+    fields = build_fields(drawing.build(), tuple(Route((name,)) for name in ends))
+    for route, (low, high) in enumerate(ends.values()):
+        places = [[8.0 - away, 0.5 * (low + high)] for away in (0.1, 2.0, 6.0)]
+        assert fields.travel_time_at([0] * 3, places, [route] * 3) == pytest.approx([0.1, 2.0, 6.0], abs=1e-3)
+        assert fields.directions_at([0] * 3, places, [route] * 3) == pytest.approx(np.array([[1.0, 0.0]] * 3), abs=1e-3)
+
+
 def test_a_closed_portal_and_a_closed_exit_lead_nowhere(drawing):
     building = two_storeys(drawing)
     fields = build_fields(replace(building, closed=frozenset({0})), ANY)

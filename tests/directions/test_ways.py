@@ -1,7 +1,6 @@
 """Ways that bodies can follow: round posts and corners, through doors, over stairs, to an exit."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,10 @@ from evac.assembly import read_building
 from evac.directions.build import build_fields
 from evac.directions.routes import Route
 from tests.directions.walks import along, positions_on, walk
+from tests.ustair import write_u_stair
 
 ANY = (Route(),)
 SLOPE = math.atan(3.0 / 4.0)  # cosine 0.8: 1.25 m along the slope per metre in plan
-U_STAIR = Path(__file__).parents[3] / "shared" / "data" / "multi_level_u_stair.obj"
 
 
 def test_directions_beside_walls(drawing):
@@ -181,9 +180,10 @@ def test_flights_side_by_side_do_not_leak(drawing):
         assert np.abs(one - two).max() < 0.2
 
 
-@pytest.mark.skipif(not U_STAIR.exists(), reason="shared data absent")
-def test_u_stair_of_a_mesh_leads_everybody_down_and_out():
-    building = read_building(U_STAIR, exits=[{"name": "A", "segment": [[20, 2], [20, 3]], "z": 0.0}])
+def test_u_stair_of_a_mesh_leads_everybody_down_and_out(tmp_path):
+    building = read_building(
+        write_u_stair(tmp_path / "u_stair.obj"), exits=[{"name": "A", "segment": [[20, 2], [20, 3]], "z": 0.0}]
+    )
     fields = build_fields(building, ANY, speeds=(1.0, 0.5, 0.7))
     for portal in building.portals:
         one, two = (fields.travel_time_at(level, along(portal), 0) for level in portal.levels)

@@ -21,7 +21,7 @@ def plugin(tmp_path):
 
     def write(text):
         path = tmp_path / "plugin.py"
-        path.write_text("from evac import hookimpl\nevac_interface = 2\n" + textwrap.dedent(text), encoding="utf-8")
+        path.write_text("from evac import hookimpl\nevac_interface = 3\n" + textwrap.dedent(text), encoding="utf-8")
         return path
 
     return write

@@ -156,12 +156,14 @@ def test_a_few_on_a_wide_stair_walk_at_their_own_speed(monkeypatch, way):
 
 def test_doors_tell_the_share_of_blocked_runs_and_the_flow_of_the_others():
     trial = Trial("NSM2", (1, 2, 3, 4))
-    door = capacity.Door(trial, 1.0, np.array([2.0, np.nan, 3.0, np.nan]))
+    door = capacity.Door(trial, 1.0, np.array([2.0, np.nan, 3.0, np.nan]), np.array([3.0, 4.5, 3.0, np.nan]))
     row = capacity.door_row(door)
     assert (row["blocked"], row["share blocked"], row["flow [1/s]"]) == (2, 0.5, 2.5)
-    (check,) = capacity.door_checks([door, capacity.Door(trial, 0.8, np.array([2.0]))])
+    assert (row["exit at the door [1/s]"], row[capacity.AT_EXIT]) == (3.5, 1.4)
+    (check,) = capacity.door_checks([door, capacity.Door(trial, 0.8, np.array([2.0]), np.array([2.0]))])
     assert check.blocked == 2
-    assert capacity.door_row(capacity.Door(trial, 0.6, np.array([np.nan])))["flow [1/s]"] is None
+    blocked = capacity.door_row(capacity.Door(trial, 0.6, np.array([np.nan]), np.array([1.0])))
+    assert blocked["flow [1/s]"] is blocked[capacity.AT_EXIT] is None
 
 
 def test_a_test_is_passed_if_all_its_checks_are():

@@ -6,10 +6,12 @@ import tomllib
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 import evac
 from evac import BuildingError, ScenarioError, import_building, read_building
 from evac.importing.openings import find_openings
+from evac.importing.rooms import fill, find_rooms
 
 ROOM = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 #: Three rooms along a corridor, with walls of 0.1 m.
@@ -35,6 +37,14 @@ def house(tmp_path):
     plan.stair("main", "ground", [(2, 1), (2, 2.5)], "first", length=6.0, direction=(1, 0))
     plan.write(tmp_path / "house.msh")
     return tmp_path / "house.msh"
+
+
+def rooms_of_ground(*ground):
+    """Return a building of one room of a given ground [m2] on each storey."""
+    plan = evac.Plan()
+    for number, area in enumerate(ground):
+        plan.storey(f"{number}", shapely.box(0, 0, area / 2, 2), z=3.0 * number)
+    return plan.building(need_exit=False)
 
 
 def text_of(made, name):
@@ -96,6 +106,20 @@ def test_people_are_divided_by_the_ground_of_the_rooms(house, tmp_path):
     assert sum(one.number for one in made.rooms) == 101
 
 
+@pytest.mark.parametrize(("density", "people"), [(0.1, [1, 1, 2, 3]), (0.2, [1, 3, 4, 5])])
+def test_numbers_of_people_are_rounded_to_the_nearest_but_no_room_is_empty(density, people):
+    building = rooms_of_ground(4.0, 13.0, 18.0, 27.0)
+    rooms, _ = fill(building, find_rooms(building), None, density)
+    assert [room.number for room in rooms] == people
+
+
+def test_people_who_are_left_after_division_go_where_the_remainder_is_largest():
+    building = rooms_of_ground(4.0, 10.0, 18.0)
+    for people, numbers in ((8, [1, 3, 4]), (16, [2, 5, 9]), (3, [0, 1, 2])):
+        rooms, _ = fill(building, find_rooms(building), people, 0.1)
+        assert [room.number for room in rooms] == numbers
+
+
 def test_several_files_are_storeys(tmp_path):
     for name in ("ground", "first"):
         (tmp_path / f"{name}.wkt").write_text(ROOM, encoding="utf-8")
@@ -141,13 +165,59 @@ def test_folders_that_are_not_ours_or_changed_are_left_alone(room, tmp_path):
     assert text_of(made, "case.toml") == "title = 'mine'"
 
 
-def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path):
-    line = {"type": "LineString", "coordinates": [[6.0, 1.0], [6.0, 2.0]]}
+@pytest.mark.parametrize("scale", [1.0, 0.001])
+def test_openings_that_an_importer_names_come_before_outer_edges(tmp_path, scale):
+    ground = shapely.affinity.scale(shapely.from_wkt(ROOM), 1 / scale, 1 / scale, origin=(0, 0))
+    line = {"type": "LineString", "coordinates": [[6.0 / scale, 1.0 / scale], [6.0 / scale, 2.0 / scale]]}
     features = [
-        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(shapely.from_wkt(ROOM))},
+        {"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(ground)},
         {"type": "Feature", "properties": {"kind": "opening"}, "geometry": line},
     ]
     (tmp_path / "a.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    made = import_building([tmp_path / "a.geojson"], tmp_path / "case", exits=[1], people=2)
-    assert [one.width for one in made.openings] == [1.0]
-    assert (made.fault, made.building.exits[0].width) == ("", 1.0)
+    options = {"scale": scale}
+    made = import_building([tmp_path / "a.geojson"], tmp_path / "case", exits=[1], people=2, options=options)
+    assert [one.width for one in made.openings] == pytest.approx([1.0])
+    assert np.allclose(np.sort(made.openings[0].segment), [1.0, 2.0, 6.0, 6.0])
+    assert (made.fault, made.building.exits[0].width) == ("", pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("name", ['Saal "Blau"', 'A101 12"', "back\\", "a\nb", "n" * 5000, "\x01", "\ud800"])
+def test_rooms_of_any_name_are_imported_and_run(name, tmp_path):
+    square = [[0, 0], [6, 0], [6, 4], [0, 4], [0, 0]]
+    shapes = [({}, "Polygon", [square]), ({"kind": "area", "name": name}, "Polygon", [square])]
+    shapes.append(({"kind": "exit", "name": name}, "LineString", [[0, 1], [0, 2]]))
+    features = [
+        {"type": "Feature", "properties": of, "geometry": {"type": kind, "coordinates": at}} for of, kind, at in shapes
+    ]
+    (tmp_path / "p.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    made = import_building([tmp_path / "p.geojson"], tmp_path / "case", people=3)
+    assert made.fault == ""
+    assert [room.name for room in made.rooms] == list(made.building.exits[0].name.splitlines())
+    results = evac.run(evac.load(made.folder, {"output.animation": True}), tmp_path / "r")
+    assert results.evacuated == 3
+    assert (tmp_path / "r" / "animation.pvd").is_file()
+
+
+def test_a_failed_import_leaves_nothing_in_the_way(room, tmp_path, monkeypatch):
+    def fail(*given):
+        raise BuildingError("fails")
+
+    import_building([room], tmp_path / "old", people=5)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()}
+    with monkeypatch.context() as patch:
+        patch.setattr("evac.importing.importer.find_openings", fail)
+        for name in ("new", "old"):
+            with pytest.raises(BuildingError, match="fails"):
+                import_building([room], tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {"room.wkt", "old"}
+    assert {path.name: path.read_bytes() for path in (tmp_path / "old").iterdir()} == before
+    import_building([room], tmp_path / "new", exits=[1])
+    assert {path.name for path in (tmp_path / "new").iterdir()} == set(before)
+
+
+def test_a_file_name_is_no_line_of_the_case(room, tmp_path):
+    named = tmp_path / ("a\n[plugins]\nfiles = ['x.py']\n" + "n" * 150 + ".wkt")
+    named.write_bytes(room.read_bytes())
+    made = import_building([named], tmp_path / "case", exits=[1])
+    assert made.fault == ""
+    assert "plugins" not in tomllib.loads(text_of(made, "case.toml"))

@@ -60,15 +60,15 @@ def sealed(text, data=b""):
 @pytest.mark.parametrize(
     "header",
     [
-        {"format": 2, "arrays": []},
+        {"format": 3, "arrays": []},
         {"arrays": []},
-        {"format": 1},
-        {"format": 1, "arrays": [["a", "|O", [1]]]},
-        {"format": 1, "arrays": [["a", "<f8", [-1]]]},
-        {"format": 1, "arrays": [["a", "<f8", [1 << 60]]]},
-        {"format": 1, "arrays": [["a", "<f8", [3, 1]]]},
-        {"format": 1, "arrays": [["a", "<f8", []]]},
-        {"format": 1, "arrays": [["a", "<f8"]]},
+        {"format": 2},
+        {"format": 2, "arrays": [["a", "|O", [1]]]},
+        {"format": 2, "arrays": [["a", "<f8", [-1]]]},
+        {"format": 2, "arrays": [["a", "<f8", [1 << 60]]]},
+        {"format": 2, "arrays": [["a", "<f8", [3, 1]]]},
+        {"format": 2, "arrays": [["a", "<f8", []]]},
+        {"format": 2, "arrays": [["a", "<f8"]]},
         [],
     ],
 )

@@ -11,6 +11,7 @@ from evac.directions.routes import Route
 from evac.errors import ResultError
 from evac.output.results import plain, versions
 from evac.output.watch import Finding
+from evac.registry import Registry
 
 
 def test_counts_and_exit_status(results):
@@ -46,8 +47,8 @@ def test_people_who_rush_out_have_a_warning(results, monkeypatch):
         rush = results.crowd.replace(exit_time=seconds * np.arange(5.0), exit_used=np.zeros(5, np.int32))
         lines = replace(results, crowd=rush).summary()["quality_warnings"]
         assert any("people per second and metre left by 'door'" in line for line in lines) == warned
-    for headway, advised in (({"headway": {}}, False), ({"headway": False}, True), ({}, True)):
-        case = SimpleNamespace(behaviours=headway)
+    for used, advised in (({"headway": {}}, False), ({"headway": False}, True), ({"route_choice": {}}, True)):
+        case = SimpleNamespace(behaviours=used, registry=Registry())
         lines = replace(results, crowd=rush, case=case).quality_warnings
         assert any("behaviours.headway={}" in line for line in lines) == advised
 
@@ -70,7 +71,7 @@ def test_quality_warnings_are_in_the_summary(results, tmp_path):
     assert len(lines) == 3
     assert "level 'floor 1'" in lines[0]
     assert all("person 3 at (2.00, 5.00) on level 'floor 2'" in line for line in lines[1:])
-    headway = SimpleNamespace(behaviours={"headway": {}})
+    headway = SimpleNamespace(behaviours={"headway": {}}, registry=Registry())
     assert [replace(warned, case=case).quality_warnings[2].count("headway") for case in (results.case, headway)] == [
         1,
         0,

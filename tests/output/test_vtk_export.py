@@ -76,6 +76,10 @@ def test_building_has_its_parts_by_name_at_their_heights(exported):
         assert surface.cell_data["level"].tolist() == [item.index] * 2
         assert {KINDS[kind] for kind in surface.cell_data["kind"]} == {item.kind}
         assert surface.field_data["level_names"].tolist() == levels
+    for portal in trajectory.building.portals:
+        line = blocks["portals"][portal.name]
+        assert line.cell_data["level"].tolist() == [portal.levels[0]] * len(portal.segments)
+    assert blocks["exits"]["door"].cell_data["level"].tolist() == [trajectory.building.exits[0].level]
     area = sum(blocks["levels"][k].area for k in (1, 3))
     assert area == pytest.approx(2 * 2.0 * 5.0)
     assert blocks["areas"]["room"].area == pytest.approx(5.0 * 6.0)

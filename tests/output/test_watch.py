@@ -108,7 +108,7 @@ def test_a_watch_restored_in_the_middle_of_a_span_finds_the_same():
     look(whole, range(33))
     state = whole.state()
     look(whole, range(33, 60))
-    other.restore(state)
+    other.restore(state, 1)
     look(other, range(33, 60))
     assert whole.chatter() is not None
     assert whole.crushing() is not None

@@ -2,7 +2,7 @@ import pytest
 
 from evac.directions.routes import Route
 from evac.errors import ScenarioError
-from evac.people.groups import check_people, default_clearance, reference_speeds, routes_of
+from evac.people.groups import check_people, default_clearance, narrowest_body, reference_speeds, routes_of
 
 
 def group(name="all", **keys):
@@ -36,6 +36,12 @@ def test_the_clearance_is_the_greatest_radius_but_at_most_twice_the_greatest_mea
     few = group("few", number=10, radius={"list": [0.15] * 9 + [0.9]})
     assert default_clearance(make_case(few, group("slim", radius=0.2))) == pytest.approx(0.45, rel=1e-12)
     assert default_clearance(make_case(group(radius={"uniform": [0.2, 0.3]}))) == 0.3
+
+
+def test_the_narrowest_body_is_the_smallest_that_can_be_drawn(make_case):
+    wide, narrow = group("wide", radius=0.25), group("narrow", radius={"uniform": [0.18, 0.3]})
+    assert narrowest_body(make_case(wide, narrow)) == pytest.approx(0.36, rel=1e-12)
+    assert narrowest_body(make_case(wide, group("narrow", radius=0.2))) == pytest.approx(0.4, rel=1e-12)
 
 
 def test_slow_people_are_by_default_no_faster_on_stairs(make_case):

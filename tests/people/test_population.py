@@ -126,6 +126,18 @@ def test_people_in_areas_keep_off_walls_portals_exits_and_each_other(make_case, 
     assert gap[~np.eye(16, dtype=bool)].min() >= 0
 
 
+@pytest.mark.parametrize("link", ["portal", "exit"])
+def test_nobody_starts_on_a_line_where_people_cross(make_case, house, fields, link):
+    # A portal or exit along the whole side of the area, where there is no wall that would keep people off.
+    level, side = (0, 4.0) if link == "portal" else (1, 6.0)
+    way = replace(house.exits[0], segments=np.array([[6.0, 0.0, 6.0, 4.0]]))
+    is_wall = ~(house.walls[:, [0, 2]] == 6.0).all(axis=1)
+    house = replace(house, exits=(way,), walls=house.walls[is_wall], wall_level=house.wall_level[is_wall])
+    case = make_case(group(number=25, area=f"room {level}", radius=0.25))
+    crowd = build_population(case, house, fields(), seed=1).crowd
+    assert np.abs(crowd.position[:, 0] - side).min() >= 0.25
+
+
 def test_people_above_each_other_do_not_hinder_each_other(make_case, house, fields):
     case = make_case(group("a", number=60, radius=0.2), group("b", number=60, radius=0.2, area="room 2"))
     assert (np.bincount(build_population(case, house, fields(), seed=1).crowd.level) == [60, 0, 60]).all()
@@ -225,7 +237,7 @@ def test_state_and_restore_go_back_to_the_same_bits(make_case, house, fields):
     arrays = population.crowd
     population.settle(events((2, 1, 2, 1.25), (1, 0, 0, 1.5)))
     population.crowd.position[:] = 0
-    population.restore(state)
+    population.restore(state, house, len(fields().routes))
     assert population.crowd is arrays
     assert population.inside == 3
     for name, array in population.state().items():

@@ -1,6 +1,7 @@
 """What drives a pedestrian: when, where to, and how fast with and without inertia."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from evac.physics.state import make_crowd
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.force_social import SocialForce
-from tests.physics.scenes import fields_towards, make_engine, name_of, uniform_fields, walk
+from tests.physics.scenes import fields_towards, make_building, make_engine, name_of, uniform_fields, walk
 
 FREE = 1e30
 
@@ -30,6 +31,20 @@ def test_without_inertia_a_force_gives_the_velocity_tau_f_over_m():
     engine.advance(Nsm1(variant="overdamped"), crowd, 0, 1, 1e-4, True, False)
     force = 2000.0 * math.exp(-0.1 / 0.08) / 2.0
     np.testing.assert_allclose(crowd.velocity, [(-0.3 * force / 60.0, 0.0), (0.7 * force / 90.0, 0.0)], rtol=1e-12)
+
+
+def test_speeds_on_a_slope_are_those_of_its_use_in_plan():
+    """Up, down and across a slope of 3 in 4, whose speeds are along the slope."""
+    building = make_building()
+    flight = replace(building.levels[0], kind="flight", slope=math.atan(0.75), uphill=np.array([1.0, 0.0]))
+    crowd = make_crowd([(0, 0), (3, 0), (6, 0), (9, 0)], tau=1.0)
+    crowd.speed[:] = (1.5, 0.5, 1.0)
+    crowd.speed_factor[3] = 0.5
+    crowd.route[:] = (0, 1, 2, 2)
+    fields = uniform_fields(1, (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0))
+    walk(Nsm1(variant="overdamped"), crowd, 1, building=replace(building, levels=(flight,)), fields=fields)
+    expected = 0.8 * np.array([(0.5, 0.0), (-1.0, 0.0), (0.0, 1.5), (0.0, 0.75)])
+    np.testing.assert_allclose(crowd.velocity, expected, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("forces", [[], [SocialForce()]])

@@ -142,16 +142,18 @@ def test_dem_without_hardening_is_a_linear_law(levels):
 
 
 @pytest.mark.parametrize("share", [0.999, 1.001])
+@pytest.mark.parametrize("normal", [(-1.0, 0.0), (0.0, 1.0), (0.6, -0.8)])
 @pytest.mark.parametrize(("model", "stiffness", "damping"), [
     (Hertz(), 1.5e6 * math.sqrt(0.03), 0.0),
     (Linear(damping=3000.0), 1.2e5, 3000.0),
 ], ids=["hertz", "damped"])  # fmt: skip
-def test_a_step_is_cut_by_the_slopes_of_the_law(model, stiffness, damping, share):
+def test_a_step_is_cut_by_the_slopes_of_the_law(model, stiffness, damping, normal, share):
     """A body at rest against a wall, 0.03 m deep: unstable beyond h^2 k / m + 2 h c / m = 4."""
     mass = 80.0
     limit = (math.sqrt(damping**2 + 4.0 * stiffness * mass) - damping) / stiffness
-    crowd = make_crowd([(-0.17, 0)], radius=0.2, mass=mass, tau=FREE)
-    engine = walk(model, crowd, 1, h=share * limit, building=make_building(walls=[(0, -3, 0, 3)]))
+    x, y = normal
+    crowd = make_crowd([(0.17 * x, 0.17 * y)], radius=0.2, mass=mass, tau=FREE)
+    engine = walk(model, crowd, 1, h=share * limit, building=make_building(walls=[(-3 * y, 3 * x, 3 * y, -3 * x)]))
     assert (engine.report()["too_stiff_steps"] > 0) == (share > 1.0)
 
 

@@ -14,11 +14,13 @@ from evac.jit import kernel
 from evac.jit.kernels import INTERPRETED
 from evac.physics import threads
 from evac.physics.allocation import allocate, make_lists, make_room_for_contacts
+from evac.physics.engine import Engine
 from evac.physics.order import rows_by_place
 from evac.physics.pieces import CHUNK
 from evac.physics.solver import Solver
 from evac.physics.state import Events, Problem, copy_of, make_crowd
-from evac.physics.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads
+from evac.physics.threads import MOST_BY_DEFAULT, PEOPLE_PER_THREAD, number_of_threads, unused_threads
+from evac.physics.world import make_world
 from evac_plugins.contact_dem import Dem
 from evac_plugins.contact_nsm1 import Nsm1
 from evac_plugins.contact_nsm2 import Nsm2
@@ -284,13 +286,31 @@ def test_a_fork_begins_threads_of_its_own():
         (None, 2 * PEOPLE_PER_THREAD, 2),
         (None, 100 * PEOPLE_PER_THREAD, MOST_BY_DEFAULT),
         (1, 100 * PEOPLE_PER_THREAD, 1),
-        (3, 1, 3),
+        (3, 1, 1),
+        (3, 3 * PEOPLE_PER_THREAD - 1, 2),
         (9, 100 * PEOPLE_PER_THREAD, 4),
     ],
 )
-def test_the_size_decides_unless_a_number_is_given(monkeypatch, wanted, people, number):
+def test_the_size_decides_up_to_the_number_that_is_given(monkeypatch, wanted, people, number):
     monkeypatch.setattr(threads, "cores", lambda: 4)
     assert number_of_threads(wanted, people) == number
+    told = unused_threads(wanted, people)
+    assert len(told) == (wanted is not None and number < wanted)
+    assert all(f"{wanted} given" in line and f"use {number}" in line for line in told)
+
+
+@pytest.mark.parametrize(("share", "ticks"), [(0, 2), (PEOPLE // 2, 1), (PEOPLE, 0)])
+def test_threads_serve_while_enough_people_are_inside(share, ticks):
+    """For each of two threads; two people leave after the first of two ticks."""
+    crowd = copy_of(CROWD)
+    world = make_world(ROOMS, fields_towards((13.0, 5.0), 2))
+    engine = Engine(world, PEOPLE, [], threads=2, people_per_thread=share)
+    engine.threads.serving = Mock(wraps=engine.threads.serving)
+    for first in (0, 10):
+        engine.advance(Dem(), crowd, first, 10, 0.01, False, False)
+        crowd.level[:2] = -1
+    assert engine.threads.serving.call_count == ticks
+    engine.end_threads()
 
 
 def test_no_thread_is_refused():

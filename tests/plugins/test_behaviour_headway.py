@@ -9,6 +9,7 @@ import shapely
 
 from evac.assembly import make_behaviours
 from evac.behaviour import BehaviourScene
+from evac.outside import make_outside
 from evac.physics.state import make_crowd
 from evac.scenario.loading import load_case
 from evac.scene import Scene, make_ground
@@ -19,12 +20,13 @@ from tests.physics.scenes import fields_towards, make_building, make_engine, uni
 EAST, WEST, NORTH, NORTH_EAST = (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (math.sqrt(0.5), math.sqrt(0.5))
 
 
-def prepared(crowd, building=None, fields=None, **parameters):
+def prepared(crowd, building=None, fields=None, outside=None, **parameters):
     """Return the behaviour, ready to act on a crowd."""
     building = building or make_building()
     behaviour = Headway(**parameters)
-    fields = fields or uniform_fields(len(building.levels))
-    behaviour.prepare(BehaviourScene(crowd, Scene(make_ground(building, fields)), (), np.random.default_rng(1), 0.1))
+    scene = Scene(make_ground(building, fields or uniform_fields(len(building.levels))))
+    outside = outside or make_outside(len(crowd.level))
+    behaviour.prepare(BehaviourScene(crowd, scene, (), np.random.default_rng(1), 0.1, outside))
     return behaviour
 
 
@@ -40,6 +42,18 @@ def acted(position, building=None, fields=None, time=0.0, route=None, level=0, s
 def factors(position, **given):
     """Return what becomes of the speed factors of people at places, if nobody turns from anybody."""
     return acted(position, repulsion=0.0, **given).speed_factor
+
+
+def behind(position, out, building, level=0, way=EAST, **given):
+    """Return crowd and people outside: one person inside, and others, who have left, at (level, x, y, direction)."""
+    crowd = make_crowd([position, *([0.0, 0.0] for _ in out)], level=[level] + [-1] * len(out), speed=1.2)
+    outside = make_outside(len(crowd.level))
+    for row, (of, x, y, direction) in enumerate(out, start=1):
+        outside.level[row], outside.position[row], outside.direction[row] = of, (x, y), direction
+        outside.depth[row] = np.dot((x, y), direction)
+    fields = uniform_fields(len(building.levels), way)
+    prepared(crowd, building, fields, outside, **{"repulsion": 0.0, **given}).act(crowd, 0.0)
+    return crowd, outside
 
 
 def turns(position, **given):
@@ -119,6 +133,74 @@ def test_who_does_not_want_to_walk_is_not_followed():
 def test_who_is_out_is_not_followed():
     assert factors([[0.0, 0.0], [0.8, 0.0]], level=[0, -1])[0] == 1.0
     assert factors([[0.0, 0.0], [0.8, 0.0]], level=-1).tolist() == [1.0, 1.0]
+
+
+#: A door in a wall at x = 0, and another one above a post.
+DOORS = {"exits": [(0, (0.0, -0.5, 0.0, 0.5)), (0, (0.0, 0.7, 0.0, 1.7))]}
+WALLS = {"walls": [(0.0, -5.0, 0.0, -0.5), (0.0, 0.5, 0.0, 0.7), (0.0, 1.7, 0.0, 5.0)]}
+
+
+def test_who_has_left_is_followed_and_turned_from_as_one_inside():
+    doors = make_building(**DOORS, **WALLS)
+    crowd, _ = behind((-0.3, 0.0), [(0, 0.5, 0.1, EAST)], doors)
+    assert crowd.speed_factor[0] == pytest.approx((math.hypot(0.8, 0.1) - 0.3) / 1.2, rel=1e-12)
+    crowd, _ = behind((-0.3, 0.0), [(0, 0.2, 0.0, EAST)], doors, repulsion=8.0)
+    assert crowd.extra_direction[0] == pytest.approx([-8.0 * math.exp((0.3 - 0.5) / 0.1), 0.0])
+    crowd, _ = behind((-0.3, 0.0), [(-1, 0.5, 0.1, EAST)], doors)
+    assert crowd.speed_factor[0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("y", "is_seen"), [(0.0, True), (-0.55, False), (0.6, False), (1.0, True)], ids=["door", "wall", "post", "other"]
+)
+def test_who_has_left_is_seen_through_the_exits_of_its_level(y, is_seen):
+    """Whoever stands in front of one of two doors side by side sees who has left by the other one, through its own."""
+    crowd, _ = behind((-0.3, y), [(0, 0.5, y, EAST)], make_building(**DOORS, **WALLS))
+    assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
+
+
+def test_a_closed_exit_hides_who_has_left():
+    building = make_building(**DOORS, **WALLS)
+    closed = type(building)(**{**building.__dict__, "closed": frozenset({building.link_of(building.exits[0])})})
+    for hall, is_seen in ((building, True), (closed, False)):
+        crowd, _ = behind((-0.3, 0.0), [(0, 0.5, 0.0, EAST)], hall)
+        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
+
+
+def test_walls_before_an_exit_hide_and_those_behind_it_do_not():
+    for x, is_seen in ((-0.1, False), (0.3, True)):
+        building = make_building(**DOORS, walls=[*WALLS["walls"], (x, -0.2, x, 0.2)])
+        crowd, _ = behind((-0.3, 0.0), [(0, 0.5, 0.0, EAST)], building)
+        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
+
+
+def test_who_has_left_another_level_is_seen_across_a_portal_only():
+    """An exit right behind the foot of a stair, and one on the storey above."""
+    bounds = ((-10.0, -10.0, -0.2, 10.0), (-0.2, -10.0, 0.0, 10.0))
+    exits = [(1, (0.0, -0.5, 0.0, 0.5))]
+    foot = make_building(bounds, portals=[(0, 1, (-0.2, -0.5, -0.2, 0.5))], exits=exits)
+    for building, is_seen in ((foot, True), (make_building(bounds, exits=exits), False)):
+        crowd, _ = behind((-0.3, 0.0), [(1, 0.5, 0.0, EAST)], building)
+        assert crowd.speed_factor[0] == pytest.approx(0.5 / 1.2 if is_seen else 1.0)
+
+
+def test_outside_people_follow_those_ahead_from_the_same_level():
+    building = make_building(((-10.0, -10.0, 0.0, 10.0),) * 2, exits=[*DOORS["exits"], (1, (0.0, -0.5, 0.0, 0.5))])
+    _, outside = behind((-9.0, 0.0), [(0, 0.1, 0.0, EAST), (0, 0.9, 0.0, EAST), (1, 0.5, 0.0, EAST)], building)
+    assert outside.speed_factor == pytest.approx([1.0, 0.5 / 1.2, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("repulsion", [0.0, 8.0])
+def test_outside_nobody_waits_for_who_comes_towards_it_or_is_nearer_to_its_exit(repulsion):
+    """Exits that face each other across a lane would otherwise block for ever; nor do people inside count."""
+    lane = make_building(exits=[(0, (0.0, -0.5, 0.0, 0.5)), (0, (1.5, 0.5, 1.5, -0.5))])
+    _, outside = behind((-9.0, 0.0), [(0, 0.4, 0.0, EAST), (0, 1.1, 0.0, WEST)], lane, repulsion=repulsion)
+    assert outside.speed_factor.tolist() == [1.0, 1.0, 1.0]
+    _, outside = behind((0.9, 0.0), [(0, 0.4, 0.0, EAST)], lane, repulsion=repulsion)
+    assert outside.speed_factor.tolist() == [1.0, 1.0]
+    crossing = [(0, 0.4, 0.0, EAST), (0, 0.8, 0.1, NORTH_EAST)]
+    _, outside = behind((-9.0, 0.0), crossing, lane, repulsion=repulsion)
+    assert outside.speed_factor.tolist() == [1.0, pytest.approx((math.hypot(0.4, 0.1) - 0.3) / 1.2), 1.0]
 
 
 @pytest.mark.parametrize("way", [EAST, NORTH])

@@ -83,11 +83,63 @@ def test_the_smaller_body_of_two_decides_how_a_contact_hardens():
 
 @pytest.mark.parametrize("share", [0.999, 1.001])
 def test_a_hardened_contact_cuts_steps_by_its_tangent_stiffness(share):
-    """A body at rest against a wall: unstable beyond h^2 k(D) / m = 4."""
-    limit = 2.0 / (1.2e5 * slope(0.14, 0.2) / 80.0) ** 0.5
+    """A body at rest against a wall: an eighth of the step that is unstable, h^2 k(D) / m = 4."""
+    limit = 0.125 * 2.0 / (1.2e5 * slope(0.14, 0.2) / 80.0) ** 0.5
     crowd = make_crowd([(-0.06, 0)], radius=0.2, mass=80.0, tau=FREE)
     engine = walk(Dem(), crowd, 1, h=share * limit, building=make_building(walls=[(0, -3, 0, 3)]))
     assert engine.report()["too_stiff_steps"] == (share > 1.0)
+
+
+def collide(model, speed, gap, mass, beside=0.0):
+    """Two people meet, or one meets a wall if one mass is given; return the engine and the share of energy left."""
+    if len(mass) == 1:
+        crowd, walls = make_crowd([(-0.2 - gap, 0)], [(speed, 0)], mass=mass, tau=FREE), [(0, -3, 0, 3)]
+    else:
+        places = [(-0.2 - 0.5 * gap, 0), (0.2 + 0.5 * gap, beside)]
+        crowd, walls = make_crowd(places, [(0.5 * speed, 0), (-0.5 * speed, 0)], mass=mass, tau=FREE), []
+    before = kinetic_energy(crowd)
+    engine = walk(model, crowd, 60, h=0.01, building=make_building(walls=walls))
+    return engine, kinetic_energy(crowd) / before
+
+
+@pytest.mark.parametrize("mass", [(80.0,), (70.0, 70.0), (50.0, 100.0)], ids=["wall", "equal", "unequal"])
+@pytest.mark.parametrize("stiffness", [7e4, 1.2e5, 3e5])
+def test_hardened_contacts_return_the_energy_of_a_collision(stiffness, mass):
+    """With steps of 10 ms, wherever the bodies are when the step begins in which they touch."""
+    hardened = 0
+    for speed in np.linspace(2.0, 18.0, 17):
+        for share in (0.1, 0.5, 0.8):
+            beside = 0.0 if share < 0.7 else 0.1
+            engine, left = collide(Dem(stiffness=stiffness), speed, (3.0 + share) * 0.01 * speed, mass, beside)
+            if engine.report()["hardened_contacts"]:
+                hardened += 1
+                assert left == pytest.approx(1.0, abs=0.01), (speed, share)
+    assert hardened > 15
+
+
+def test_a_hardened_contact_goes_on_from_a_snapshot_to_the_bit():
+    """The force of the first sub-step after it depends on the length of the last one before."""
+    building = make_building(walls=[(0, -3, 0, 3)])
+
+    def begin():
+        crowd = make_crowd([(-0.35, 0)], [(15.0, 0)], tau=FREE)
+        return crowd, walk(Dem(), crowd, 2, building=building)
+
+    (crowd, engine), (other, first) = begin(), begin()
+    second = make_engine(other, building)
+    second.restore(first.snapshot())
+    for one, each in ((engine, crowd), (second, other)):
+        one.advance(Dem(), each, 2, 10, 0.01, True, False)
+    assert engine.report()["hardened_contacts"] > 0
+    assert second.report() == engine.report()
+    np.testing.assert_array_equal(other.velocity, crowd.velocity)
+
+
+def test_steps_are_not_cut_for_a_collision_that_does_not_harden():
+    engine, _ = collide(Dem(), 4.4, 0.1, (80.0, 80.0))
+    report = engine.report()
+    assert report["greatest_overlap"] > 0.07
+    assert report["sub_steps"] == report["steps"]
 
 
 def test_contacts_below_the_onset_are_those_of_the_linear_law_to_the_bit():

@@ -3,7 +3,6 @@
 import itertools
 import math
 import sys
-from pathlib import Path
 
 import ezdxf
 import pytest
@@ -14,7 +13,6 @@ from evac import BuildingError, import_building, read_building
 from evac.conformance import check_plugin
 from evac.registry import BUILTIN_IMPORTERS, Registry
 
-FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
 ROOM = [(0, 0), (8, 0), (8, 5), (0, 5)]
 
@@ -94,6 +92,21 @@ def test_curves_become_polygons(drawing, tmp_path):
     space.add_circle((2, 2), 0.5, dxfattribs={"layer": "obstacles"})
     expected = 40.0 - 9.0 + math.pi * 9.0 / 4 - math.pi * 0.25
     assert ground(building_of(drawing, tmp_path)) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("said", "metres"),
+    [
+        *((1, 0.0254), (2, 0.3048), (4, 0.001), (5, 0.01), (6, 1.0), (7, 1000.0), (10, 0.9144), (14, 0.1)),
+        (21, 1200 / 3937),
+    ],
+)
+def test_declared_units_are_believed(drawing, tmp_path, said, metres):
+    drawing.header["$INSUNITS"] = said
+    add(drawing.modelspace(), "walkablearea", [(x / metres, y / metres) for x, y in ROOM])
+    building = building_of(drawing, tmp_path)
+    assert ground(building) == pytest.approx(40.0)
+    assert [one for one in findings(building, "found") if f"1 unit is {metres:.4g} m" in one]
 
 
 @pytest.mark.parametrize(
@@ -193,11 +206,15 @@ def test_keeps_to_the_contract(drawing, tmp_path):
     check_plugin(type(REGISTRY.importers["dxf"]()), evac.load({**case, "contact": {"model": "nsm2"}}))
 
 
-@pytest.mark.parametrize(("name", "ends"), [("ISO-Bottleneck", 30.0), ("ISO-Corner", 12.0)])
-def test_drawings_of_others(tmp_path, name, ends):
-    path = FOREIGN / f"{name}.dxf"
-    if not path.is_file():
-        pytest.skip("the shared data are not beside this checkout")
-    made = import_building([path], tmp_path / "case", people=100)
-    assert (made.fault, made.building.vertices[:, 0].max()) == ("", ends)
-    assert evac.run(evac.load(made.folder)).evacuated == 100
+def test_a_drawing_of_the_convention_becomes_a_case_that_runs(drawing, tmp_path):
+    space = drawing.modelspace()
+    bottleneck = [(0, 0), (10, 0), (10, 2.2), (12, 2.2), (12, 0), (15, 0), (15, 6), (12, 6), (12, 3.8), (10, 3.8)]
+    add(space, "jps-walkableArea", [*bottleneck, (10, 6), (0, 6)])
+    add(space, "jps-Obstacles", [(4, 2), (5, 2), (5, 4), (4, 4)])
+    add(space, "jps-Exits", [(14.6, 0.5), (15, 0.5), (15, 5.5), (14.6, 5.5)])
+    add(space, "jps-Distributions", [(0, 0), (3, 0), (3, 6), (0, 6)])
+    drawing.saveas(tmp_path / "a.dxf")
+    made = import_building([tmp_path / "a.dxf"], tmp_path / "case", people=12)
+    assert (made.fault, [room.number for room in made.rooms]) == ("", [12])
+    assert ground(made.building) == pytest.approx(10 * 6 - 2 + 2 * 1.6 + 3 * 6 - 0.4 * 5, abs=0.3)
+    assert evac.run(evac.load(made.folder)).evacuated == 12

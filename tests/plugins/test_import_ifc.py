@@ -2,7 +2,6 @@
 
 import math
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from evac.registry import BUILTIN_IMPORTERS, Registry
 from tests.ifcfiles import IfcFile, steps
 
 REGISTRY = Registry(builtins=BUILTIN_IMPORTERS)
-FOREIGN = Path(__file__).parents[3] / "shared" / "data" / "foreign"
 
 pytest.importorskip("ifclite_geom", reason="the extra evac[ifc] is not installed")
 
@@ -86,6 +84,28 @@ def test_options(tmp_path):
     assert (len(plan.exits), len(plan.openings)) == (0, 1)
 
 
+def test_furniture_stands_on_its_storey_and_lamps_hang_above_it(tmp_path):
+    ifc = house(IfcFile(), storeys=2)
+    for z in (0, 3):
+        ifc.box("IFCFURNITURE", "desk", (1, 1, z), (2, 2, z + 0.7), tail=",$,.DESK.")
+        ifc.box("IFCFURNITURE", "lamp", (6, 3, z + 1.8), (7, 4, z + 2.2), tail=",$,.NOTDEFINED.")
+    path = ifc.write(tmp_path / "a.ifc")
+    free, full = (
+        sum(level.polygon.area for level in building_of(path, furniture=value).levels) for value in (False, True)
+    )
+    assert free - full == pytest.approx(2.0, rel=1e-2)
+
+
+def test_an_opening_that_ends_above_the_foot_of_its_wall_is_no_door(tmp_path):
+    ground = []
+    for sill in (0.0, 0.2):
+        ifc = house(IfcFile(), spaces=False)
+        wall = ifc.box("IFCWALL", "W", (2, 0.2, 0), (2.2, 6.2, 3.2))
+        ifc.opening((2, 4, sill), (2.2, 5, sill + 2.1), wall=wall)
+        ground.append(sum(level.polygon.area for level in building_of(ifc.write(tmp_path / "a.ifc")).levels))
+    assert ground[0] - ground[1] == pytest.approx(0.2 * 1.0, rel=1e-2)
+
+
 STRAIGHT = {"width": 1.2, "going": 0.28, "riser": 3.0 / 17, "count": 16}
 
 
@@ -112,6 +132,30 @@ def all_out(path, folder, people=20):
     assert made.fault == ""
     results = evac.run(evac.load(made.folder))
     return results.evacuated == people and len({room.level for room in made.rooms}) > 1
+
+
+def test_two_dwellings_with_stairs_and_doors_of_their_own(tmp_path):
+    ifc = IfcFile()
+    for k in range(2):
+        z = 3.0 * k
+        ifc.storey(f"L{k}", z)
+        for x in (0.0, 12.0):
+            slab = ifc.box("IFCSLAB", "S", (x, 0, z - 0.2), (x + 8, 7, z), predefined="FLOOR")
+            sides = [(0, 0, 8, 0.2), (0, 6.8, 8, 7), (0, 0.2, 0.2, 6.8), (7.8, 0.2, 8, 6.8)]
+            made = [ifc.box("IFCWALL", "W", (x + a, b, z), (x + c, d, z + 3)) for a, b, c, d in sides]
+            if k:
+                ifc.opening((x + 5.3, 0.8, z - 0.3), (x + 6.7, 5.38, z + 0.1), wall=slab)
+                continue
+            treads = steps(ifc, (x + 6.0, 0.9), (0, 1), 0.0, **STRAIGHT)
+            ifc.body("IFCSTAIRFLIGHT", "up", *treads, tail=STAIR_TAIL["IFCSTAIRFLIGHT"])
+            ifc.opening((x + 1, 0, z), (x + 2, 0.2, z + 2.1), wall=made[0], door="front")
+            ifc.opening((x + 1, 6.8, z), (x + 2, 7, z + 2.1), wall=made[1], door="back")
+    path = ifc.write(tmp_path / "a.ifc")
+    building = building_of(path)
+    assert (len(building.stairs), len(building.exits)) == (2, 4)
+    floors = {level.name for level in building.levels if level.kind == "floor"}
+    assert floors == {"L0", "L0 (2)", "L1", "L1 (2)"}
+    assert all_out(path, tmp_path)
 
 
 def u_shaped(ifc, kind="IFCSTAIR", landing="own"):
@@ -244,9 +288,11 @@ def test_a_stair_that_leads_nowhere_is_named_with_its_place(tmp_path):
     assert place == pytest.approx((7.0, 0.9 + 16 * 0.28), abs=0.01)
 
 
-def test_a_storey_without_a_stair_is_told_and_the_ground_floor_runs(tmp_path):
-    path = house(IfcFile(), storeys=2).write(tmp_path / "a.ifc")
-    assert [level for level, _, _ in warnings_of(path)] == ["L1"]
+def test_storeys_without_a_stair_are_told_and_the_ground_floor_runs(tmp_path):
+    path = house(IfcFile(), storeys=4).write(tmp_path / "a.ifc")
+    told = warnings_of(path)
+    assert [level for level, _, _ in told] == ["L1", "L2", "L3"]
+    assert all(0.0 < x < 10.4 and 0.0 < y < 6.4 for _, (x, y), _ in told)
     made = evac.import_building([path], tmp_path / "case", people=5)
     assert made.fault == ""
     assert {made.building.levels[room.level].name for room in made.rooms} == {"L0"}
@@ -292,33 +338,3 @@ def test_it_keeps_to_the_contract(tmp_path):
     people = [{"name": "people", "area": "001", "number": 3}]
     case = evac.load({"building": {"mesh": str(path)}, "people": people, "contact": {"model": "nsm2"}})
     check_plugin(type(REGISTRY.importers["ifc"]()), case)
-
-
-needs_foreign = pytest.mark.skipif(not FOREIGN.is_dir(), reason=f"{FOREIGN} is not there")
-
-
-@needs_foreign
-@pytest.mark.parametrize(
-    ("name", "upstairs", "stairs", "exits"),
-    [
-        ("Ifc2x3_Duplex_Architecture.ifc", "Level 2", 2, 4),
-        ("ISO-Test-1-IFC2x3.ifc", None, 0, 1),
-        ("TallBuilding.ifc", None, 0, 3),
-    ],
-)
-def test_foreign_files_run(tmp_path, name, upstairs, stairs, exits):
-    made = evac.import_building([FOREIGN / name], tmp_path / "case", people=100)
-    assert made.fault == ""
-    assert (len(made.building.stairs), len(made.building.exits)) == (stairs, exits)
-    results = evac.run(evac.load(made.folder))
-    assert results.evacuated == 100
-    if upstairs:
-        levels = {made.building.levels[room.level].name for room in made.rooms if room.number}
-        assert {upstairs, f"{upstairs} (2)"} <= levels
-
-
-@needs_foreign
-def test_upper_storeys_of_the_tall_building_are_told_to_have_no_stair():
-    plan = plan_of(FOREIGN / "TallBuilding.ifc")
-    assert [one.level for one in plan.findings if one.kind == "warning"] == ["Level 2", "Level 4", "Level 5"]
-    assert all(one.place is not None for one in plan.findings if one.kind == "warning")

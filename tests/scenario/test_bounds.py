@@ -110,3 +110,11 @@ def test_a_thin_area_needs_no_more_candidates_than_are_allowed(monkeypatch):
 
 def test_a_run_of_the_longest_duration_has_steps_that_can_be_counted():
     assert SimulationSettings(step=1e-9, tick=1e-5, duration=1e7).last_step < 2**63
+
+
+@pytest.mark.parametrize(
+    ("step", "tick", "duration", "steps"), [(0.1, 0.3, 0.7, (3, 7)), (0.01, 0.29, 1.13, (29, 113))]
+)
+def test_numbers_of_steps_are_rounded_as_floats_divide(step, tick, duration, steps):
+    settings = SimulationSettings(step=step, tick=tick, duration=duration)
+    assert (settings.steps_per_tick, settings.last_step) == steps

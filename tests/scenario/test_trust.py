@@ -14,7 +14,7 @@ from evac.scenario.trust import run_plugin_files, without_unknown
 PLUGIN = """
     from pathlib import Path
     from evac import Behaviour, Parameter, hookimpl
-    evac_interface = 2
+    evac_interface = 3
     Path(__file__).with_suffix(".ran").touch()
 
     class Odd(Behaviour):

@@ -30,6 +30,12 @@ def test_a_study_stops_when_its_interval_is_narrow_enough():
     assert 50 < runs < 200
 
 
+def test_the_required_runs_increase_with_the_square_of_the_width():
+    times = np.random.default_rng(5).lognormal(2.0, 0.08, 20)
+    width = until_known(0.5).estimate(times, ALONE).relative_half_width
+    assert [until_known(width / share).wanted(times, ALONE) for share in (1.1, 2.0, 3.0)] == [30, 80, 180]
+
+
 def test_no_more_runs_than_the_most_are_wanted():
     times = np.random.default_rng(2).lognormal(0.0, 2.0, 60)
     rule = until_known(0.01, most=60)

@@ -3,13 +3,14 @@
 import concurrent.futures
 import csv
 import json
+import os
 import textwrap
 
 import numpy as np
 import pytest
 
 import evac
-from evac.errors import PluginError, ResultError, ScenarioError
+from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
 from evac.output.congestion import DENSITY
 from evac.output.files import RUNS_STREAM_NAME
 from evac.output.report.study import study_report
@@ -280,9 +281,22 @@ def test_one_run_is_made_again_into_a_folder(case, tmp_path):
     assert results.crowd.exit_time.tobytes() == list(study.rows())[1]["exit_time"].tobytes()
 
 
+def test_a_script_is_told_what_the_command_tells():
+    late = {"behaviours.response_time": {"time": {"lognormal": [60, 20]}}, "simulation.duration": 1.0}
+    case = evac.load("square_room", {"people.people.number": 3, **late})
+    for make in (lambda: evac.repeat(case, 2, workers=1), lambda: evac.sweep(case, {"contact.model": ["dem"]}, 2)):
+        with pytest.warns(evac.RunWarning) as told:
+            make()
+        assert [word in str(one.message) for one, word in zip(told, ("1 s", "2 of 2 runs"), strict=True)] == [
+            True,
+            True,
+        ]
+        assert {one.filename for one in told} == {__file__}
+
+
 FAILING = """
     from evac import Behaviour, hookimpl
-    evac_interface = 2
+    evac_interface = 3
 
     class Odd(Behaviour):
         '''Fails or kills its process.'''
@@ -385,12 +399,48 @@ def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
     assert study.statistics[0].runs == 3
 
 
+def test_an_error_in_another_process_is_in_its_row(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    case = with_plugin(tmp_path, f"import os; os.getpid() != {os.getpid()} and int('three')")
+    study = evac.repeat(case, 8, workers=2)
+    errors = [row["error"] for row in study.rows(columns=["error"], failed=True)]
+    assert 0 < study.statistics[0].failed == sum(error is not None for error in errors) < 8
+    assert all("three" in error for error in errors if error is not None)
+
+
+def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            future.set_exception(PluginError("no such plugin here"))
+            return future
+
+    with pytest.raises(PluginError, match="here"):
+        evac.repeat(case, 3, executor=Executor())
+
+
+@pytest.mark.parametrize("ending", ["error", "cancelled"])
+def test_a_task_that_an_executor_does_not_execute_ends_the_study(case, ending):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            if ending == "error":
+                future.set_exception(MemoryError("no room"))
+            else:
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(SimulationError, match="runs 0 to"):
+        evac.repeat(case, 3, executor=Executor())
+
+
 def test_a_process_that_dies_loses_no_runs(tmp_path, monkeypatch):
     monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
     mark = tmp_path / "killed"
     kill = "(mark.touch(), os.kill(os.getpid(), 9))"
-    act = f"import os, multiprocessing, pathlib; mark = pathlib.Path({str(mark)!r}); "
-    act += f"multiprocessing.parent_process() and not mark.exists() and {kill}"
+    act = f"import os, pathlib; mark = pathlib.Path({str(mark)!r}); "
+    act += f"os.getpid() != {os.getpid()} and not mark.exists() and {kill}"
     case = with_plugin(tmp_path, act)
     study = evac.repeat(case, 8, workers=2)
     assert mark.exists()

@@ -26,7 +26,7 @@ class Alarm(Behaviour):
         return False
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

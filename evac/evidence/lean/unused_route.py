@@ -25,7 +25,7 @@ class UnusedRoute(Behaviour):
         return False
 
 
-evac_interface = 2
+evac_interface = 3
 
 
 @hookimpl

@@ -10,6 +10,7 @@ from evac.evidence.report import Evidence
 from evac.evidence.scaling.halls import Hall, make_hall
 from evac.evidence.scaling.walks import TICK, Variant, Walk, cpu_time, make_variant, minimal_cost, start_minimal
 from evac.evidence.verdicts import reported
+from evac.outside import make_outside
 from evac.scene import Scene, make_ground
 
 PEOPLE, QUICK_PEOPLE = 10_000, 100
@@ -54,10 +55,9 @@ def compare(hall: Hall, variant: Variant) -> dict[str, Any]:
     """Return the costs without and with headway and of the minimal kernel, taken alternately [ns per person-step]."""
     plain, kept = Walk(hall, variant.step), Walk(hall, variant.step)
     behaviour: Behaviour = plugins().get("behaviour", "headway")()
-    scene = BehaviourScene(
-        kept.crowd, Scene(make_ground(hall.building, hall.fields)), (), np.random.default_rng(0), TICK
-    )
-    behaviour.prepare(scene)
+    scene = Scene(make_ground(hall.building, hall.fields))
+    outside = make_outside(len(kept.crowd.level))
+    behaviour.prepare(BehaviourScene(kept.crowd, scene, (), np.random.default_rng(0), TICK, outside))
     costs = []
     for tick in range(WARM + TIMED):
         if tick == WARM:

@@ -1,4 +1,4 @@
-"""Two surveys used by several tests: flow and speed on stairs, and doors that block permanently."""
+"""Two surveys used by several tests: flow and speed on stairs, and flow through doors, which may block for good."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,14 +8,20 @@ import numpy as np
 
 from evac.arrays import FloatArray
 from evac.evidence.validation.buildings import CROWD_SPEED, across, hall_and_stair, rectangle
-from evac.evidence.validation.flows import STAIR_FLOW
+from evac.evidence.validation.flows import STAIR_FLOW, passing_times
 from evac.evidence.validation.trial import Check, Criterion, Outcome, Trial, mean_interval
 from evac.output.flows import steady_flow
 
 STAIR_WIDTHS = (1.0, 1.2, 1.8)  # m
 WAYS = ("down", "up")
-DOOR_WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.2)  # m
+DOOR_WIDTHS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 2.0)  # m
 PEOPLE = 100
+
+#: Column of the table of doors.
+AT_EXIT = "exit at the door over ground behind"
+
+#: Greatest difference of the flow with the exit at the door from that with ground behind it, with headway [-].
+SAME_FLOW = 0.1
 
 #: Width of the door of IMO 4 and greatest flow through it.
 IMO_DOOR = 1.0  # m
@@ -30,6 +36,9 @@ LABORATORY = {
     1.0: (1.71, 2.77),
     1.2: (2.03, 2.75),
 }
+
+#: The room with a door: its length, the thickness of the wall with the door, and the depth of ground behind it [m].
+ROOM, WALL, GROUND = 8.0, 0.2, 2.5
 
 #: People faster than this factor times their own stair speed count as pushed [-].
 PUSHED = 1.2
@@ -48,11 +57,15 @@ class Stair:
 
 @dataclass(frozen=True)
 class Door:
-    """Runs at one door: its width [m], and the flow of each over its whole time [1/s], NaN where it blocked."""
+    """Runs at one door: its width [m], and the flow of each over its whole time [1/s], NaN where it blocked.
+
+    `flows` are those with ground behind the door, `at_exit` those with the exit right at the door.
+    """
 
     trial: Trial
     width: float
     flows: FloatArray
+    at_exit: FloatArray
 
 
 def run_stair(trial: Trial, width: float, way: str) -> Stair:
@@ -103,18 +116,20 @@ def stair_row(stair: Stair) -> dict[str, Any]:
 
 def run_door(trial: Trial, width: float) -> Door:
     """Run a hundred people in a room of 8 x 5 m out of a door in the middle of its short wall (IMO 4)."""
-    runs = trial.runs(
-        [rectangle(0, 0, 8, 5)],
-        [("door", across(8, 2.5 - width / 2, 2.5 + width / 2), 0.0)],
-        [{"area": "room", "number": PEOPLE, "speed": CROWD_SPEED}],
-        [("room", (0, 0, 8, 5), 0.0)],
-    )
-    return Door(trial, width, np.array([_whole_flow(outcome) for outcome in runs]))
+    low, high = 2.5 - width / 2, 2.5 + width / 2
+    room, (end, sides) = rectangle(0, 0, ROOM, 5), (ROOM + WALL + GROUND, (0, 5))
+    ground = [room, rectangle(ROOM, low, ROOM + WALL, high), rectangle(ROOM + WALL, 0, end, 5)]
+    crowd, area = {"area": "room", "number": PEOPLE, "speed": CROWD_SPEED}, ("room", (0, 0, ROOM, 5), 0.0)
+    found = []
+    for faces, segment in ((ground, across(end, *sides)), ([room], across(ROOM, low, high))):
+        runs = trial.runs(faces, [("door", segment, 0.0)], [crowd], [area], **{"output.every": 0.1})
+        found.append(np.array([_whole_flow(outcome) for outcome in runs]))
+    return Door(trial, width, *found)
 
 
 def _whole_flow(outcome: Outcome) -> float:
-    """Return the flow from the first to the last who leaves [1/s]; NaN if people are left."""
-    times = outcome.exit_times
+    """Return the flow through the door from the first to the last person [1/s]; NaN if people are left."""
+    times = passing_times(outcome, ROOM)
     return float("nan") if outcome.is_blocked else float((len(times) - 1) / (times[-1] - times[0]))
 
 
@@ -145,8 +160,9 @@ def door_checks(doors: Sequence[Door]) -> list[Check]:
 
 def door_row(door: Door) -> dict[str, Any]:
     """Return the row of a door on the page."""
-    free = door.flows[~np.isnan(door.flows)]
+    free, at_exit = (flows[~np.isnan(flows)] for flows in (door.flows, door.at_exit))
     low, high = mean_interval(free) or (None, None)
+    beside = float(at_exit.mean()) if len(at_exit) else None
     return {
         "width [m]": door.width,
         "model": door.trial.name,
@@ -157,5 +173,7 @@ def door_row(door: Door) -> dict[str, Any]:
         "from": low,
         "to": high,
         "flow per metre [1/s/m]": float(free.mean()) / door.width if len(free) else None,
-        "laboratory [1/s]": "{:g} to {:g}".format(*LABORATORY[door.width]),
+        "exit at the door [1/s]": beside,
+        AT_EXIT: beside / float(free.mean()) if beside is not None and len(free) else None,
+        "laboratory [1/s]": "{:g} to {:g}".format(*LABORATORY[door.width]) if door.width in LABORATORY else None,
     }

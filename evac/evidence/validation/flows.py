@@ -104,7 +104,7 @@ def foot_of_a_stair(trial: Trial) -> list[Check]:
         [("room", (0, 0, 5, 8), 0.0)],
         **{"output.every": 0.1},
     ):
-        entered, foot = (_passing_times(outcome, x) for x in (5.0, 17.0))
+        entered, foot = (passing_times(outcome, x) for x in (5.0, 17.0))
         flow = float("nan") if outcome.is_blocked else steady_flow(foot)
         gains.append(steady_flow(entered) / flow)
         flows.append(flow / 2.0)
@@ -130,7 +130,7 @@ def _moved(faces: Sequence[Face], x: float, y: float) -> list[Face]:
     return [[(px + x, py + y, pz) for px, py, pz in face] for face in faces]
 
 
-def _passing_times(outcome: Outcome, x: float) -> FloatArray:
+def passing_times(outcome: Outcome, x: float) -> FloatArray:
     """Return when each person is first seen beyond `x`, or out, in ascending order [s]."""
     place = outcome.trajectory.position[..., 0]
     beyond = np.isnan(place) | (place > x)

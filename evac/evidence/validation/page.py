@@ -13,7 +13,7 @@ import numpy as np
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.validation import capacity, choices, flows, kinematics
 from evac.evidence.validation.trial import Check, Criterion, Trial
-from evac.evidence.verdicts import all_of, at_most, reported
+from evac.evidence.verdicts import all_of, at_least, at_most, reported
 from evac.study.statistics import CONFIDENCE
 
 Row = Mapping[str, Any]
@@ -229,7 +229,7 @@ def failed_tests(rows: Sequence[Row]) -> dict[str, list[str]]:
 
 
 def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], doors: Sequence[Row]) -> None:
-    """Add the verdicts: tests passed by each model and by none, flows on stairs, runs that block at doors."""
+    """Add the verdicts: tests passed by each model and by none, flows on stairs, flows through doors."""
     total = len({row["test"] for row in tests})
     failed = failed_tests(tests)
     for model, names in failed.items():
@@ -247,6 +247,20 @@ def _judge(evidence: Evidence, tests: Sequence[Row], stairs: Sequence[Row], door
         evidence.verdict(at_most(question, flow, flows.STAIR_FLOW[1], section=STAIRS))
         runs, blocked = (sum(row[key] for row in doors if row["model"] in models) for key in ("runs", "blocked"))
         evidence.verdict(all_of(f"Runs at doors {words} headway that do not block", runs - blocked, runs, DOORS))
+    _judge_doors(evidence, [row for row in doors if row["model"].endswith("headway") and row["flow [1/s]"]])
+
+
+def _judge_doors(evidence: Evidence, doors: Sequence[Row]) -> None:
+    """Add the verdicts on flows through doors with headway: against laboratories, and with the exit at the door."""
+    for question, bound, judge, extreme in (
+        ("Flow through doors with headway over the least in laboratories, least [-]", 0, at_least, min),
+        ("Flow through doors with headway over the greatest in laboratories, greatest [-]", 1, at_most, max),
+    ):
+        known = [(row["flow [1/s]"], capacity.LABORATORY.get(row["width [m]"])) for row in doors]
+        evidence.verdict(judge(question, extreme(flow / lab[bound] for flow, lab in known if lab), 1.0, section=DOORS))
+    question = "Flow with the exit at the door against ground behind it, with headway, greatest difference [-]"
+    differences = [abs(row[capacity.AT_EXIT] - 1.0) for row in doors if row[capacity.AT_EXIT]]
+    evidence.verdict(at_most(question, max(differences), capacity.SAME_FLOW, section=DOORS))
 
 
 def _report_tests(evidence: Evidence, tests: Sequence[Row], verdicts: Sequence[Row], figure: Callable[[], Any]) -> None:
@@ -292,10 +306,11 @@ def _report_stairs(evidence: Evidence, rows: Sequence[Row]) -> None:
 def _report_doors(evidence: Evidence, rows: Sequence[Row]) -> None:
     evidence.heading(DOORS)
     evidence.text(
-        f"""A hundred people in a room of 8 x 5 m with one door in the middle of the short wall (IMO 4). Flows are
-        of the runs that do not block, from the first to the last person; IMO allows {capacity.IMO_FLOW} /s through
-        {capacity.IMO_DOOR:g} m. Beside them are the least and the greatest flow that laboratories measured at each
-        width, without hurry."""
+        f"""A hundred people in a room of 8 x 5 m with one door in the middle of the short wall (IMO 4), and
+        {capacity.GROUND:g} m of ground behind the wall, as wide as the room. Flows are of the runs that do not block,
+        from the first to the last person; IMO allows {capacity.IMO_FLOW} /s through {capacity.IMO_DOOR:g} m. Beside
+        them are the flows with the exit right at the door instead of the ground behind it, and the least and the
+        greatest flow that laboratories measured at each width, without hurry."""
     )
     evidence.table("doors", rows, "Doors.", {"width [m]": "g", "runs": "d", "blocked": "d", "share blocked": ".2f"})
 

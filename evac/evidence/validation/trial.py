@@ -1,6 +1,7 @@
 """Parts of a validation test: the tested model, its runs, and values compared with a criterion."""
 
 import csv
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
+from evac.errors import RunWarning
 from evac.evidence.models import model_overrides
 from evac.evidence.validation.buildings import Face, Segment, write_case
 from evac.output.results import Results
@@ -197,7 +199,8 @@ class Trial:
 
 def conduct(case: Case) -> Outcome:
     """Run a case with a result folder and read the folder."""
-    with TemporaryDirectory() as place:
+    with TemporaryDirectory() as place, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunWarning)  # the criteria judge the results
         results = run(case, place)
         with (Path(place) / "people.csv").open(newline="", encoding="utf-8") as file:
             people = list(csv.DictReader(file))

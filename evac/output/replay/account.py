@@ -1,19 +1,19 @@
 """Data on the replay page other than the motion: people, settings, outcome and warnings of the run."""
 
-import csv
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.ending import DURATION_OVER, FAILED, INTERRUPTED, NO_PROGRESS
 from evac.errors import ResultError
 from evac.output.files import PEOPLE_NAME, SUMMARY_NAME
+from evac.output.reading import checked, read_columns, read_json
 
 if TYPE_CHECKING:
     from evac.output.results import Results
@@ -59,6 +59,47 @@ class Account:
     exit_time: FloatArray | None = None
 
 
+class _Plain(BaseModel):
+    """A table of ``summary.json``; keys that the page does not show are left out."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+
+
+class _Building(_Plain):
+    mesh: str = ""
+
+
+class _Simulation(_Plain):
+    step: float | None = None
+
+
+class _Case(_Plain):
+    building: _Building = _Building()
+    contact: dict[str, Any] = {}
+    forces: dict[str, dict[str, Any] | Literal[False]] = {}
+    behaviours: dict[str, dict[str, Any] | Literal[False]] = {}
+    simulation: _Simulation = _Simulation()
+
+
+class _Contact(_Plain):
+    model: str
+
+
+class _Summary(_Plain):
+    title: str
+    case: _Case
+    contact: _Contact
+    people: int
+    evacuated: int
+    last_out: float | None
+    ended: str
+    simulated_time: float
+    seed: int
+    versions: dict[str, str]
+    warnings: list[str]
+    quality_warnings: list[str]
+
+
 def account_of_run(results: "Results", error: BaseException | None = None) -> Account:
     """Return the account of a run from its results.
 
@@ -75,7 +116,7 @@ def account_of_run(results: "Results", error: BaseException | None = None) -> Ac
     for index, members in enumerate(results.groups):
         group[members.rows] = index
     return Account(
-        **_of_summary(summary, None if error is None else str(error)),
+        **_of_summary(_Summary.model_validate(summary), None if error is None else str(error)),
         groups=[members.name for members in results.groups],
         group=group,
         radius=crowd.radius,
@@ -102,69 +143,75 @@ def account_of_folder(trajectory: "Trajectory") -> Account:
     folder, header = trajectory.path.parent, trajectory.header
     known: dict[str, Any] = {"groups": trajectory.groups, "group": trajectory.group, "radius": trajectory.radius}
     path = folder / SUMMARY_NAME
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-        if summary["seed"] != header.get("seed") or summary["people"] != trajectory.number_of_people:
+    if path.exists():
+        summary = checked(_Summary, read_json(path), path)
+        if summary.seed != header.get("seed") or summary.people != trajectory.number_of_people:
             raise ResultError(f"{path}: not of the run of {trajectory.path.name}; remove it, or run the case again")
         account = Account(**_of_summary(summary, None), **known)
-    except FileNotFoundError:
+    else:
         facts = [("Seed", str(header.get("seed"))), ("Versions", _versions(header.get("versions", {})))]
         text = (
             f"The run was killed or has not ended: the recorded states end at t = {trajectory.time[-1]:g} s. "
             "Exit times are rounded to recorded states."
         )
         account = Account(str(header.get("title", "")), facts, (), (), ("error", text), **known)
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ResultError(f"{path}: cannot read the summary: {error!r}; remove it, or run the case again") from error
     return _with_people(account, folder / PEOPLE_NAME, trajectory.building)
 
 
 def _with_people(account: Account, path: Path, building: Building) -> Account:
     """Return an account with the data of the table of people, if it exists."""
-    exits = {exit_.name: exit_.index for exit_ in building.exits}
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        if len(rows) != len(account.radius):
-            raise ResultError(f"{path}: has {len(rows)} people, not {len(account.radius)}; run the case again")
-        return replace(
-            account,
-            speed=np.array([float(row["speed"]) for row in rows]),
-            response_time=np.array([float(row["response_time"]) for row in rows]),
-            exit_used=np.array([exits[row["exit"]] if row["exit"] else -1 for row in rows], np.int32),
-            exit_time=np.array([float(row["exit_time"] or "nan") for row in rows]),
-        )
-    except FileNotFoundError:
+    if not path.exists():
         return account
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ResultError(f"{path}: cannot read the people: {error!r}; remove it, or run the case again") from error
+    exits = {"": -1} | {exit_.name: exit_.index for exit_ in building.exits}
+    columns = read_columns(path, ("speed", "response_time", "exit", "exit_time"))
+    if len(columns["exit"]) != len(account.radius):
+        raise ResultError(f"{path}: has {len(columns['exit'])} people, not {len(account.radius)}; run the case again")
+    for name in columns["exit"]:
+        if name not in exits:
+            raise ResultError(f"{path}: column 'exit': the building has no exit {name!r:.80}; run the case again")
+
+    def numbers(column: str) -> FloatArray:
+        try:
+            found = np.array([float(text or "nan") for text in columns[column]])
+        except ValueError as error:
+            raise ResultError(f"{path}: column {column!r}: {error}; run the case again") from error
+        if (found < 0.0).any():
+            raise ResultError(f"{path}: column {column!r}: {found.min():g} is negative; run the case again")
+        return found
+
+    return replace(
+        account,
+        speed=numbers("speed"),
+        response_time=numbers("response_time"),
+        exit_used=np.array([exits[name] for name in columns["exit"]], np.int32),
+        exit_time=numbers("exit_time"),
+    )
 
 
-def _of_summary(summary: Mapping[str, Any], error: str | None) -> dict[str, Any]:
+def _of_summary(summary: _Summary, error: str | None) -> dict[str, Any]:
     """Return the fields of an account from the content of ``summary.json``."""
-    case, contact = summary["case"], summary["contact"]
-    settings = case.get("simulation", {})
-    parameters = case.get("contact", {}).get(contact["model"], {})
-    last = summary["last_out"]
-    left = summary["people"] - summary["evacuated"]
+    case, model, step = summary.case, summary.contact.model, summary.case.simulation.step
+    parameters = case.contact.get(model, {})
+    last = summary.last_out
+    left = summary.people - summary.evacuated
     facts = [
-        ("Building", case.get("building", {}).get("mesh", "")),
-        ("People", f"{summary['people']}, of whom {summary['evacuated']} got out"),
+        ("Building", case.building.mesh),
+        ("People", f"{summary.people}, of whom {summary.evacuated} got out"),
         ("Last person out", "nobody" if last is None else f"{last:.2f} s"),
-        ("Ended", f"{summary['ended']}, after {summary['simulated_time']:g} s"),
-        ("Contact model", _with_parameters(contact["model"], parameters)),
-        ("Forces", _plugins(case.get("forces", {}))),
-        ("Behaviours", _plugins(case.get("behaviours", {}))),
-        ("Time step", f"{settings['step']:g} s" if "step" in settings else ""),
-        ("Seed", str(summary["seed"])),
-        ("Versions", _versions(summary["versions"])),
+        ("Ended", f"{summary.ended}, after {summary.simulated_time:g} s"),
+        ("Contact model", _with_parameters(model, parameters if isinstance(parameters, Mapping) else {})),
+        ("Forces", _plugins(case.forces)),
+        ("Behaviours", _plugins(case.behaviours)),
+        ("Time step", "" if step is None else f"{step:g} s"),
+        ("Seed", str(summary.seed)),
+        ("Versions", _versions(summary.versions)),
     ]
     return {
-        "title": summary["title"],
+        "title": summary.title,
         "facts": [(name, value) for name, value in facts if value],
-        "warnings": summary["warnings"],
-        "quality_warnings": summary["quality_warnings"],
-        "banner": _banner(summary["ended"], summary["simulated_time"], left, summary["people"], error),
+        "warnings": summary.warnings,
+        "quality_warnings": summary.quality_warnings,
+        "banner": _banner(summary.ended, summary.simulated_time, left, summary.people, error),
     }
 
 
@@ -200,5 +247,7 @@ def _value(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _versions(versions: Mapping[str, str]) -> str:
+def _versions(versions: Any) -> str:
+    if not isinstance(versions, Mapping):
+        return ""
     return ", ".join(f"{name} {version}" for name, version in versions.items())

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IntArray
 from evac.building.elevation import PLANE, elevation
 from evac.building.model import Building, Level
+from evac.saved import SavedError, taken
 
 #: Resolution of positions [m].
 GRAIN = 0.01
@@ -37,6 +38,11 @@ LEAST_FORCE = 10.0
 #: Number of force codes per factor of two.
 PER_OCTAVE = 1.5
 _ESCAPE = 255
+#: Largest numbers in a saved state, so that differences do not overflow.
+MOST_FRAMES = 2**31 - 1
+MOST_CODE = 2**40
+#: Greatest number of bytes of a stream for a frame, and in addition for each person.
+LARGEST_FRAME, LARGEST_RECORD = 16, 24
 #: Arrays that encoding of the next frame depends on.
 _STATE = ("level", "seen", "last", "before", "force")
 
@@ -46,12 +52,11 @@ STREAMS = ("times", "events", "steps", "heights", "forces", "wide")
 class _Stream:
     """A byte stream that is compressed incrementally."""
 
-    def __init__(self, packed: bytes = b"") -> None:
+    def __init__(self, data: bytes = b"") -> None:
         # Sequences rarely repeat, but some bytes are much more frequent than others.
         self._compressor = zlib.compressobj(9, strategy=zlib.Z_FILTERED)
         self._ready = bytearray()
-        if packed:
-            self.write(zlib.decompress(packed))
+        self.write(data)
 
     def write(self, data: bytes) -> None:
         self._ready += self._compressor.compress(data)
@@ -128,11 +133,32 @@ class MotionPacker:
         return state | {f"stream.{name}": np.frombuffer(data, np.uint8) for name, data in self.streams().items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Restore the arrays that `state` returned in a packer for the same people and building."""
+        """Restore the arrays that `state` returned in a packer for the same people and building.
+
+        Raises
+        ------
+        SavedError
+            An array is not what `state` returns.
+        """
+        self.frames = int(taken(state, "frames", np.int64, (1,), 0, MOST_FRAMES)[0])
+        bounds = {"level": (-1, len(self._planes) - 1), "seen": (0, self.frames)}
         for name in _STATE:
-            getattr(self, f"_{name}")[:] = state[name]
-        self.frames = int(state["frames"][0])
-        self._streams = {name: _Stream(state[f"stream.{name}"].tobytes()) for name in STREAMS}
+            array = getattr(self, f"_{name}")
+            array[:] = taken(state, name, array.dtype, array.shape, *bounds.get(name, (-MOST_CODE, MOST_CODE)))
+        self._streams = {name: self._restored(state, name) for name in STREAMS}
+
+    def _restored(self, state: Mapping[str, NDArray[Any]], name: str) -> _Stream:
+        """Return a stream with its saved bytes, which are bounded by the number of frames."""
+        key = f"stream.{name}"
+        most = self.frames * (LARGEST_FRAME + LARGEST_RECORD * len(self._level))
+        decompressor = zlib.decompressobj()
+        try:
+            data = decompressor.decompress(taken(state, key, np.uint8, (None,), 0, 255).tobytes(), most + 1)
+        except zlib.error as error:
+            raise SavedError(f"{key}: {error}") from error
+        if len(data) > most or not decompressor.eof or (name == "times" and len(data) != 8 * self.frames):
+            raise SavedError(f"{key}: its length does not match {self.frames} frames")
+        return _Stream(data)
 
     def _events(self, person: IntArray, level: IntArray) -> NDArray[np.int32]:
         """Return the people who are new, have left, or have changed the level since the previous frame."""

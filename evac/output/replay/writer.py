@@ -20,6 +20,7 @@ from evac.output.replay.account import Account, account_of_folder
 from evac.output.replay.geometry import building_for_page
 from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
 from evac.output.trajectory import Trajectory
+from evac.saved import FINITE, taken
 
 #: Largest time or length that the page gets [s or m]; a response time may be as large as a float can be.
 LARGEST = 1e9
@@ -104,7 +105,10 @@ class ReplayWriter:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Restore the arrays that `state` returned in a writer for the same people and building."""
-        self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in state["closed"]]
+        links = self._building.n_links
+        most = np.array([FINITE, *[1.0] * links])
+        closed = taken(state, "closed", np.float64, (None, 1 + links), 0.0, most)
+        self._closed = [(float(row[0]), np.flatnonzero(row[1:]).tolist()) for row in closed]
         self._motion.restore(state)
 
     def write(self, path: Path, account: Account) -> None:

@@ -13,7 +13,8 @@ from evac.arrays import FloatArray
 from evac.ending import FAILED
 from evac.errors import ResultError
 from evac.output.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
-from evac.output.report.source import CaseTable, Run, checked, read_columns, read_json
+from evac.output.reading import checked, read_columns, read_json
+from evac.output.report.source import CaseTable, Run
 
 #: Columns of runs.csv that a report needs, and the ends of those that tell of an exit.
 COLUMNS = ("point", "run", "seed", "ended", "blocked", "time", "people", "out", "last_out", "quality_warnings")

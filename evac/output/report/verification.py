@@ -99,7 +99,8 @@ def _tests(case: CaseTable, rows: list[dict[str, str]], kind: Mapping[str, str])
             paragraph(
                 f"The contact model of this case was tested as {subject}: of {len(rows)} criteria, {passed} were met"
                 f" and {failed} were not. The model's other parameters were those of the tests, which may differ from"
-                " those of this case."
+                " those of this case. They do not compare flows through doors with those of laboratories;"
+                " docs/evidence/validation does."
             )
         )
         shown = [subject]

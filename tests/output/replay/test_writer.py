@@ -60,6 +60,8 @@ def test_states_are_chosen_by_time(descent):
     trajectory = read_trajectory(path)
     assert replay_trajectory(trajectory, path.with_name("all.html")) == 9
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=1.0) == 5
+    # Nearest to 0, 0.8, ... 3.2 s are 0, 1, 1.5, 2.5 and 3 s.
+    assert replay_trajectory(trajectory, path.with_name("few.html"), every=0.8) == 6
     assert replay_trajectory(trajectory, path.with_name("few.html"), every=100.0) == 2
 
 
@@ -76,7 +78,11 @@ def test_a_time_between_states_that_is_none_is_refused(descent, every):
         ("summary.json", '{"seed": 99, "people": 4}'),
         ("summary.json", "no json"),
         ("summary.json", "{}"),
+        ("summary.json", '{"seed": 99, "people": "four"}'),
         ("people.csv", "speed,response_time,exit,exit_time\n1,0,,\n"),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "1,0,nowhere,2\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + "-1e308,0,,\n" * 4),
+        ("people.csv", "speed,response_time,exit,exit_time\n" + f"{'1' * 200_000},0,,\n" * 4),
         ("people.csv", "speed\n1\n1\n1\n1\n"),
     ],
 )

@@ -7,6 +7,7 @@ from evac.evidence.models import plugins
 from evac.evidence.scaling.halls import Hall
 from evac.evidence.scaling.minimal import make_minimal, walk_minimal
 from evac.evidence.scaling.walks import TICK, Walk, cpu_time, make_variant
+from evac.outside import make_outside
 from evac.scene import Scene, make_ground
 
 
@@ -47,7 +48,8 @@ class HeadwayWalk(EvacWalk):
         super().__init__(hall, step, model)
         self.behaviour = plugins().get("behaviour", "headway")()
         scene = Scene(make_ground(hall.building, hall.fields))
-        self.behaviour.prepare(BehaviourScene(self.walk.crowd, scene, (), np.random.default_rng(0), TICK))
+        outside = make_outside(len(self.walk.crowd.level))
+        self.behaviour.prepare(BehaviourScene(self.walk.crowd, scene, (), np.random.default_rng(0), TICK, outside))
 
     def advance(self) -> float:
         """Let the behaviour act and make the steps of a tick; return the CPU time of both [s]."""

@@ -1,0 +1,177 @@
+"""Worker processes of studies: started by scripts without a guard or with own classes; that die or cannot start."""
+
+import builtins
+import math
+import operator
+import os
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+import evac
+from evac.errors import PluginError, ProcessWarning, ScenarioError
+from evac.scenario.loading import load_case
+from evac.study.workers import LocalPool
+
+SCRIPT = """
+import enum, os
+print("began")
+import evac
+from evac.study import conduct
+conduct.JOINING = 1e-9  # other processes join for the least work
+
+class Model(str, enum.Enum):
+    DEM = "dem"
+
+case = evac.load("square_room", {"people.people.number": 8, "contact.model": Model.DEM}, ["here.py"])
+study = evac.repeat(case, 8, folder="study", workers=2)
+print(len(os.listdir("made")), "processes")
+print(sorted(study.times(0).tolist()))
+"""
+
+#: A plugin that leaves a file for each process in which a run is prepared.
+TRACE = """
+import os, pathlib
+from evac import hookimpl
+evac_interface = 3
+
+@hookimpl
+def evac_prepare(simulation):
+    pathlib.Path("made").mkdir(exist_ok=True)
+    (pathlib.Path("made") / str(os.getpid())).touch()
+"""
+
+
+@pytest.fixture
+def pool():
+    pool = LocalPool(2)
+    yield pool
+    pool.close(at_once=True)
+
+
+@pytest.mark.parametrize("how", ["file", "input", "command"])
+def test_a_script_without_a_guard_runs_once(tmp_path, how):
+    (tmp_path / "here.py").write_text(TRACE)
+    (tmp_path / "script.py").write_text(SCRIPT)
+    words = {"file": ["script.py"], "input": ["-"], "command": ["-c", SCRIPT]}[how]
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=tmp_path,
+        input=SCRIPT if how == "input" else "",
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    case = evac.load("square_room", {"people.people.number": 8, "contact.model": "dem"})
+    times = evac.repeat(case, 8, workers=1).times(0)
+    assert done.stdout.splitlines() == ["began", "2 processes", str(sorted(times.tolist()))]
+    assert not done.stderr
+
+
+def test_a_class_without_a_file_stays_in_this_process(monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    registry = evac.Registry()
+    registry.add_class(type("Still", (evac.Behaviour,), {"name": "still", "act": lambda self, crowd, time: None}))
+    case = evac.load("square_room", {"people.people.number": 3, "behaviours.still": {}}, registry=registry)
+    with pytest.warns(ProcessWarning, match=r"Still.*plugin_files"):
+        study = evac.repeat(case, 4, workers=2)
+    assert study.done == 4
+    with ThreadPoolExecutor(1) as executor, pytest.raises(PluginError, match=r"Still.*plugin_files"):
+        evac.repeat(case, 4, executor=executor)
+
+
+def test_plugin_files_of_a_registry_reach_other_processes(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    path = tmp_path / "halt.py"
+    path.write_text(
+        textwrap.dedent('''
+        from evac import Behaviour, hookimpl
+        evac_interface = 3
+
+        class Halt(Behaviour):
+            """Halts."""
+            name = "halt"
+
+            def act(self, crowd, time):
+                pass
+
+        @hookimpl
+        def evac_behaviours():
+            return [Halt]
+        ''')
+    )
+    changes = {"people.people.number": 8, "behaviours.halt": {}}
+    case = evac.load("square_room", changes, registry=evac.Registry([path]))
+    assert evac.repeat(case, 8, workers=2).done == 8
+
+
+def test_a_study_is_made_here_if_no_process_can_be_started(monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    case = evac.load("square_room", {"people.people.number": 3})
+    with pytest.warns(ProcessWarning, match="no other process"):
+        study = evac.repeat(case, 4, workers=3)
+    assert study.done == 4
+
+
+def test_an_executor_that_accepts_no_task_is_named():
+    executor = ThreadPoolExecutor(1)
+    executor.shutdown()
+    case = evac.load("square_room", {"people.people.number": 3})
+    with pytest.raises(evac.SimulationError, match=r"executor.*shutdown"):
+        evac.repeat(case, 4, executor=executor)
+
+
+def test_a_process_that_dies_breaks_its_task_alone(pool):
+    slow, dying = pool.submit(time.sleep, 0.3), pool.submit(os._exit, 0)
+    with pytest.raises(BrokenExecutor):
+        dying.result()
+    assert slow.result() is None
+    assert [one.result() for one in [pool.submit(math.factorial, k) for k in range(4)]] == [1, 1, 2, 6]
+
+
+def test_what_a_task_prints_or_reads_is_not_an_answer(pool, capfd):
+    assert pool.submit(builtins.print, "spoken").result() is None
+    with pytest.raises(EOFError):
+        pool.submit(builtins.input).result()
+    assert "spoken" in capfd.readouterr().err
+
+
+def test_exceptions_come_with_their_notes_or_their_place(pool):
+    with pytest.raises(ScenarioError, match="nowhere"):
+        pool.submit(load_case, "nowhere").result()
+    with pytest.raises(ZeroDivisionError) as caught:
+        pool.submit(operator.truediv, 1, 0).result()
+    assert "workers.py" in caught.value.__notes__[0]
+    with pytest.raises(TypeError, match="pickle"):
+        pool.submit(threading.Lock).result()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
+def test_workers_end_with_the_process_that_started_them():
+    script = """
+        import sys, time
+        from evac.study.workers import LocalPool
+        pool = LocalPool(2)
+        print(pool.submit(__import__("os").getpid).result(), flush=True)
+        pool.submit(time.sleep, 60)
+        pool.submit(time.sleep, 60)
+        time.sleep(60)
+    """
+    words = [sys.executable, "-c", textwrap.dedent(script)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        worker = Path("/proc") / process.stdout.readline().strip()
+        assert worker.exists()
+        process.kill()
+    for _ in range(200):
+        if not worker.exists() or (worker / "stat").read_text().rpartition(")")[2].split()[0] == "Z":
+            break
+        time.sleep(0.05)
+    else:
+        pytest.fail("the worker still runs")
