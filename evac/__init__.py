@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from evac.simulation import Simulation as Simulation
     from evac.study.asking import repeat as repeat
     from evac.study.asking import sweep as sweep
+    from evac.study.reading import read_study as read_study
     from evac.study.study import Study as Study
 
 #: Public names, and where each is imported from when it is first asked for: `import evac` alone costs nothing.
@@ -87,6 +88,7 @@ _HOMES = {
     "import_building": "evac.importing",
     "load": "evac.scenario.loading",
     "read_building": "evac.assembly",
+    "read_study": "evac.study.reading",
     "read_trajectory": "evac.output.trajectory",
     "repeat": "evac.study.asking",
     "resume": "evac.running",

@@ -6,10 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.building.build import build_building
+from evac.building.findings import Finding
 from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code, text_of
-from evac.plan import field_settings
+from evac.errors import BuildingError, PluginError, ScenarioError, naming, plugin_code, text_of
+from evac.people.groups import check_people
+from evac.people.population import Population, build_population
+from evac.people.ways import check_ways
+from evac.physics.contact_model import BorderScene, border_scene
+from evac.plan import field_settings, solve_fields
 from evac.registry import BUILTIN_IMPORTERS, Registry
+from evac.scene import Ground, make_ground
 
 if TYPE_CHECKING:
     from evac.behaviour import Behaviour
@@ -168,6 +174,47 @@ def make_contact_model(case: "Case") -> "ContactModel":
         except PluginError as error:
             raise ScenarioError(f"{case.source}: contact.{name}.solver: {error}") from None
     return made
+
+
+def make_shared(case: "Case") -> Ground:
+    """Return building and directions of a case, as its simulation computes them in one thread.
+
+    Raises
+    ------
+    EvacError
+        The building, or what the people and behaviours require of it, is not valid.
+    """
+    building = make_building(case)
+    check_people(case, building)
+    with naming(case.source):
+        return make_ground(building, solve_fields(case, building, make_behaviours(case), full=False, threads=1))
+
+
+def make_population(
+    case: "Case", ground: Ground, contact: "ContactModel"
+) -> tuple[Population, tuple[Finding, ...], BorderScene]:
+    """Draw the people of a case, and check all that depends on them before a run.
+
+    Returns
+    -------
+    Population
+    tuple of Finding
+        A warning for each place that people do not fit through on their way to an exit.
+    BorderScene
+        The scene that the contact model has accepted.
+
+    Raises
+    ------
+    EvacError
+        The people do not fit, cannot reach an exit, or the contact model refuses them.
+    """
+    building = ground.building
+    people = build_population(case, building, ground.fields, case.simulation.seed)
+    stopping = check_ways(case.source, building, ground.fields, ground.world, people.crowd, people.groups)
+    border = border_scene(people.crowd, case.simulation.step, case.simulation.is_explicit)
+    with naming(case.source), plugin_code(f"contact model {contact.name!r}: check_scene"):
+        contact.check_scene(border)
+    return people, stopping, border
 
 
 def make_forces(case: "Case") -> "list[Force]":

@@ -25,11 +25,8 @@ from evac.output.watch import Watch
 from evac.outside import PeopleOutside
 from evac.people.distributions import MOST_WORDS, generator_for, generator_state, restore_generator
 from evac.people.groups import check_people
-from evac.people.population import build_population
 from evac.people.unusual import late_starts, unusual
-from evac.people.ways import check_ways
 from evac.phases import Phases, Progress
-from evac.physics.contact_model import border_scene
 from evac.physics.engine import Engine
 from evac.physics.force import Force
 from evac.physics.state import copy_of
@@ -141,21 +138,15 @@ class Simulation:
             solve = partial(plan.solve_fields, case, behaviours=behaviours, full=self.full, threads=self._threads)
             self.scene = Scene(ground or make_ground(building, solve(building)), solve)
         with noting(building.warnings), self.phases.enter("people"):
-            self.population = people = build_population(case, building, self.fields, self.seed)
-            self.stopping = check_ways(
-                case.source, building, self.fields, self.scene.world, people.crowd, people.groups
-            )
+            self.population, self.stopping, border = assembly.make_population(case, self.scene.ground, self.contact)
             sees_outside = any(behaviour.keeps_distance for behaviour in behaviours)
-            self.outside = PeopleOutside(building, people.crowd) if sees_outside else None
+            self.outside = PeopleOutside(building, self.population.crowd) if sees_outside else None
             scenes = [(behaviour, self._scene(behaviour)) for behaviour in behaviours]
             with naming(case.source):
                 self.behaviours = plan.needed_behaviours(scenes, self.full)
-        border = border_scene(self.population.crowd, case.simulation.step, case.simulation.is_explicit)
-        with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: check_scene"):
-            self.contact.check_scene(border)
         with naming(case.source), plugin_code(f"contact model {self.contact.name!r}: promised_overlap"):
             self._promised_overlap = float(self.contact.promised_overlap(border))
-        n, names = len(people.crowd.level), [level.name for level in building.levels]
+        n, names = len(self.population.crowd.level), [level.name for level in building.levels]
         number, solvers = number_of_threads(self._threads, n), self.registry.solvers
         self.engine = Engine(self.scene.world, n, self.forces, self.full, names, solvers, number, PEOPLE_PER_THREAD)
 

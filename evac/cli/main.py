@@ -43,7 +43,7 @@ COMMANDS = {
 EPILOG = """\
 Exit status:
   0    success; for a run: everybody is out
-  2    bad input: a case, building, plugin, file or command line; the message names it
+  2    bad input: a case, building, plugin, file or command line; the message names it; for a study: runs failed
   3    people are left inside
   70   internal error, or not enough memory; the message names a file to attach to a bug report
   130  interrupted by Ctrl-C; 128 + the number of the signal for SIGTERM and SIGHUP

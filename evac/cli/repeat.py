@@ -20,14 +20,19 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_case(parser)
     declare_study(parser)
     parser.add_argument(
+        "--check-step",
+        action="store_true",
+        help="make all runs with half the time step as well, and show the difference",
+    )
+    parser.add_argument(
         "--replay", action="store_true", help="repeat the median and the worst run, and write a replay of each"
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run the study and show it; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    """Run the study and show it; return its status, see `evac.cli.studies.show_study`."""
     from evac.study.asking import conducted, rule_of
-    from evac.study.points import single
+    from evac.study.points import halved_steps, single
 
     case = case_to_run(arguments)
     note_unused_plugins(case)
@@ -39,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
     print(f"runs: {number}, seeds from {case.simulation.seed} on", file=sys.stderr, flush=True)
     with executor_of(arguments) as executor, Display() as display:
         study = conducted(
-            single(case),
+            halved_steps(case) if arguments.check_step else single(case),
             rule,
             folder,
             options["repetitions"],

@@ -68,5 +68,5 @@ def execute(arguments: argparse.Namespace) -> int:
             display.line(f"evac: resuming at {simulation.time:.2f} s in {place.running}")
             checkpoint = every if arguments.checkpoint is None else arguments.checkpoint
             results, status = run_shown(simulation, place, display, checkpoint)
-    show_run(results, {})
+    show_run(results)
     return status

@@ -21,14 +21,20 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--full", action="store_true", help="include parts that the scene does not need: same trajectories, slower"
     )
     parser.add_argument("--vtk", action="store_true", help="write the VTK animation as well (output.animation=true)")
-    parser.add_argument(
-        "--tolerance",
-        type=float,
-        metavar="METRES",
-        help="choose time step and solver tolerances for this error of positions, instead of those of the case",
-    )
+    parser.add_argument("--tolerance", action=Removed, nargs="?", help=argparse.SUPPRESS)
     declare_checkpoint(parser, "none")
     declare_threads(parser)
+
+
+class Removed(argparse.Action):
+    """An option that has been removed; the error names what replaces it."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Refuse the option."""
+        parser.error(
+            "--tolerance was removed, because errors of positions grow once people touch; evac repeat CASE --check-step"
+            " shows the effect of the time step"
+        )
 
 
 def declare_checkpoint(parser: argparse.ArgumentParser, default: str) -> None:
@@ -56,12 +62,9 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the case, write and show the results; return 0 if everybody is out, 3 if not, 128 + signal if stopped."""
     with Display() as display:
         display.phase("reading the case")
-        from evac.scenario.tolerance import settings_for
-
         case = case_to_run(arguments)
-        chosen = {} if arguments.tolerance is None else settings_for(case, arguments.tolerance)
-        changes = chosen | ({"output.animation": True} if arguments.vtk else {})
-        case = case.change(changes) if changes else case
+        if arguments.vtk:
+            case = case.change({"output.animation": True})
         note_unused_plugins(case)
         from evac.cli.running import run_shown, show_run
         from evac.output.files import CHECKPOINT_NAME
@@ -79,7 +82,7 @@ def execute(arguments: argparse.Namespace) -> int:
             )
             place.start()
             results, status = run_shown(simulation, place, display, arguments.checkpoint)
-    show_run(results, {f"{key} (from --tolerance)": value for key, value in chosen.items()})
+    show_run(results)
     return status
 
 

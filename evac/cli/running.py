@@ -2,8 +2,7 @@
 
 import signal
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from evac.cli.streams import notify
 from evac.display import Display
@@ -45,15 +44,14 @@ def run_shown(
     return results, 128 + progress.wanted if results.ended == INTERRUPTED else results.exit_status
 
 
-def show_run(results: "Results", chosen: Mapping[str, Any]) -> None:
-    """Show the tables and quality warnings of a run; `chosen` are settings that the command has chosen."""
+def show_run(results: "Results") -> None:
+    """Show the tables and quality warnings of a run."""
     from evac.cli.report import show_folder, show_results
-    from evac.cli.screen import show_facts, show_warnings
+    from evac.cli.screen import show_warnings
     from evac.ending import INTERRUPTED
     from evac.output.files import CHECKPOINT_NAME
 
     assert results.folder is not None
-    show_facts(chosen)
     show_results(results)
     show_warnings(results.quality_warnings)
     show_folder(results.folder)

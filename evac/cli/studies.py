@@ -3,14 +3,14 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.cli.screen import show_facts, show_table, show_warnings
 from evac.display import Display
-from evac.errors import counted
+from evac.errors import counted, text_of
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -21,8 +21,14 @@ if TYPE_CHECKING:
 
 TITLE = "Evacuation time: when the last person left"
 
+#: Exit statuses of a study: runs failed, people are left.
+BAD_INPUT, PEOPLE_LEFT = 2, 3
+
 #: Maximum number of points whose statistics are shown; statistics.csv contains all.
 MOST_SHOWN = 40
+
+#: Maximum number of different notes on a statistic that are shown for a sweep.
+MOST_NOTES = 3
 
 
 def declare_study(parser: argparse.ArgumentParser) -> None:
@@ -89,17 +95,22 @@ def executor_of(arguments: argparse.Namespace) -> Iterator["Executor | None"]:
 
 
 def prepare(case: "Case") -> None:
-    """Compile missing kernels, show warnings, and keep building and directions for the runs."""
+    """Compile missing kernels, show warnings, and keep building and directions for the runs.
+
+    If the first run is refused, the study tells why, after it has checked the others.
+    """
+    from evac.errors import EvacError
     from evac.study.shared import simulation_of
 
-    with Display() as display:
+    warnings: tuple[str, ...] = ()
+    with Display() as display, suppress(EvacError):
         display.phase("reading the building, computing directions")
         warnings = simulation_of(case, compiling=display.compiling).warnings()
     show_warnings(warnings)
 
 
 class Rows:
-    """Shows the progress of a study, and how many runs of a resumed study exist.
+    """Shows the progress of a study, the first run that fails, and how many runs of a resumed study exist.
 
     Parameters
     ----------
@@ -108,39 +119,49 @@ class Rows:
 
     def __init__(self, display: Display) -> None:
         self._display = display
+        self._has_told = False
 
     def __call__(self, progress: "Progress") -> None:
         """Show the number of finished runs."""
         if progress.row is not None:
+            if progress.row.error is not None and not self._has_told:
+                self._has_told = True
+                place = progress.row.error.__notes__[-1]
+                show_warnings([f"failed, while others go on: {text_of(progress.row.error)}, {place}"])
             self._display.runs(progress.done, progress.wanted)
         elif progress.done:
             print(f"resuming: {progress.done} of {progress.wanted} runs are done", file=sys.stderr, flush=True)
 
 
 def show_study(study: "Study") -> int:
-    """Show the statistics; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    """Show the statistics; return 2 if runs failed, else 3 if people are left in any run, else 0."""
     from evac.study.remarks import quality_of, remarks_of
 
     case = study.points[0].case
     people = {sum(group.count for group in point.case.people) for point in study.points}
-    runs, blocked = sum(one.runs for one in study.statistics), sum(one.blocked for one in study.statistics)
+    runs, blocked, failed = (
+        sum(getattr(one, name) for one in study.statistics) for name in ("runs", "blocked", "failed")
+    )
     facts: dict[str, object] = {"case": case.title}
     facts["people"] = f"{min(people)} to {max(people)}" if len(people) > 1 else min(people)
     facts["everybody out"] = f"in {runs - blocked} of {counted(runs, 'run')}"
-    if len(study.points) == 1:
+    if failed:
+        facts["failed"] = f"{counted(failed, 'more run')}, which are in no statistic"
+    change = study.step_change
+    if len(study.points) == 1 or change is not None:
         show_facts(facts | _settled_facts(study))
-        show_table(
-            "Evacuation time: when the last person left", ("statistic", "value", "95 % interval", "over"), _rows(study)
-        )
+        show_table(TITLE, ("statistic", "value", "95 % interval", "over"), _rows(study))
     else:
         show_facts(facts | {"points": len(study.points), "seeds": "the same at every point"})
         _show_points(study)
+    if change is not None:
+        _show_step(study, change)
     _show_rule(study)
     for line in remarks_of(study):
         print(f"evac: {line}", file=sys.stderr)
     show_warnings(quality_of(study))
     show_facts({"results in": study.folder})
-    return 0 if not blocked else 3
+    return BAD_INPUT if failed else PEOPLE_LEFT if blocked else 0
 
 
 def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
@@ -165,29 +186,46 @@ def _rows(study: "Study") -> list[tuple[str, str, str, str]]:
 
 
 def _row(one: "Estimate", over: str) -> tuple[str, str, str, str]:
-    return one.name, seconds(one.value), interval(one), f"{over}; {one.note}" if one.note else over
+    return one.name, seconds(one.value), interval(one), _noted(over, one.note)
+
+
+def _noted(over: str, note: str) -> str:
+    return f"{over}; {note}" if note else over
+
+
+def _show_step(study: "Study", change: "Estimate") -> None:
+    """Show the effect of half the time step, and what follows from it."""
+    mean, half = (one.mean for one in study.statistics)
+    step = study.points[1].parameters["simulation.step"]
+    pairs = counted(change.runs, "pair") + " of runs with the same seed"
+    rows = [_row(half, counted(half.runs, "complete run"))]
+    rows.append(("change of the mean", signed(change.value), interval(change, signed), _noted(pairs, change.note)))
+    share = [100.0 * value / mean.value for value in (change.value, change.low, change.high)]
+    percent = [f"{value:+.1f} %" for value in share]
+    reach = f"{percent[1]} to {percent[2]}" if change.has_interval else "none"
+    rows.append(("change in percent", percent[0] if change.runs else "-", reach, "of the mean"))
+    show_table(f"With half the time step, {step:g} s", ("statistic", "value", "95 % interval", "over"), rows)
 
 
 def _show_points(study: "Study") -> None:
     from evac.study.outputs import parameter_keys
 
     keys = parameter_keys(study)
-    percentile = study.statistics[0].percentiles[-1].name
+    central, percentile = study.central, study.statistics[0].percentiles[-1].name
     rows = []
     for point, one in list(zip(study.points, study.statistics, strict=True))[:MOST_SHOWN]:
-        found = one.percentiles[-1]
+        middle, found = one[central], one.percentiles[-1]
         values = [point.parameters.get(key) for key in keys]
-        blocked = f"{one.blocked} of {one.runs}"
-        rows.append(
-            [*values, seconds(one.mean.value), interval(one.mean), seconds(found.value), interval(found), blocked]
-        )
-    columns = (*keys, "mean", "95 % interval", percentile, "95 % interval", "blocked")
+        blocked = f"{one.blocked} of {one.runs}" + (f", {one.failed} failed" if one.failed else "")
+        rows.append([*values, seconds(middle.value), interval(middle), seconds(found.value), interval(found), blocked])
+    columns = (*keys, central, "95 % interval", percentile, "95 % interval", "blocked")
     show_table(TITLE, columns, rows)
     if len(study.points) > MOST_SHOWN:
         print(f"{len(study.points) - MOST_SHOWN} more points in statistics.csv")
-    notes = dict.fromkeys(one.percentiles[-1].note for one in study.statistics if one.percentiles[-1].note)
-    for note in list(notes)[:3]:
-        print(f"evac: {percentile}: {note}", file=sys.stderr)
+    for name in ("mean", percentile):
+        notes = dict.fromkeys(one[name].note for one in study.statistics if one[name].note)
+        for note in list(notes)[:MOST_NOTES]:
+            print(f"evac: {name}: {note}", file=sys.stderr)
 
 
 def _settled_facts(study: "Study") -> dict[str, object]:
@@ -220,12 +258,17 @@ def seconds(value: float) -> str:
     return f"{value:.2f} s" if math.isfinite(value) else "not reached"
 
 
-def interval(one: "Estimate") -> str:
+def signed(value: float) -> str:
+    """Format a difference of times."""
+    return "-" if math.isnan(value) else f"{value:+.2f} s"
+
+
+def interval(one: "Estimate", told: Callable[[float], str] = seconds) -> str:
     """Format the interval of an estimate; a bound that the runs do not determine is "open"."""
     if math.isnan(one.low) and math.isnan(one.high):
         return "none"
-    low = "open" if math.isnan(one.low) else seconds(one.low)
-    high = seconds(one.high) if math.isfinite(one.high) else "open"
+    low = "open" if math.isnan(one.low) else told(one.low)
+    high = told(one.high) if math.isfinite(one.high) else "open"
     return f"{low} to {high}"
 
 

@@ -6,7 +6,9 @@ they differ only in their parameters. The files of `evac repeat`, for each point
 """
 
 import argparse
+import math
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +51,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Run the study and show it; return 0 if everybody is out in every run, 3 if people are left in any run."""
+    """Run the study and show it; return its status, see `evac.cli.studies.show_study`."""
     from evac.study.asking import conducted, rule_of
     from evac.study.points import from_rows, grid
 
@@ -60,7 +62,8 @@ def execute(arguments: argparse.Namespace) -> int:
     rule = rule_of(*(options[key] for key in ("runs", "until", "statistic", "least", "most", "repetitions")))
     case = _case(arguments, fixed)
     if arguments.table is not None:
-        points = from_rows(case, _rows(arguments, parameters, fixed), arguments.table.parent)
+        rows, place = _rows(arguments, parameters, fixed), arguments.table.parent
+        points = from_rows(case, rows, place, run_files=partial(_with_files_beside, place))
     else:
         assert case is not None
         points = grid(case, parameters)
@@ -123,14 +126,34 @@ def _case(arguments: argparse.Namespace, fixed: list[str]) -> "Case | None":
     )
 
 
+def _with_files_beside(folder: Path, case: "Case") -> "Case":
+    """Execute the plugin files of a case that a table in a folder names, which must lie there, and print their paths.
+
+    Raises
+    ------
+    ScenarioError
+        The case has plugin files and lies elsewhere: a table, which may be a stranger's, chooses no other code.
+    """
+    from evac.errors import ScenarioError
+    from evac.scenario.trust import is_inside
+
+    if case.unloaded_files and not is_inside(case.source, folder):
+        raise ScenarioError(
+            f"{case.source}: has plugin files, and is named by a table that lies elsewhere; move the table beside the "
+            "folder of the case, or sweep the case itself"
+        )
+    return with_plugin_files(case)
+
+
 def _rows(arguments: argparse.Namespace, parameters: dict[str, list[Any]], fixed: list[str]) -> list[dict[str, Any]]:
     """Return the rows of the table, each repeated for all combinations of the swept values."""
     import itertools
 
     from evac.scenario.overrides import parsed
-    from evac.study.points import read_table
+    from evac.study.points import check_number, read_table
 
     rows = read_table(arguments.table)
+    check_number(len(rows) * math.prod(map(len, parameters.values())))
     single = {} if arguments.case is not None else dict(parsed(fixed)[0])
     return [
         {**single, **row, **dict(zip(parameters, values, strict=True))}

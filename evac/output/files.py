@@ -15,6 +15,7 @@ PEOPLE_NAME = "people.csv"
 RUNS_NAME = "runs.csv"
 RUNS_STREAM_NAME = "runs.arrows"
 RUNS_PARQUET_NAME = "runs.parquet"
+RUNS_DIGEST_NAME = "runs.digest"
 STATISTICS_NAME = "statistics.csv"
 CONVERGENCE_NAME = "convergence.csv"
 SWEEP_PICTURE_NAME = "statistics.png"
@@ -59,6 +60,8 @@ WRITTEN = (
     RUNS_NAME,
     RUNS_STREAM_NAME,
     RUNS_PARQUET_NAME,
+    RUNS_DIGEST_NAME,
+    f"{RUNS_DIGEST_NAME}.new",
     "runs.new",
     STATISTICS_NAME,
     CONVERGENCE_NAME,
@@ -75,6 +78,7 @@ WRITTEN = (
     PICTURE_NAME,
     FILM_NAME,
     STUDY_NAME,
+    f"{STUDY_NAME}.new",
     REPORT_NAME,
     f"{REPORT_NAME}.new",
     f"{CHECKPOINT_NAME}.new",

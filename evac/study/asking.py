@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any
 
 from evac.errors import EvacError, PluginError, ResultError, ScenarioError, warn
-from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
+from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, STUDY_NAME
 from evac.output.resultfolder import ResultFolder, remove_written
 from evac.scenario.loading import as_case
 from evac.scenario.trust import run_plugin_files
@@ -19,7 +19,7 @@ from evac.study import points
 from evac.study.points import Point, Seeds
 from evac.study.remarks import quality_of, remarks_of
 from evac.study.shared import simulation_of
-from evac.study.stopping import LEAST_RUNS, Rule, fixed, until_known
+from evac.study.stopping import LEAST_RUNS, MOST_OF_STUDY, Rule, fixed, until_known
 from evac.study.study import Progress, Study
 from evac.study.workers import warn_alone
 
@@ -41,6 +41,7 @@ def repeat(
     executor: Executor | None = None,
     resume: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    check_step: bool = False,
 ) -> Study:
     """Run a case with many seeds: ``simulation.seed`` and the following ones.
 
@@ -73,22 +74,25 @@ def repeat(
         Continue the study in the folder; existing runs are not repeated.
     progress : callable, optional
         Called with a `Progress` after each row has been written.
+    check_step : bool
+        Make all runs with half the time step as well, as a second point; `Study.step_change` compares them.
 
     Returns
     -------
     Study
+        With the rows of failed runs, which are in no statistic.
 
     Raises
     ------
     EvacError
-        An error of `evac.run` in the first run that fails, with its seed in a note; or a number is out of range, or
-        the folder cannot be used or contains another study.
+        If all runs fail, the error of the first one, with its seed in a note; or a number is out of range, or the
+        folder cannot be used or contains another study.
 
     Warns
     -----
     RunWarning
-        What the command says: warnings about building and people of the first run; people who are left inside,
-        intervals that are wider than required, quality warnings.
+        What the command says: warnings about building and people of the first run; failed runs, people who are left
+        inside, intervals that are wider than required, an effect of the time step, quality warnings.
     ProcessWarning
         All runs are made in this process, although others were asked for.
 
@@ -98,7 +102,8 @@ def repeat(
     >>> study.statistics[0].mean  # doctest: +SKIP
     """
     rule = rule_of(runs, until, statistic, least, most, repetitions)
-    found = points.single(run_plugin_files(as_case(case)))
+    case = run_plugin_files(as_case(case))
+    found = points.halved_steps(case) if check_step else points.single(case)
     warn(_warnings_before(found))
     place = Path(folder) if folder is not None else None
     study = conducted(found, rule, place, repetitions, workers, executor, resume, progress)
@@ -204,11 +209,14 @@ def conducted(
     """Run the study of some points, and write its outputs if it has a folder; arguments as for `repeat`."""
     if workers is not None and workers < 1:
         raise ScenarioError(f"workers must be at least 1, not {workers}")
+    if len(found) * rule.first > MOST_OF_STUDY:
+        runs = f"{rule.first} runs at each of {len(found)} points"
+        raise ScenarioError(f"{runs} are more than {MOST_OF_STUDY}; reduce the number of runs or points")
     workers = _number_of_workers(found, workers or cpu_count() or 1, executor)
     seeds = Seeds(found[0].case.simulation.seed, repetitions)
     if folder is None:
         temporary = Path(mkdtemp(prefix="evac-study-"))
-        study = Study(found, seeds, rule, temporary)
+        study = Study.begun(found, seeds, rule, temporary)
         weakref.finalize(study, shutil.rmtree, temporary, ignore_errors=True)
         study.conduct(workers, executor, progress)
         return study
@@ -216,7 +224,7 @@ def conducted(
 
     with ResultFolder(folder) as place:
         open_folder(place, resume)
-        study = Study(found, seeds, rule, place.running, resume)
+        study = Study.begun(found, seeds, rule, place.running, resume)
         study.conduct(workers, executor, progress)
         write_outputs(study)
         if replay:
@@ -264,7 +272,7 @@ def open_folder(place: ResultFolder, resume: bool) -> None:
         if not (source / STUDY_NAME).is_file():
             raise ResultError(f"{place.path}: contains no study to resume; start one without --resume")
         place.reopen(source)
-        remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME))
+        remove_written(place.running, (STUDY_NAME, RUNS_STREAM_NAME, RUNS_PARQUET_NAME, RUNS_DIGEST_NAME))
     elif any((place.running / name).is_file() for name in (RUNS_STREAM_NAME, RUNS_PARQUET_NAME)):
         raise ResultError(
             f"{place.running}: contains the runs of a stopped study; resume it (--resume), choose another folder "

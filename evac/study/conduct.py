@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,8 +15,8 @@ from evac.errors import EvacError, SimulationError, in_one_line
 from evac.phases import Progress
 from evac.study.executors import TASK_SECONDS, UNKNOWN_IN_FLIGHT, workers_of
 from evac.study.points import Point
-from evac.study.runs import Order, Row, make_runs
-from evac.study.shared import GROUNDS, GroundFile, simulation_of, write_ground
+from evac.study.runs import Order, Row, Task, make_rows
+from evac.study.shared import GroundFile, shared_ground, write_ground
 from evac.study.workers import LocalPool, died, warn_alone
 
 #: Start-up cost of a further process: it is started only if there is at least this much work for it [s].
@@ -27,12 +28,12 @@ MOST_DEATHS = 3
 #: Time for which the number of workers of a given executor is cached [s].
 WORKERS_FOR = 5.0
 
-#: Runs of one point to be executed: its order and their numbers.
-Task = tuple[Order, tuple[int, ...]]
+#: Number of runs that are checked together.
+CHECKED_TOGETHER = 10
 
 
 class Conductor:
-    """Executes the requested runs, and passes on each row as soon as its run has ended.
+    """Executes or checks the requested runs, and passes on each row as soon as its run has ended.
 
     Parameters
     ----------
@@ -62,23 +63,29 @@ class Conductor:
         self._failure: EvacError | None = None
         self._workers: tuple[float, int | None] = (-math.inf, None)
         self._folder = Path()
-        self._files: dict[str, GroundFile] = {}
+        self._files: dict[str, GroundFile | None] = {}
 
     def ask(self, order: Order, runs: Iterable[int]) -> None:
         """Request runs of a point."""
-        self._waiting.extend((order, (run,)) for run in runs)
+        self._waiting.extend(Task(order, (run,)) for run in runs)
+
+    def ask_check(self, order: Order, runs: Sequence[int]) -> None:
+        """Request that runs of a point are checked; there will be rows of those that are refused."""
+        for k in range(0, len(runs), CHECKED_TOGETHER):
+            self._waiting.append(Task(order, tuple(runs[k : k + CHECKED_TOGETHER]), only_check=True))
 
     def conduct(self) -> None:
-        """Execute all requested runs, including those that are requested meanwhile.
+        """Execute all requested tasks, including those that are requested meanwhile.
 
         Raises
         ------
         EvacError
-            An error of `evac.run` in a run that fails.
+            A process cannot load a case or its plugins.
         SimulationError
             Processes were killed repeatedly.
         """
         at_once = True
+        self._spent, self._made, self._files = 0.0, 0, {}
         with TemporaryDirectory(prefix="evac-study-", ignore_cleanup_errors=True) as folder:
             self._folder = Path(folder)
             try:
@@ -101,14 +108,16 @@ class Conductor:
 
     def _make_here(self) -> None:
         """Execute one task in this process, and collect the rows of other processes at each of its ticks."""
-        order, runs = self._waiting.popleft()
+        task = self._waiting.popleft()
         self._begun = time.perf_counter()
-        rows = make_runs(order, runs, self._points[order.point].case, self._tick)
+        rows = make_rows(task, self._points[task.order.point].case, self._tick)
+        if task.only_check:
+            self._spent += time.perf_counter() - self._begun
+            self._made += 1
         self._begun = None
         if self._failure is not None:
             raise self._failure
-        for row in rows:
-            self._note(row)
+        self._note(task, rows)
 
     def _tick(self, progress: Progress) -> None:
         try:
@@ -117,13 +126,15 @@ class Conductor:
             self._failure = error
             raise Stopped from error
 
-    def _note(self, row: Row) -> None:
-        self._spent += row.wall_time
-        self._made += 1
-        self._on_row(row)
+    def _note(self, task: Task, rows: Sequence[Row]) -> None:
+        if not task.only_check:
+            self._spent += sum(row.wall_time for row in rows)
+            self._made += len(rows)
+        for row in rows:
+            self._on_row(row)
 
     def _seconds(self) -> float:
-        """Return the estimated wall time of a run [s]."""
+        """Return the estimated wall time of a run, or of a task that checks some [s]."""
         known = self._spent / self._made if self._made else 0.0
         return max(known, time.perf_counter() - self._begun) if self._begun is not None else known
 
@@ -143,7 +154,7 @@ class Conductor:
         while self._waiting and len(self._running) < room:
             task = self._next_task()
             try:
-                self._running[executor.submit(make_runs, *task)] = task
+                self._running[executor.submit(make_rows, task)] = task
             except (OSError, RuntimeError) as error:
                 self._waiting.appendleft(task)
                 if self._executor is not None:
@@ -156,13 +167,14 @@ class Conductor:
 
     def _next_task(self) -> Task:
         """Remove and return the next task: a run of one point, or for a given executor several short runs."""
-        order, runs = self._waiting.popleft()
+        task = self._waiting.popleft()
+        order, runs = task.order, task.runs
         if self._executor is not None and self._made:
             share = math.ceil((len(self._waiting) + 1) / (2 * (self._workers_there() or 1)))
             wanted = min(share, math.ceil(TASK_SECONDS / max(self._seconds(), 1e-3)))
-            while len(runs) < wanted and self._waiting and self._waiting[0][0] == order:
-                runs += self._waiting.popleft()[1]
-        return replace(order, ground=self._shared(order)), runs
+            while len(runs) < wanted and self._waiting and self._waiting[0].order == order:
+                runs += self._waiting.popleft().runs
+        return replace(task, order=replace(order, ground=self._shared(order)), runs=runs)
 
     def _workers_there(self) -> int | None:
         """Return the number of workers of the executor, cached because asking takes a network round trip."""
@@ -172,12 +184,16 @@ class Conductor:
             self._workers = now, workers_of(self._executor)
         return self._workers[1]
 
-    def _shared(self, order: Order) -> GroundFile:
-        """Return the file of a ground; when first needed, this process writes it and computes the ground if missing."""
+    def _shared(self, order: Order) -> GroundFile | None:
+        """Return the file of a ground, which this process writes when it is first needed.
+
+        It is None if the ground cannot be made: the worker then reports why.
+        """
         if order.key not in self._files:
-            case = self._points[order.point].case
-            ground = GROUNDS.get(order.key) or simulation_of(case, order.key, will_run=False).scene.ground
-            self._files[order.key] = write_ground(ground, self._folder)
+            self._files[order.key] = None
+            with suppress(EvacError):
+                ground = shared_ground(self._points[order.point].case, order.key)
+                self._files[order.key] = write_ground(ground, self._folder)
         return self._files[order.key]
 
     def _collect(self) -> None:
@@ -193,12 +209,11 @@ class Conductor:
                 if self._deaths > MOST_DEATHS:
                     raise died()
             elif error is not None or future.cancelled():
-                runs = task[1]
+                runs = task.runs
                 raise SimulationError(
                     f"runs {runs[0]} to {runs[-1]}: the task failed on its worker: {error!r}; see its log, then "
                     "continue with --resume"
                 ) from error
             else:
                 self._deaths = 0
-                for row in future.result():
-                    self._note(row)
+                self._note(task, future.result())

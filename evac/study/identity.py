@@ -1,16 +1,21 @@
-"""The identity of a study, written to its folder at the start, so that only the same study can be resumed there."""
+"""The identity of a study and its definition, written to its folder at the start.
+
+Only a study of the same identity can be resumed there; with the definition a study can be opened again.
+"""
 
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evac.assembly import ground_key, providers
-from evac.errors import ResultError, naming
+from evac.errors import ResultError, in_one_line, naming
 from evac.output.files import STUDY_NAME, writing
 from evac.output.results import plain, versions
 from evac.study.points import Point, Seeds
+from evac.study.stopping import Rule
 
 if TYPE_CHECKING:
     from evac.scenario.case import Case
@@ -45,10 +50,55 @@ def key_of(case: "Case") -> str:
         return ground_key(case)
 
 
-def write_identity(folder: Path, identity: Mapping[str, Any]) -> None:
-    """Write study.json."""
+def definition_of(points: Sequence[Point], rule: Rule) -> dict[str, Any]:
+    """Return what opens a study again, in addition to its identity: its cases, and the rule for the number of runs."""
+    bases = {id(point.base): point.base for point in points}
+    numbers = {key: number for number, key in enumerate(bases)}
+    cases = [base() if callable(base) else base for base in bases.values()]
+    return {
+        "rule": asdict(rule),
+        "cases": [{"table": case.table, "source": str(case.source), "plugin_files": _files(case)} for case in cases],
+        "case_of_point": [numbers[id(point.base)] for point in points],
+    }
+
+
+def _files(case: "Case") -> list[str]:
+    """Return all plugin files of a case: those of its registry, and those that have not been run."""
+    return [str(path) for path in dict.fromkeys((*case.registry.files(), *case.plugin_files))]
+
+
+def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mapping[str, Any]) -> None:
+    """Write study.json, with a digest of its content."""
+    content = json.loads(json.dumps({**identity, "definition": definition}, default=plain))
+    text = json.dumps({**content, "digest": _digest(content)}, indent=2)
     with writing("the study", folder):
-        (folder / STUDY_NAME).write_text(json.dumps(identity, indent=2) + "\n", encoding="utf-8")
+        new = folder / f"{STUDY_NAME}.new"
+        new.write_text(text + "\n", encoding="utf-8")
+        new.replace(folder / STUDY_NAME)
+
+
+def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the identity and the definition of a study.
+
+    Raises
+    ------
+    ResultError
+        The folder contains no study, or its file is damaged.
+    """
+    path = folder / STUDY_NAME
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        digest, definition = found.pop("digest"), found["definition"]
+    except (OSError, ValueError, AttributeError, LookupError, TypeError, RecursionError) as error:
+        raise ResultError(f"{path}: cannot be read: {in_one_line(error)}; start the study again") from error
+    if digest != _digest(found):
+        raise ResultError(f"{path}: damaged, its digest differs; start the study again")
+    del found["definition"]
+    return found, definition
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
@@ -59,11 +109,7 @@ def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     ResultError
         The folder contains no study or another one; names what has changed.
     """
-    path = folder / STUDY_NAME
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{path}: cannot be read: {error}; start the study again without --resume") from error
+    found, _ = read_identity(folder)
     changes = list(_changes(found, json.loads(json.dumps(identity))))
     if not changes:
         return

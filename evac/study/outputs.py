@@ -45,15 +45,7 @@ RUN_COLUMNS = ("ended", "blocked", "time", "people", "out", "last_out")
 
 
 def write_outputs(study: "Study") -> None:
-    """Write runs.csv, statistics.csv, convergence.csv, egress.csv, pictures, and summary.json last.
-
-    Rows are read one after the other, so that the memory used does not grow with the number of people times runs.
-
-    Raises
-    ------
-    ResultError
-        A file cannot be written.
-    """
+    """Write runs.csv: a row for each run, also a failed one, with two columns for each exit, without single people."""
     folder = study.folder
     with writing("the results", folder):
         write_runs(study, folder / RUNS_NAME)
@@ -105,13 +97,16 @@ def summary(study: "Study", measures: Sequence[list[dict[str, Any]]]) -> dict[st
         if study.seeds.repetitions > 1:
             entry["variation"] = asdict(study.variation(point.index))
         found.append(entry)
+    change = study.step_change
     return {
         "title": case.title,
-        "runs": sum(one.runs for one in study.statistics),
+        "runs": sum(one.runs + one.failed for one in study.statistics),
         "blocked": sum(one.blocked for one in study.statistics),
+        "failed": sum(one.failed for one in study.statistics),
         "first_seed": study.seeds.first,
         "rule": asdict(study.rule),
         "points": found,
+        **({} if change is None else {"step_change": asdict(change)}),
         "case": case.to_dict(),
         "plugins": providers(case),
         "versions": versions(),
@@ -133,20 +128,21 @@ def parameter_keys(study: "Study") -> list[str]:
 
 
 def write_runs(study: "Study", path: Path) -> None:
-    """Write runs.csv: a row for each run, with two columns for each exit, without data of single people."""
+    """Write runs.csv: a row for each run, even a failed one, with two columns for each exit, without single people."""
     names: dict[str, None] = {}
     for row in study.rows(columns=["exits"]):
         names.update(dict.fromkeys(exit_["name"] for exit_ in row["exits"]))
     own = ["point", "run", "seed", *parameter_keys(study), *RUN_COLUMNS]
     if study.seeds.repetitions > 1:
         own.insert(3, "population_seed")
-    head = [*own, *(f"{name}: {what}" for name in names for what in ("people", "last_out")), "quality_warnings"]
+    of_exits = [f"{name}: {what}" for name in names for what in ("people", "last_out")]
+    head = [*own, *of_exits, "quality_warnings", "error"]
 
     def lines() -> Iterator[list[Any]]:
-        for row in study.rows(columns=[*own, "exits", "quality_warnings"]):
+        for row in study.rows(columns=[*own, "exits", "quality_warnings", "error"], failed=True):
             used = {exit_["name"]: exit_ for exit_ in row["exits"]}
             exits = [used.get(name, {}).get(what) for name in names for what in ("people", "last_out")]
-            yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"])]
+            yield [*(_field(row[key]) for key in own), *exits, "; ".join(row["quality_warnings"]), row["error"]]
 
     write_csv(path, head, lines())
 
@@ -160,17 +156,18 @@ def egress(study: "Study", point: int) -> dict[str, FloatArray]:
         ``time`` [s], every ``output.every`` seconds to the end of the longest run, ``mean_over_runs``, and
         ``percentile_5_over_runs``, ``percentile_50_over_runs`` and ``percentile_95_over_runs``.
     """
-    end = max(row["time"] for row in study.rows(point, ["time"]))
+    names = ("time", "mean_over_runs", *(f"percentile_{of:g}_over_runs" for of in PERCENTILES))
+    end = max((row["time"] for row in study.rows(point, ["time"])), default=None)
+    if end is None:  # all runs failed
+        return {name: np.empty(0) for name in names}
     every = study.points[point].case.output.every
     every *= math.ceil(end / every / MOST_TIMES)
     time = every * np.arange(math.ceil(end / every * (1.0 - 1e-12)) + 1)
     # NaN is sorted after all times.
     rows = (row["exit_time"] for row in study.rows(point, ["exit_time"]))
     out = np.array([np.searchsorted(np.sort(times), time, "right").astype(np.int32) for times in rows])
-    columns = {"time": time, "mean_over_runs": out.mean(axis=0)}
-    for of in PERCENTILES:
-        columns[f"percentile_{of:g}_over_runs"] = np.percentile(out, of, axis=0)
-    return columns
+    columns = (time, out.mean(axis=0), *(np.percentile(out, of, axis=0) for of in PERCENTILES))
+    return dict(zip(names, columns, strict=True))
 
 
 def curves(study: "Study", point: int) -> Iterator[FloatArray]:
@@ -217,7 +214,7 @@ def _draw_egress(study: "Study", columns: Mapping[str, FloatArray], path: Path) 
 
 
 def _draw_statistics(study: "Study", path: Path) -> None:
-    """Draw mean and percentiles of the evacuation time at each point, over the last numeric parameter if any."""
+    """Draw mean or median, and the last percentile, of the evacuation time at each point, over the last number."""
     from evac.output.pictures import new_plain_axes, save
 
     keys = parameter_keys(study)
@@ -241,20 +238,28 @@ def _draw_statistics(study: "Study", path: Path) -> None:
         place = [along_of(k) for k in members]
         found = [study.statistics[k] for k in members]
         colour = f"C{number % 10}"
-        mean = np.array([one.mean.value for one in found])
-        spread = np.abs([[one.mean.value - one.mean.low, one.mean.high - one.mean.value] for one in found]).T
+        middle = [one[study.central] for one in found]
+        value = np.array([one.value for one in middle])
+        spread = np.abs([[one.value - one.low, one.high - one.value] for one in middle]).T
         line = "o-" if along else "o"
-        axes.errorbar(place, mean, np.nan_to_num(spread), fmt=line, color=colour, capsize=3, label=name or None)
+        bars = np.nan_to_num(_drawn(spread))
+        axes.errorbar(place, _drawn(value), bars, fmt=line, color=colour, capsize=3, label=name or None)
         greatest = np.array([one.percentiles[-1].value for one in found])
-        axes.plot(place, np.where(np.isfinite(greatest), greatest, np.nan), "^", color=colour, markerfacecolor="none")
+        axes.plot(place, _drawn(greatest), "^", color=colour, markerfacecolor="none")
     if not along:
         labels = [textwrap.fill(point.label, 24) for point in study.points]
         axes.set_xticks(range(len(labels)), labels, fontsize=7, rotation=30, ha="right")
-    note = "dots: mean of the complete runs and its 95 % interval; triangles: 95th percentile of all runs, if finite"
+    of = "mean of the complete runs" if study.central == "mean" else "median of all runs"
+    note = f"dots: {of} and its 95 % interval; triangles: 95th percentile of all runs, if finite"
     axes.text(0.0, 1.01, note, transform=axes.transAxes, fontsize=8, color="#52606d")
     if any(lines) and len(lines) <= 12:
         axes.legend(frameon=False, fontsize=8)
     save(figure, path)
+
+
+def _drawn(values: FloatArray) -> FloatArray:
+    """Return values with NaN for infinity, which leaves a gap in a picture."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _is_number(value: Any) -> bool:

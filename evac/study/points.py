@@ -2,9 +2,11 @@
 
 import csv
 import itertools
+import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +20,13 @@ if TYPE_CHECKING:
 #: Keys that a study sets for each run.
 SEEDS = ("simulation.seed", "simulation.population_seed")
 
+#: Greatest number of points of a study, and greatest size of a table of points [bytes].
+MOST_POINTS = 10_000
+MOST_BYTES = 64 * 2**20
+
+#: Key of the time step.
+STEP = "simulation.step"
+
 #: Column of a table of cases that names the case of a row, and the array of tables of a TOML file with the rows.
 CASE_COLUMN = "case"
 ROWS_KEY = "points"
@@ -30,15 +39,22 @@ class Point:
     Attributes
     ----------
     index : int
-    case : Case
-        The case with these parameters.
+    base : Case, or callable that returns it
+        The case without these parameters; a callable is called when the case is first needed.
     parameters : mapping of str to plain value
         Values set at this point, by dotted key; for a table with several cases also ``case``.
     """
 
     index: int
-    case: "Case"
+    base: "Case | Callable[[], Case]"
     parameters: Mapping[str, Any]
+
+    @cached_property
+    def case(self) -> "Case":
+        """The case with these parameters."""
+        base = self.base() if callable(self.base) else self.base
+        changes = {key: value for key, value in self.parameters.items() if key != CASE_COLUMN}
+        return base.change(changes) if changes else base
 
     @property
     def label(self) -> str:
@@ -79,23 +95,34 @@ def single(case: "Case") -> tuple[Point, ...]:
     return (Point(0, case, {}),)
 
 
+def halved_steps(case: "Case") -> tuple[Point, ...]:
+    """Return the points that check the time step of a case: its step, and half of it."""
+    step = case.simulation.step
+    return _points((case, {STEP: value}) for value in (step, 0.5 * step))
+
+
 def grid(case: "Case", parameters: Mapping[str, Sequence[Any]]) -> tuple[Point, ...]:
     """Return a point for each combination of values; those of the last key vary fastest.
 
     Raises
     ------
     ScenarioError
-        A key has no values, or the case is not valid for some of them; names these.
+        A key has no values, or the case is not valid for some of them; names these. Or there are too many combinations.
     """
     for key, values in parameters.items():
         if isinstance(values, str) or not isinstance(values, Sequence) or not values:
             raise ScenarioError(f"{case.source}: {key}: a sweep needs a list of values, got {values!r}")
+    check_number(math.prod(map(len, parameters.values())))
     combinations = itertools.product(*parameters.values())
     return _points((case, dict(zip(parameters, values, strict=True))) for values in combinations)
 
 
 def from_rows(
-    case: "Case | None", rows: Iterable[Mapping[str, Any]], folder: Path, registry: "Registry | None" = None
+    case: "Case | None",
+    rows: Sequence[Mapping[str, Any]],
+    folder: Path,
+    registry: "Registry | None" = None,
+    run_files: "Callable[[Case], Case]" = run_plugin_files,
 ) -> tuple[Point, ...]:
     """Return a point for each row of a table.
 
@@ -109,14 +136,17 @@ def from_rows(
         Folder to which paths of cases in the table are relative.
     registry : Registry, optional
         Registry for the cases named in the table.
+    run_files : callable
+        Executes the plugin files of a case that is named in the table, and returns the checked case.
 
     Raises
     ------
     ScenarioError
-        A row names no case and no default is given, or its case is not valid.
+        A row names no case and no default is given, or its case is not valid; or there are too many rows.
     """
     from evac.scenario.loading import load_case
 
+    check_number(len(rows))
     cases: dict[str, Case] = {}
     found: list[tuple[Case, dict[str, Any]]] = []
     for number, row in enumerate(rows, start=1):
@@ -124,12 +154,27 @@ def from_rows(
         name = given.get(CASE_COLUMN)
         if name is not None and name not in cases:
             path = folder / str(name)
-            cases[name] = run_plugin_files(load_case(path if path.exists() else str(name), registry=registry))
+            cases[name] = run_files(load_case(path if path.exists() else str(name), registry=registry))
         base = cases[name] if name is not None else case
         if base is None:
             raise ScenarioError(f"row {number} of the table: no case; fill its column 'case', or give a case to sweep")
         found.append((base, given))
     return _points(found)
+
+
+def check_number(points: int) -> None:
+    """Refuse a sweep of too many points, before they are made.
+
+    Raises
+    ------
+    ScenarioError
+        There are more than `MOST_POINTS`.
+    """
+    if points > MOST_POINTS:
+        raise ScenarioError(
+            f"a sweep of {points} points; at most {MOST_POINTS} are possible: give fewer values, or divide it into "
+            "several sweeps"
+        )
 
 
 def read_table(path: Path) -> list[dict[str, Any]]:
@@ -145,6 +190,8 @@ def read_table(path: Path) -> list[dict[str, Any]]:
     from evac.scenario.overrides import value_of
 
     try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ValueError(f"it has more than {MOST_BYTES} bytes")
         text = path.read_text(encoding="utf-8-sig")
         if path.suffix.lower() == ".toml":
             rows = [_flat(row) for row in tomllib.loads(text).get(ROWS_KEY, [])]
@@ -170,13 +217,13 @@ def _points(found: Iterable[tuple["Case", Mapping[str, Any]]]) -> tuple[Point, .
                 raise ScenarioError(f"{key}: cannot be swept, because the study sets it for each run")
             if "." not in key and key != CASE_COLUMN:
                 raise ScenarioError(f"{key}: a section cannot be swept; name a key in it, such as contact.model")
-        changes = {key: value for key, value in parameters.items() if key != CASE_COLUMN}
+        point = Point(index, case, dict(parameters))
         try:
-            changed = case.change(changes) if changes else case
+            _ = point.case
         except ScenarioError as error:
-            error.add_note(f"at the point {', '.join(f'{key} = {value}' for key, value in parameters.items())}")
+            error.add_note(f"at the point {point.label}")
             raise
-        points.append(Point(index, changed, dict(parameters)))
+        points.append(point)
     if not points:
         raise ScenarioError("a study needs at least one point")
     return tuple(points)

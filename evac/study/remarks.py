@@ -1,9 +1,11 @@
-"""What a study says besides its statistics: people left inside, intervals that are too wide, and quality warnings."""
+"""What a study says besides its statistics: failed runs, people left inside, intervals that are too wide, quality."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from evac.errors import counted
+from evac.study.points import STEP
 
 if TYPE_CHECKING:
     from evac.study.study import Study
@@ -16,22 +18,58 @@ MOST_SEEDS = 20
 
 
 def remarks_of(study: "Study") -> list[str]:
-    """Return lines on people left inside, and on intervals that are wider than required."""
-    return [*_blocked(study), *_too_wide(study)]
+    """Return lines on failed runs, people left inside, wider intervals than required, and the effect of the step."""
+    return [*_failed(study), *_blocked(study), *_too_wide(study), *_step(study)]
 
 
 def quality_of(study: "Study") -> list[str]:
     """Return the quality warnings of all runs: one line for each kind, with the first run and the number of others."""
     found: dict[str, list[str]] = {}
     for row in study.rows(columns=["point", "seed", "quality_warnings"]):
-        where = f"seed {row['seed']}" if len(study.points) == 1 else f"point {row['point']}, seed {row['seed']}"
         for line in row["quality_warnings"]:
-            found.setdefault(_kind(line), []).append(f"{where}: {line}")
+            found.setdefault(_kind(line), []).append(f"{_where(study, row)}: {line}")
     told = []
     for lines in list(found.values())[:MOST_WARNINGS]:
         others = counted(len(lines) - 1, "more run")
         told.append(lines[0] + (f" (and {others} with such a warning, in runs.csv)" if len(lines) > 1 else ""))
     return told
+
+
+def _failed(study: "Study") -> list[str]:
+    """Return a line for the first failed run of each point."""
+    found: dict[int, list[str]] = {}
+    if any(one.failed for one in study.statistics):
+        for row in study.rows(columns=["point", "seed", "error"], failed=True):
+            if row["error"] is not None:
+                found.setdefault(row["point"], []).append(f"failed: {_where(study, row)}: {row['error']}")
+    told = []
+    for lines in list(found.values())[:MOST_WARNINGS]:
+        others = counted(len(lines) - 1, "more run")
+        told.append(lines[0] + (f" (and {others}, in runs.csv)" if len(lines) > 1 else ""))
+    if len(found) > MOST_WARNINGS:
+        told.append(f"failed: runs of {len(found) - MOST_WARNINGS} more points, in runs.csv")
+    return told
+
+
+def _step(study: "Study") -> list[str]:
+    """Return a line on the effect of the time step, if it is more than chance or not determined."""
+    change = study.step_change
+    if change is None or change.low <= 0.0 <= change.high:
+        return []
+    if not change.has_interval:
+        return ["the runs do not determine the effect of the time step; make more (--runs)"]
+    step, share = study.points[1].parameters[STEP], 100.0 * change.value / study.statistics[0].mean.value
+    return [
+        f"the time step changes the mean by more than chance: {share:+.1f} % with half of it; use --set "
+        f"{STEP}={step:g}, and check that step again"
+    ]
+
+
+def _where(study: "Study", row: Mapping[str, Any]) -> str:
+    """Return the seed of a row, and its point if there are several."""
+    if len(study.points) == 1:
+        return f"seed {row['seed']}"
+    return f"point {row['point']} ({study.points[row['point']].label}), seed {row['seed']}"
 
 
 def _blocked(study: "Study") -> list[str]:
@@ -60,6 +98,11 @@ def _too_wide(study: "Study") -> list[str]:
             where = f" at {point.label}" if len(study.points) > 1 else ""
             half = found.relative_half_width
             reached = f"half-width {100 * half:.2g} %" if math.isfinite(half) else "no finite interval"
+            if not rule.is_open(study.times(point.index), study.populations(point.index)):
+                runs = counted(study.runs_of(point.index), "run")
+                line = f"interval of the {found.name} cannot become finite{where}, stopped after {runs}"
+                lines.append(f"{line}: {found.note}" if found.note else line)
+                continue
             lines.append(
                 f"interval of the {found.name} too wide{where} after {counted(study.runs_of(point.index), 'run')}: "
                 f"{reached}, required {100 * (rule.until or 0.0):g} %; {found.note or 'raise --most'}"

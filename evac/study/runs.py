@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.ending import EVERYBODY_OUT
+from evac.assembly import make_contact_model, make_population
+from evac.ending import EVERYBODY_OUT, FAILED
 from evac.errors import EvacError
 from evac.output.results import Results
 from evac.phases import Progress
-from evac.study.points import Point, Seeds
-from evac.study.shared import GroundFile, simulation_of
+from evac.study.points import SEEDS, Point, Seeds
+from evac.study.shared import GroundFile, shared_ground, simulation_of
 
 if TYPE_CHECKING:
     from evac.registry import Registry
@@ -31,6 +32,8 @@ class Order:
     Attributes
     ----------
     point : int
+    where : str
+        Words that name the point in messages; empty if it is the only one.
     digest : str
         Digest of the case, which is loaded only once in each process.
     table, source, plugin_files
@@ -43,6 +46,7 @@ class Order:
     """
 
     point: int
+    where: str
     digest: str
     table: Mapping[str, Any]
     source: Path
@@ -62,11 +66,11 @@ class Row:
     population_seed : int or None
         Seed of the properties of people, if it differs from `seed`.
     ended : str
-        As in `Results`.
+        As in `Results`; "failed" for a run without results, because of an error.
     time : float
-        Simulated time [s].
+        Simulated time [s]; NaN for a failed run.
     last_out : float
-        Time at which the last person left [s]; infinite if people are left inside.
+        Time at which the last person left [s]; infinite if people are left inside, NaN for a failed run.
     exits : tuple of (str, int, float)
         For each exit: name, number of people who left by it, time at which the last of them left [s] or NaN.
     exit_time : (people,) float64 [s]
@@ -76,6 +80,8 @@ class Row:
     quality_warnings : tuple of str
     wall_time : float
         Wall time of the run without building and directions [s]; not part of the tables.
+    error : EvacError or None
+        Why the run failed, with its seed in a note.
     """
 
     point: int
@@ -90,49 +96,107 @@ class Row:
     exit_used: NDArray[np.int16]
     quality_warnings: tuple[str, ...]
     wall_time: float
+    error: EvacError | None = None
 
     @property
     def is_blocked(self) -> bool:
-        """Whether people are left inside."""
-        return self.ended != EVERYBODY_OUT
+        """Whether people are left inside at the end of a run that did not fail."""
+        return self.ended not in (EVERYBODY_OUT, FAILED)
 
 
-def make_runs(
-    order: Order, runs: tuple[int, ...], case: "Case | None" = None, tick: Callable[[Progress], None] | None = None
-) -> list[Row]:
-    """Execute some runs of a point in this process.
+@dataclass(frozen=True)
+class Task:
+    """Some runs of a point, for one process.
 
-    Parameters
+    Attributes
     ----------
     order : Order
     runs : tuple of int
+        Numbers of the runs.
+    only_check : bool
+        Only check whether the runs are refused: whether their people can be placed, have ways, and are accepted by
+        the contact model.
+    """
+
+    order: Order
+    runs: tuple[int, ...]
+    only_check: bool = False
+
+
+def make_rows(task: Task, case: "Case | None" = None, tick: Callable[[Progress], None] | None = None) -> list[Row]:
+    """Execute a task in this process; an error of `evac.run` makes a row with that error.
+
+    Parameters
+    ----------
+    task : Task
     case : Case, optional
         The case of the order, if it is already loaded.
     tick : callable, optional
         Called at every tick of each run.
 
-    Raises
-    ------
-    EvacError
-        An error of `evac.run` in the first run that fails, with its seed in a note.
+    Returns
+    -------
+    list of Row
+        A row for each run; of a task that only checks, those of the runs that are refused.
     """
-    base = case if case is not None else _case_of(order)
-    return [_make_run(order, base, run, tick) for run in runs]
+    base = case if case is not None else _case_of(task.order)
+    if task.only_check:
+        return _refused(task, base)
+    return [_make_run(task.order, base, run, tick) for run in task.runs]
+
+
+def _refused(task: Task, base: "Case") -> list[Row]:
+    order, rows = task.order, []
+    try:
+        ground = shared_ground(base, order.key, order.ground)
+    except EvacError as error:
+        return [_failed_row(order, run, error) for run in task.runs]
+    for run in task.runs:
+        try:
+            case = base.change(order.seeds.changes(run))
+            case.registry.call_all("evac_configure", case=case, registry=case.registry)
+            make_population(case, ground, make_contact_model(case))
+        except EvacError as error:
+            rows.append(_failed_row(order, run, error))
+    return rows
 
 
 def _make_run(order: Order, base: "Case", run: int, tick: Callable[[Progress], None] | None) -> Row:
-    changes = order.seeds.changes(run)
+    start = time.perf_counter()
     try:
-        case = base.change(changes)
-        start = time.perf_counter()
+        case = base.change(order.seeds.changes(run))
         simulation = simulation_of(case, order.key, order.ground)
         made = sum(simulation.phases.seconds()[phase] for phase in ("building", "directions", "kernels"))
         results = simulation.run(tick)
     except EvacError as error:
-        error.add_note(f"in the run with {', '.join(f'{key} = {seed}' for key, seed in changes.items())}")
-        raise
+        return _failed_row(order, run, error, time.perf_counter() - start)
     wall_time = time.perf_counter() - start - made
     return row_of(results, order.point, run, case.simulation.population_seed, wall_time)
+
+
+def _failed_row(order: Order, run: int, error: EvacError, wall_time: float = 0.0) -> Row:
+    """Return the row of a run that failed; its seed and, in a study of several points, its point are noted."""
+    changes = order.seeds.changes(run)
+    told = type(error)(*error.args)  # without the simulation to which the traceback of the error refers
+    told.__cause__ = error.__cause__
+    for note in getattr(error, "__notes__", ()):
+        told.add_note(note)
+    told.add_note(f"in the run with {', '.join(f'{key} = {seed}' for key, seed in changes.items())}{order.where}")
+    return Row(
+        point=order.point,
+        run=run,
+        seed=changes[SEEDS[0]],
+        population_seed=changes.get(SEEDS[1]),
+        ended=FAILED,
+        time=math.nan,
+        last_out=math.nan,
+        exits=(),
+        exit_time=np.empty(0),
+        exit_used=np.empty(0, np.int16),
+        quality_warnings=(),
+        wall_time=wall_time,
+        error=told,
+    )
 
 
 def row_of(results: Results, point: int, run: int, population_seed: int | None, wall_time: float) -> Row:
@@ -161,7 +225,8 @@ def row_of(results: Results, point: int, run: int, population_seed: int | None, 
 def order_of(point: Point, seeds: Seeds, digest: str, key: str) -> Order:
     """Return the order for the runs of a point."""
     case = point.case
-    return Order(point.index, digest, case.table, case.source, case.registry.files(), seeds, key)
+    where = f" at the point {point.label}" if point.parameters else ""
+    return Order(point.index, where, digest, case.table, case.source, case.registry.files(), seeds, key)
 
 
 _cases: dict[str, "Case"] = {}

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evac.assembly import ground_key
+from evac.assembly import ground_key, make_shared
 from evac.scene import Ground
 from evac.simulation import Simulation
 
@@ -120,6 +120,17 @@ class Grounds:
 
 
 GROUNDS = Grounds()
+
+
+def shared_ground(case: "Case", key: str, file: GroundFile | None = None) -> Ground:
+    """Return the ground of a case, from the cache or the file, or computed and cached.
+
+    Raises
+    ------
+    EvacError
+        As for `evac.assembly.make_shared`.
+    """
+    return GROUNDS.get(key, file) or GROUNDS.keep(key, make_shared(case))
 
 
 def simulation_of(

@@ -1,12 +1,13 @@
 """Statistics of the evacuation time over the runs of a study, with confidence intervals.
 
 The evacuation time of a run is the time at which the last person leaves. It is infinite for a blocked run, in which
-people are left inside. Since the mean over all runs would be infinite too, the mean of the complete runs and the share
-of blocked runs are given; a percentile is infinite if too many runs are blocked.
+people are left inside, and NaN for a run that failed, which is not part of any statistic. Since the mean over all runs
+would be infinite too, the mean of the complete runs and the share of blocked runs are given; a percentile is infinite
+if too many runs are blocked. Where few runs decide the mean, it has no interval, and the median is to be preferred.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.errors import ScenarioError
+from evac.errors import ScenarioError, counted
 
 #: Confidence level of the intervals.
 CONFIDENCE = 0.95
@@ -29,6 +30,14 @@ BOOTSTRAP_SEED = 1533
 
 #: Least number of values for a bootstrap; fewer values have too few distinct resamples.
 LEAST_FOR_BOOTSTRAP = 8
+
+#: Fewer values than that determine no interval of their mean if it reaches beyond 1 / WIDEST and WIDEST times the mean.
+WIDEST = 2.0
+
+#: Skewness of complete runs above which the median is recommended instead of the mean.
+SKEWED = 2.0
+
+MEDIAN = "percentile 50"
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,7 @@ class Estimate:
     runs : int
         Number of runs in the statistic.
     note : str
-        Why there is no interval, or the effect of blocked runs; often empty.
+        Why there is no interval, or the effect of blocked, long or few runs; often empty.
     """
 
     name: str
@@ -53,6 +62,11 @@ class Estimate:
     high: float
     runs: int
     note: str = ""
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether both bounds are determined; they may be infinite."""
+        return not (math.isnan(self.low) or math.isnan(self.high))
 
     @property
     def relative_half_width(self) -> float:
@@ -67,8 +81,8 @@ class Statistics:
 
     Attributes
     ----------
-    runs, blocked : int
-        Number of all runs, and of those in which people are left inside.
+    runs, blocked, failed : int
+        Number of all runs that did not fail, of those in which people are left inside, and of failed runs.
     blocked_share, blocked_low, blocked_high : float
         Share of blocked runs, and its exact interval (Clopper and Pearson).
     least, greatest, standard_deviation : float
@@ -81,6 +95,7 @@ class Statistics:
 
     runs: int
     blocked: int
+    failed: int
     blocked_share: float
     blocked_low: float
     blocked_high: float
@@ -89,6 +104,10 @@ class Statistics:
     standard_deviation: float
     mean: Estimate
     percentiles: tuple[Estimate, ...]
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return the mean or a percentile by its name."""
+        return next(one for one in (self.mean, *self.percentiles) if one.name == name)
 
     def as_row(self) -> dict[str, Any]:
         """Return the values as one flat row, including NaN and infinity."""
@@ -107,23 +126,26 @@ def statistics(
     Parameters
     ----------
     times : (runs,) float64 [s]
-        Evacuation times, infinite if people are left.
+        Evacuation times, infinite if people are left, NaN for failed runs.
     populations : sequence of int, optional
         Number of the population of each run. Runs with the same people are correlated: if there are fewer populations
-        than runs, all intervals come from a bootstrap of populations.
+        than runs, all intervals are those of a sample of populations.
     confidence : float
         Confidence level of the intervals.
     """
-    complete, blocked = times[np.isfinite(times)], int(np.isinf(times).sum())
-    low, high = share_interval(blocked, len(times))
+    failed = int(np.isnan(times).sum())
+    ended = times[~np.isnan(times)]
+    runs, complete, blocked = len(ended), ended[np.isfinite(ended)], int(np.isinf(ended).sum())
+    low, high = share_interval(blocked, runs)
     return Statistics(
-        runs=len(times),
+        runs=runs,
         blocked=blocked,
-        blocked_share=blocked / len(times),
+        failed=failed,
+        blocked_share=blocked / runs if runs else math.nan,
         blocked_low=low,
         blocked_high=high,
-        least=float(times.min()),
-        greatest=float(times.max()),
+        least=float(ended.min()) if runs else math.nan,
+        greatest=float(ended.max()) if runs else math.nan,
         standard_deviation=float(complete.std(ddof=1)) if len(complete) > 1 else math.nan,
         mean=estimate("mean", times, populations, confidence),
         percentiles=tuple(estimate(percentile_name(of), times, populations, confidence) for of in PERCENTILES),
@@ -150,27 +172,14 @@ def estimate(
         The name is not known.
     """
     of = percentile_of(name)
-    groups = None if populations is None else np.asarray(populations)
+    has_ended = ~np.isnan(times)
+    groups = None if populations is None else np.asarray(populations[: len(times)])[has_ended]
     if groups is not None and len(np.unique(groups)) == len(groups):
         groups = None
-    if of is None:
-        return _mean(times, groups, confidence)
-    value = percentile(times, of)
-    if groups is not None:
-        low, high = bootstrap_interval(times, lambda sample: percentile(sample, of), groups, confidence)
-        return Estimate(name, value, low, high, len(times), _populations_note(groups))
-    low, high = percentile_interval(times, of, confidence)
-    notes = []
-    if math.isnan(high) and math.isnan(low):
-        notes.append(f"no {100 * CONFIDENCE:.0f} % interval below {least_runs(of)} runs")
-    elif math.isnan(high) or math.isnan(low):
-        side = "upper" if math.isnan(high) else "lower"
-        notes.append(f"the {side} bound is open below {least_runs(of)} runs")
-    if math.isinf(value):
-        notes.append(f"not reached: {int(np.isinf(times).sum())} of {len(times)} runs are blocked")
-    elif math.isinf(high):
-        notes.append(f"the interval is open: {int(np.isinf(times).sum())} of {len(times)} runs are blocked")
-    return Estimate(name, value, low, high, len(times), "; ".join(notes))
+    times = times[has_ended]
+    if not len(times):
+        return Estimate(name, math.nan, math.nan, math.nan, 0)
+    return _mean(times, groups, confidence) if of is None else _percentile(of, times, groups, confidence)
 
 
 def percentile_name(of: float) -> str:
@@ -235,6 +244,32 @@ def least_runs(of: float) -> int:
     return math.ceil(math.log(0.5 * (1.0 - CONFIDENCE)) / math.log(share) - 1e-9)
 
 
+def deciding(values: FloatArray, interval: tuple[float, float]) -> int:
+    """Return the number of values that decide a mean, so that its interval has no meaning; 0 if none do.
+
+    If resamples without the few extreme values are frequent, the bootstrap extends the interval beyond all values,
+    where no mean of so many values lies, so that no sample could contradict it. The interval of fewer than
+    `LEAST_FOR_BOOTSTRAP` values may extend beyond them, but only by the factor `WIDEST` from their mean.
+
+    Parameters
+    ----------
+    values : (n,) float64
+        Two or more positive values.
+    interval : tuple of (float, float)
+        Their `mean_interval`.
+    """
+    mean = float(values.mean())
+    least, greatest = mean / WIDEST, mean * WIDEST
+    if len(values) >= LEAST_FOR_BOOTSTRAP:
+        least, greatest = float(values.min()), float(values.max())
+    rounding = 1e-9 * mean
+    if least - rounding <= interval[0] and interval[1] <= greatest + rounding:
+        return 0
+    farthest = np.argsort(-np.abs(values - np.median(values)), kind="stable")
+    squares = np.cumsum((values[farthest] - mean) ** 2)
+    return int(np.searchsorted(squares, 0.5 * squares[-1])) + 1
+
+
 def share_interval(count: int, total: int) -> tuple[float, float]:
     """Return the exact interval of a share after `count` of `total` trials (Clopper and Pearson, 1934)."""
     from scipy.special import betaincinv
@@ -243,6 +278,25 @@ def share_interval(count: int, total: int) -> tuple[float, float]:
     low = float(betaincinv(count, total - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
     return low, high
+
+
+def grouped_interval(
+    times: FloatArray, of: float, groups: NDArray[Any], confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Return the interval of a percentile of runs of which those of the same group are correlated.
+
+    One run of each group is a sample of independent values, for which `percentile_interval` holds. The bounds are
+    the means of those that the first, the second, ... run of each group gives; there are as many as every group has.
+
+    Returns
+    -------
+    low, high : float
+        As for `percentile_interval`.
+    """
+    members = [times[groups == name] for name in np.unique(groups)]
+    samples = [np.array([runs[k] for runs in members]) for k in range(min(map(len, members)))]
+    low, high = np.mean([percentile_interval(sample, of, confidence) for sample in samples], axis=0)
+    return float(low), float(high)
 
 
 def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -261,58 +315,139 @@ def mean_interval(values: FloatArray, confidence: float = CONFIDENCE) -> tuple[f
     """
     n, mean = len(values), float(values.mean())
     error = float(values.std(ddof=1)) / math.sqrt(n)
-    tail = 0.5 * (1.0 - confidence)
+    if error <= 1e-12 * mean:  # all values are equal
+        return mean, mean
     if n < LEAST_FOR_BOOTSTRAP:
-        from scipy.special import stdtrit
-
-        factor = math.exp(float(stdtrit(n - 1, 1.0 - tail)) * math.sqrt(math.log1p((error / mean) ** 2)))
+        factor = math.exp(_student(n, confidence) * math.sqrt(math.log1p((error / mean) ** 2)))
         return mean / factor, mean * factor
+    return _studentised(values, confidence)
+
+
+def difference(
+    before: FloatArray,
+    after: FloatArray,
+    populations: Sequence[int] | None = None,
+    confidence: float = CONFIDENCE,
+) -> Estimate:
+    """Return the mean difference of pairs of runs with the same seeds, ``after - before``, with its interval.
+
+    The interval is that of the studentised bootstrap, for fewer than `LEAST_FOR_BOOTSTRAP` pairs Student's. As for a
+    mean, there is none where few pairs decide it.
+
+    Parameters
+    ----------
+    before, after : (runs,) float64 [s]
+        Evacuation times; only pairs of complete runs are compared.
+    populations, confidence
+        As for `statistics`.
+    """
+    is_pair = np.isfinite(before) & np.isfinite(after)
+    found = (after - before)[is_pair]
+    left_out = len(is_pair) - len(found)
+    notes = [f"without {counted(left_out, 'pair')} in which a run is blocked or failed"] if left_out else []
+    if not len(found):
+        return Estimate("difference", math.nan, math.nan, math.nan, 0, "; ".join(notes))
+    sample, values = found, "pair"
+    if populations is not None and len(np.unique(populations)) < len(is_pair):
+        groups = np.asarray(populations)[is_pair]
+        sample, values = np.array([found[groups == name].mean() for name in np.unique(groups)]), "population"
+    low = high = math.nan
+    if len(sample) == 1:
+        notes.append(f"no interval for one {values}")
+    elif np.ptp(sample) == 0.0:
+        low = high = float(sample[0])
+    elif len(sample) < LEAST_FOR_BOOTSTRAP:
+        half = _student(len(sample), confidence) * float(sample.std(ddof=1)) / math.sqrt(len(sample))
+        low, high = float(sample.mean()) - half, float(sample.mean()) + half
+    else:
+        low, high = _studentised(sample, confidence)
+        if low < sample.min() or high > sample.max():
+            low = high = math.nan
+            notes.append(f"no interval, because few of {len(sample)} {values}s decide it")
+    return Estimate("difference", float(found.mean()), low, high, len(found), "; ".join(notes))
+
+
+def _studentised(values: FloatArray, confidence: float) -> tuple[float, float]:
+    """Return the interval of the mean of values that are not all equal by the studentised bootstrap."""
+    n, mean = len(values), float(values.mean())
+    error, tail = float(values.std(ddof=1)) / math.sqrt(n), 0.5 * (1.0 - confidence)
     samples = values[_resamples(n)]
     errors = samples.std(axis=1, ddof=1) / math.sqrt(n)
-    spread = errors > 1e-12 * mean
-    if not spread.any():  # all values are equal
-        return mean, mean
+    spread = errors > 1e-9 * error
     low, high = np.quantile((samples.mean(axis=1)[spread] - mean) / errors[spread], [tail, 1.0 - tail])
     return mean - float(high) * error, mean - float(low) * error
 
 
-def bootstrap_interval(
-    times: FloatArray, statistic: Callable[[FloatArray], float], groups: NDArray[Any], confidence: float = CONFIDENCE
-) -> tuple[float, float]:
-    """Return the interval of a statistic by the percentile bootstrap of groups of correlated runs."""
-    names = np.unique(groups)
-    if len(names) < LEAST_FOR_BOOTSTRAP:
-        return math.nan, math.nan
-    members = [times[groups == name] for name in names]
-    found = np.sort([statistic(np.concatenate([members[k] for k in picks])) for picks in _resamples(len(names))])
-    tail = 0.5 * (1.0 - confidence)
-    return percentile(found, 100.0 * tail), percentile(found, 100.0 * (1.0 - tail))
+def _student(n: int, confidence: float) -> float:
+    """Return the quantile of Student's t distribution for both bounds of a mean of n values."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(n - 1, 0.5 + 0.5 * confidence))
 
 
-def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float = CONFIDENCE) -> Estimate:
+def _percentile(of: float, times: FloatArray, groups: NDArray[Any] | None, confidence: float) -> Estimate:
+    """Return a percentile; with repetitions, its interval is that of a sample of populations."""
+    value = percentile(times, of)
+    notes, sample = [], "runs"
+    if groups is None:
+        low, high = percentile_interval(times, of, confidence)
+    else:
+        low, high = grouped_interval(times, of, groups, confidence)
+        sample = "populations"
+        notes.append(_populations_note(groups))
+    if math.isnan(high) and math.isnan(low):
+        notes.append(f"no {100 * CONFIDENCE:.0f} % interval below {least_runs(of)} {sample}")
+    elif math.isnan(high) or math.isnan(low):
+        side = "upper" if math.isnan(high) else "lower"
+        notes.append(f"the {side} bound is open below {least_runs(of)} {sample}")
+    if math.isinf(value):
+        notes.append(f"not reached: {_blocked_note(times)}")
+    elif math.isinf(high):
+        notes.append(f"the interval is open: {_blocked_note(times)}")
+    return Estimate(percentile_name(of), value, low, high, len(times), "; ".join(notes))
+
+
+def _mean(times: FloatArray, groups: NDArray[Any] | None, confidence: float) -> Estimate:
     """Return the mean of the complete runs; with repetitions, its interval is that of a sample of populations."""
     is_complete = np.isfinite(times)
-    complete, blocked = times[is_complete], int((~is_complete).sum())
-    notes = []
-    if blocked:
-        notes.append(f"over the {len(complete)} complete runs, because {blocked} of {len(times)} are blocked")
+    complete = times[is_complete]
+    doubts = [] if is_complete.all() else [_blocked_note(times)]
     if not len(complete):
-        return Estimate("mean", math.nan, math.nan, math.nan, 0, "; ".join(notes))
-    sample = complete
+        return Estimate("mean", math.nan, math.nan, math.nan, 0, "; ".join(doubts))
+    sample, values, notes = complete, "run", []
     if groups is not None:
         groups = groups[is_complete]
-        sample = np.array([complete[groups == name].mean() for name in np.unique(groups)])
+        sample, values = np.array([complete[groups == name].mean() for name in np.unique(groups)]), "population"
         notes.append(_populations_note(groups))
     low = high = math.nan
-    if len(sample) > 1:
-        low, high = mean_interval(sample, confidence)
+    if len(sample) == 1:
+        notes.append(f"no interval for one {values}")
     else:
-        notes.append("no interval for one run")
-    return Estimate("mean", float(complete.mean()), low, high, len(complete), "; ".join(notes))
+        low, high = mean_interval(sample, confidence)
+        if few := deciding(sample, (low, high)):
+            low = high = math.nan
+            verb = "decides" if few == 1 else "decide"
+            doubts.append(f"no interval, because {counted(few, values)} of {len(sample)} {verb} it")
+        elif _skewness(sample) > SKEWED:
+            doubts.append(f"skewed by long {values}s")
+    if doubts and len(times) >= least_runs(50.0) and math.isfinite(percentile(times, 50.0)):
+        doubts.append(f"prefer {MEDIAN}")
+    return Estimate("mean", float(complete.mean()), low, high, len(complete), "; ".join([*notes, *doubts]))
+
+
+def _skewness(values: FloatArray) -> float:
+    deviations = values - values.mean()
+    spread = float(np.sqrt((deviations**2).mean()))
+    return float((deviations**3).mean()) / spread**3 if spread else 0.0
+
+
+def _blocked_note(times: FloatArray) -> str:
+    blocked = int(np.isinf(times).sum())
+    return f"{blocked} of {counted(len(times), 'run')} {'is' if blocked == 1 else 'are'} blocked"
 
 
 def _populations_note(groups: NDArray[Any]) -> str:
-    return f"interval by a bootstrap of {len(np.unique(groups))} populations"
+    return f"interval from {len(np.unique(groups))} populations"
 
 
 @lru_cache(maxsize=8)

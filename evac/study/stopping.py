@@ -3,13 +3,16 @@
 A rule that computes the interval after every run and stops as soon as it is narrow stops when it is narrow by chance,
 so that the interval covers the true value too rarely. The rule here computes the interval only a few times. Each time
 it estimates the required number of runs from the width of the interval, which decreases with the square root of that
-number, and requests these runs, at least half as many again as there are. The confidence level of the interval is
+number, and requests these runs, at least half as many again as there are. It stops as well if no further runs can make
+the interval finite, because too many are blocked. The confidence level of the interval is
 96 %, so that it covers the true value in 94 to 96 % of stopped studies (measured in docs/evidence/certainty).
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from evac.arrays import FloatArray
 from evac.errors import ScenarioError
@@ -18,6 +21,9 @@ from evac.study.statistics import CONFIDENCE, Estimate, estimate, least_runs, pe
 #: Number of runs before the interval is first computed, unless a percentile needs more; and the greatest number.
 LEAST_RUNS = 20
 MOST_RUNS = 1000
+
+#: Greatest number of runs of a study, and of its points together; each takes some memory until the end.
+MOST_OF_STUDY = 1_000_000
 
 #: Least factor by which the number of runs grows from one computation of the interval to the next.
 GROWTH = 1.5
@@ -66,6 +72,20 @@ class Rule:
         """Return whether the interval is narrow enough; always true for a fixed number of runs."""
         return self.until is None or self.estimate(times, populations).relative_half_width <= self.until
 
+    def is_open(self, times: FloatArray, populations: Sequence[int]) -> bool:
+        """Return whether more runs can make the interval finite.
+
+        They cannot if all runs so far failed or, for the mean, are blocked; if blocked runs are so frequent that even
+        the lower bound of a percentile is infinite; and if the upper bound would be infinite after all further runs,
+        even if none of them was blocked.
+        """
+        if percentile_of(self.statistic) is None or not np.isfinite(times).any():
+            return bool(np.isfinite(times).any())
+        further = np.arange(max(self.most - len(times), 0))
+        names = np.append(populations[: len(times)], populations[len(times) - 1] + 1 + further // self.repetitions)
+        best = self.estimate(np.append(times, np.full(len(further), np.nanmin(times))), names.tolist())
+        return math.isfinite(best.relative_half_width) and not math.isinf(self.estimate(times, populations).low)
+
     def wanted(self, times: FloatArray, populations: Sequence[int]) -> int:
         """Return the number of runs at which the interval is computed next; that of `times` to stop.
 
@@ -80,7 +100,7 @@ class Rule:
         if self.until is None or runs >= self.most:
             return runs
         width = self.estimate(times, populations).relative_half_width
-        if width <= self.until:
+        if width <= self.until or not (math.isfinite(width) or self.is_open(times, populations)):
             return runs
         needed = runs * (width / self.until) ** 2 if math.isfinite(width) else 0.0
         return self._rounded(min(self.most, max(GROWTH * runs, needed)))
@@ -129,5 +149,5 @@ def until_known(
 
 def _check(**counts: int) -> None:
     for name, count in counts.items():
-        if count < 1:
-            raise ScenarioError(f"{name} must be at least 1, not {count}")
+        if not 1 <= count <= MOST_OF_STUDY:
+            raise ScenarioError(f"{name} must be from 1 to {MOST_OF_STUDY}, not {count}")

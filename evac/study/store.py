@@ -1,31 +1,43 @@
 """The rows of a study on disk, each written as soon as its run is done, in columns that data frame libraries read.
 
-During the study, rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch, written with one
-call, so that after a kill at most the last one is incomplete, which is removed when the file is opened again. When the
-study is complete, the rows are sorted by point and run into ``runs.parquet``, and the stream is deleted. Neither SQLite
-(rows, not columns) nor Parquet (not readable without its end) is suitable for both.
+During the study, rows are appended to ``runs.arrows``, an Arrow stream: each row is one record batch with a checksum,
+written with one call, so that after a kill at most the last one is incomplete. The first record that is incomplete or
+damaged, and all that follows it, is overwritten when rows are appended again. When the study is complete, the rows are
+sorted by point and run into ``runs.parquet``, whose digest is in ``runs.digest``, and the stream is deleted. Neither
+SQLite (rows, not columns) nor Parquet (not readable without its end) is suitable for both.
 """
 
 import math
 import os
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from hashlib import file_digest
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.ipc
 import pyarrow.parquet as pq
 
-from evac.errors import ResultError
-from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME, writing
+from evac.ending import FAILED
+from evac.errors import ResultError, text_of
+from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME, sync_file, writing
 from evac.study.points import Point
+from evac.study.records import read_sealed, sealed
 from evac.study.runs import Row
+
+#: Longest time after which rows are forced to disk, when the next one is appended [s].
+SYNC_EVERY = 1.0
 
 #: Number of rows read at a time, and approximate size of the groups of rows written [bytes].
 BATCH_ROWS = 32
 GROUP_BYTES = 16 * 2**20
+
+#: Columns that tell which runs there are.
+INDEXED = ("point", "run", "ended", "last_out")
 
 EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("last_out", pa.float64())]))
 
@@ -34,7 +46,7 @@ EXITS = pa.list_(pa.struct([("name", pa.string()), ("people", pa.int32()), ("las
 class Entry:
     """Data of a stored run that is kept in memory."""
 
-    last_out: float  # [s], infinite if people are left
+    last_out: float  # [s], infinite if people are left, NaN if the run failed
     offset: int = -1  # in the stream; -1: in the Parquet file
 
 
@@ -57,6 +69,7 @@ def schema_of(points: Sequence[Point]) -> pa.Schema:
             ("last_out", pa.float64()),
             ("exits", EXITS),
             ("quality_warnings", pa.list_(pa.string())),
+            ("error", pa.string()),
             ("exit_time", pa.list_(pa.float64())),
             ("exit_used", pa.list_(pa.int16())),
         ]
@@ -69,13 +82,13 @@ class Store:
     Parameters
     ----------
     folder : Path
-        An existing folder. Rows of the study in it are kept.
+        An existing folder. Rows of the study in it are kept. Nothing is written before a row is appended.
     points : sequence of Point
 
     Raises
     ------
     ResultError
-        The files cannot be read or written, or belong to another study.
+        The files cannot be read, are damaged, or belong to another study.
 
     Attributes
     ----------
@@ -84,12 +97,13 @@ class Store:
     """
 
     def __init__(self, folder: Path, points: Sequence[Point]) -> None:
-        self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
+        self.move(folder)
         self._points = points
         self.schema = schema_of(points)
         self.entries: dict[tuple[int, int], Entry] = {}
         self._file: Any = None
-        self._end = 0
+        self._end, self._synced = 0, 0.0
+        self._digest = ""  # of the Parquet file
         with writing("the rows", folder):
             if self._parquet_path.is_file():
                 self._index_parquet()
@@ -97,18 +111,24 @@ class Store:
                 self._index_stream()
 
     def append(self, row: Row) -> None:
-        """Write a row; it is on disk when this returns."""
+        """Write a row. It survives a kill of this process; a failure of the machine can lose those of `SYNC_EVERY`."""
         with writing("the rows", self._stream_path):
             if self._file is None:
                 self._file = self._stream_path.open("r+b" if self._end else "wb", buffering=0)
-                if not self._end:
-                    self._end = self._file.write(self.schema.serialize())
+                self._file.truncate(self._end)
                 self._file.seek(self._end)
-            data = memoryview(self._batch(row).serialize())
-            if self._file.write(data) != len(data):
-                raise OSError("the disk is full")
-            self.entries[row.point, row.run] = Entry(row.last_out, self._end)
-            self._end += len(data)
+                if not self._end:
+                    self._write(self.schema.serialize())
+            offset = self._end
+            self._write(self._batch(row).serialize())
+            self.entries[row.point, row.run] = Entry(row.last_out, offset)
+            if time.monotonic() - self._synced > SYNC_EVERY:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
+
+    def forget_failed(self) -> None:
+        """Forget the runs that failed, so that they are made again."""
+        self.entries = {key: entry for key, entry in self.entries.items() if not math.isnan(entry.last_out)}
 
     def rows(self, wanted: Iterable[tuple[int, int]], columns: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
         """Yield stored rows as dictionaries of plain values and arrays.
@@ -141,7 +161,14 @@ class Store:
                         group, size = [], 0
                 if group:
                     writer.write_table(pa.Table.from_batches(group, self.schema))
-            _replace(new, self._parquet_path)
+            with new.open("rb") as file:
+                found = file_digest(file, "sha256").hexdigest()
+            sync_file(new)
+            digests = self._digest_path.with_name(f"{RUNS_DIGEST_NAME}.new")
+            digests.write_text(f"{found} {self._digest}\n", encoding="ascii")  # the old file is valid until replaced
+            digests.replace(self._digest_path)
+            new.replace(self._parquet_path)
+            self._digest = found
             self.close()
             self._stream_path.unlink(missing_ok=True)
         self._end = 0
@@ -154,6 +181,7 @@ class Store:
     def move(self, folder: Path) -> None:
         """Set the new path of the renamed folder; the stream must be closed."""
         self._stream_path, self._parquet_path = folder / RUNS_STREAM_NAME, folder / RUNS_PARQUET_NAME
+        self._digest_path = folder / RUNS_DIGEST_NAME
 
     def close(self) -> None:
         """Close the stream."""
@@ -162,36 +190,67 @@ class Store:
             self._file.close()
             self._file = None
 
-    def _index_parquet(self) -> None:
+    def _write(self, message: pa.Buffer) -> None:
+        data = sealed(message.to_pybytes(), self._end)
+        if self._file.write(data) != len(data):
+            raise OSError("the disk is full")
+        self._end += len(data)
+
+    def _digests(self) -> list[str]:
+        """Return the digests that the Parquet file may have; two while it is replaced."""
         try:
-            with pq.ParquetFile(self._parquet_path) as file:
-                self._check_schema(file.schema_arrow, self._parquet_path)
-                for batch in file.iter_batches(columns=["point", "run", "last_out"]):
-                    columns = (batch.column(name).to_pylist() for name in ("point", "run", "last_out"))
-                    for point, run, last_out in zip(*columns, strict=True):
-                        self.entries[point, run] = Entry(math.inf if last_out is None else last_out)
+            return self._digest_path.read_text(encoding="ascii").split()
+        except (OSError, ValueError) as error:
+            raise ResultError(f"{self._digest_path}: cannot be read: {error}; start the study again") from error
+
+    def _index_parquet(self) -> None:
+        with self._parquet_path.open("rb") as file:
+            self._digest = file_digest(file, "sha256").hexdigest()
+            if self._digest not in self._digests():
+                raise ResultError(f"{self._parquet_path}: damaged, it has another digest; start the study again")
+        try:
+            with pq.ParquetFile(self._parquet_path) as parquet:
+                self._check_schema(parquet.schema_arrow, self._parquet_path)
+                for batch in parquet.iter_batches(columns=INDEXED):
+                    self._index(batch, -1)
         except pa.ArrowException as error:
-            raise ResultError(f"{self._parquet_path}: damaged: {error}; remove it to start the study again") from error
+            raise ResultError(f"{self._parquet_path}: damaged: {error}; start the study again") from error
 
     def _index_stream(self) -> None:
-        """Read the rows of the stream up to the last complete one; an incomplete one is overwritten."""
+        """Read the rows of the stream up to the first one that is incomplete or damaged."""
         size = self._stream_path.stat().st_size
-        with pa.OSFile(str(self._stream_path)) as file:
+        with self._stream_path.open("rb") as file:
+            found = read_sealed(file, 0, size)
+            if found is None:
+                return
             try:
-                self._check_schema(pa.ipc.read_schema(pa.ipc.read_message(file)), self._stream_path)
+                self._check_schema(pa.ipc.read_schema(pa.py_buffer(found)), self._stream_path)
+            except pa.ArrowException:
+                return
+            self._end = len(found)
+            while (batch := self._batch_at(file, self._end, size)) is not None:
+                self._index(batch, self._end)
                 self._end = file.tell()
-                while self._end < size:
-                    batch = pa.ipc.read_record_batch(pa.ipc.read_message(file), self.schema)
-                    if file.tell() > size:
-                        break
-                    point, run, last_out = (batch.column(name)[0].as_py() for name in ("point", "run", "last_out"))
-                    self.entries[point, run] = Entry(math.inf if last_out is None else last_out, self._end)
-                    self._end = file.tell()
-            except (pa.ArrowException, EOFError, OSError):
-                pass  # incomplete after a kill
-        if self._end < size:
-            with self._stream_path.open("r+b") as stream:
-                stream.truncate(self._end)
+
+    def _batch_at(self, file: BinaryIO, place: int, end: int) -> pa.RecordBatch | None:
+        """Return the row of the stream at a place; None if it is incomplete, damaged or not of this study."""
+        found = read_sealed(file, place, end)
+        if found is None:
+            return None
+        try:
+            batch = pa.ipc.read_record_batch(pa.py_buffer(found), self.schema)
+            batch.validate(full=True)
+        except pa.ArrowException:
+            return None
+        point, run = (batch.column(name).to_pylist() for name in ("point", "run"))
+        is_one = len(point) == len(run) == 1 and None not in (*point, *run)
+        return batch if is_one and 0 <= point[0] < len(self._points) and run[0] >= 0 else None
+
+    def _index(self, batch: pa.RecordBatch, offset: int) -> None:
+        """Note the runs of a batch, which are at an offset in the stream, or -1 if they are in the Parquet file."""
+        for point, run, ended, last_out in zip(*(batch.column(name).to_pylist() for name in INDEXED), strict=True):
+            endless = math.nan if ended == FAILED else math.inf
+            self.entries[point, run] = Entry(endless if last_out is None else last_out, offset)
 
     def _check_schema(self, found: pa.Schema, path: Path) -> None:
         if not found.equals(self.schema):
@@ -200,18 +259,20 @@ class Store:
     def _batches(self, wanted: Iterable[tuple[int, int]], names: Sequence[str]) -> Iterator[pa.RecordBatch]:
         """Yield the rows `wanted` in batches, in order, from the stream or the Parquet file."""
         old = self._parquet_rows(names)
-        stream = pa.OSFile(str(self._stream_path)) if self._stream_path.is_file() else None
-        try:
+        with ExitStack() as open_files:
+            stream, size = None, 0
+            if self._stream_path.is_file():
+                stream = open_files.enter_context(self._stream_path.open("rb"))
+                size = os.fstat(stream.fileno()).st_size
             for key in wanted:
                 entry = self.entries[key]
                 if entry.offset < 0:
                     yield next(batch for found, batch in old if found == key)
-                elif stream is not None:
-                    stream.seek(entry.offset)
-                    yield pa.ipc.read_record_batch(pa.ipc.read_message(stream), self.schema).select(list(names))
-        finally:
-            if stream is not None:
-                stream.close()
+                    continue
+                batch = self._batch_at(stream, entry.offset, size) if stream is not None else None
+                if batch is None:
+                    raise ResultError(f"{self._stream_path}: changed since it was opened; resume the study (--resume)")
+                yield batch.select(list(names))
 
     def _parquet_rows(self, names: Sequence[str]) -> Iterator[tuple[tuple[int, int], pa.RecordBatch]]:
         """Yield the rows of the Parquet file one by one, with their keys."""
@@ -233,15 +294,13 @@ class Store:
             "population_seed": row.population_seed,
             "ended": row.ended,
             "blocked": row.is_blocked,
-            "time": row.time,
+            "time": _number(row.time),
             "people": len(row.exit_time),
             "out": int(np.isfinite(row.exit_time).sum()),
-            "last_out": None if row.is_blocked else row.last_out,
-            "exits": [
-                {"name": name, "people": people, "last_out": None if math.isnan(last) else last}
-                for name, people, last in row.exits
-            ],
+            "last_out": _number(row.last_out),
+            "exits": [{"name": name, "people": people, "last_out": _number(last)} for name, people, last in row.exits],
             "quality_warnings": list(row.quality_warnings),
+            "error": None if row.error is None else text_of(row.error),
             "exit_time": row.exit_time,
             "exit_used": row.exit_used,
         }
@@ -263,6 +322,10 @@ def _kind(values: Sequence[Any]) -> pa.DataType:
     return pa.float64() if kinds <= {int, float} else pa.string()
 
 
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
 def _plain(value: Any, kind: pa.DataType) -> Any:
     return str(value) if value is not None and pa.types.is_string(kind) else value
 
@@ -273,10 +336,3 @@ def _value(column: pa.Array, k: int) -> Any:
     if pa.types.is_list(kind) and (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)):
         return column[k].values.to_numpy(zero_copy_only=False)
     return column[k].as_py()
-
-
-def _replace(new: Path, path: Path) -> None:
-    """Replace a file atomically by a complete new one."""
-    with new.open("r+b") as file:
-        os.fsync(file.fileno())
-    new.replace(path)

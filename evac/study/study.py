@@ -1,5 +1,6 @@
 """A study: its points, its rows, and their statistics."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -11,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from evac.arrays import FloatArray
+from evac.errors import EvacError
 from evac.study import imo
 from evac.study.conduct import Conductor
-from evac.study.identity import check_identity, digest_of, identity_of, key_of, write_identity
-from evac.study.points import Point, Seeds
+from evac.study.identity import check_identity, definition_of, digest_of, identity_of, key_of, write_identity
+from evac.study.points import STEP, Point, Seeds
 from evac.study.runs import Order, Row, order_of
-from evac.study.statistics import Estimate, Statistics, statistics
+from evac.study.statistics import MEDIAN, Estimate, Statistics, difference, statistics
 from evac.study.stopping import Rule
 from evac.study.store import Store
 
@@ -40,31 +42,51 @@ class Progress:
 class Study:
     """Runs of one or several points, with the same seeds at every point.
 
-    Returned by `evac.repeat` and `evac.sweep`.
+    Returned by `evac.repeat` and `evac.sweep`, and by `evac.read_study` for the folder of an earlier study.
 
-    Attributes
+    Parameters
     ----------
-    points : tuple of Point
+    points : sequence of Point
     seeds : Seeds
     rule : Rule
     folder : Path
-        Folder with the rows.
+        Folder with the rows. Of an interrupted study, the runs before the first missing one are in the statistics.
+
+    Attributes
+    ----------
+    points, seeds, rule, folder
+        As the parameters.
     """
 
-    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> None:
+    def __init__(self, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path) -> None:
         self.points = tuple(points)
         self.seeds, self.rule, self.folder = seeds, rule, folder
-        keys = [key_of(point.case) for point in self.points]
-        digests = [digest_of(point.case, key) for point, key in zip(self.points, keys, strict=True)]
-        self._orders = [order_of(*of) for of in zip(self.points, [seeds] * len(keys), digests, keys, strict=True)]
-        identity = identity_of(self.points, seeds, digests)
-        if resume:
-            check_identity(self.folder, identity)
-        else:
-            write_identity(self.folder, identity)
         self._store = Store(self.folder, self.points)
-        self._wanted = [rule.first] * len(self.points)
-        self._there = [rule.first - len(self._missing(order, range(rule.first))) for order in self._orders]
+        self._orders: list[Order] = []
+        self._wanted = [self._extent(point.index) for point in self.points]
+        self._there = list(self._wanted)
+
+    @classmethod
+    def begun(cls, points: Sequence[Point], seeds: Seeds, rule: Rule, folder: Path, resume: bool = False) -> "Study":
+        """Return a study to be conducted; its folder contains no study, or if it is resumed, the same one.
+
+        Raises
+        ------
+        ResultError
+            The folder contains another study, or cannot be read or written.
+        """
+        keys = [key_of(point.case) for point in points]
+        digests = [digest_of(point.case, key) for point, key in zip(points, keys, strict=True)]
+        identity = identity_of(points, seeds, digests)
+        if resume:
+            check_identity(folder, identity)
+        write_identity(folder, identity, definition_of(points, rule))
+        study = cls(points, seeds, rule, folder)
+        study._store.forget_failed()
+        study._orders = [order_of(*of) for of in zip(points, [seeds] * len(keys), digests, keys, strict=True)]
+        study._wanted = [rule.first] * len(points)
+        study._there = [rule.first - len(study._missing(point.index, range(rule.first))) for point in points]
+        return study
 
     def __repr__(self) -> str:
         return f"<Study of {len(self.points)} points, {len(self._store.entries)} runs in {self.folder}>"
@@ -80,27 +102,50 @@ class Study:
         executor: Executor | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        """Execute all missing runs, and sort the rows."""
-        conductor: Conductor
+        """Check all missing runs, execute those that are not refused, and sort the rows.
+
+        Raises
+        ------
+        EvacError
+            The error of the first run, if all runs failed; or the rows cannot be written.
+        """
+        workers = workers or cpu_count() or 1
+        missing = [self._missing(order.point, range(self.rule.first)) for order in self._orders]
+        refused: list[Row] = []
+        if sum(map(len, missing)) > 1:
+            checks = Conductor(self.points, refused.append, workers, executor)
+            for order, runs in zip(self._orders, missing, strict=True):
+                checks.ask_check(order, runs)
+            checks.conduct()
+        if refused and len(refused) == self.rule.first * len(self.points):
+            raise _first_error(refused)
+        failed: list[Row] = []
 
         def on_row(row: Row) -> None:
             self._store.append(row)
             self._there[row.point] += 1
             order = self._orders[row.point]
             conductor.ask(order, self._advanced(order))
+            if row.error is not None:
+                failed.append(row)
             if progress is not None:
                 progress(Progress(self.done, sum(self._wanted), row))
 
-        conductor = Conductor(self.points, on_row, workers or cpu_count() or 1, executor)
-        for order in self._orders:
-            missing = self._missing(order, range(self.rule.first)) or self._advanced(order)
-            conductor.ask(order, missing)
+        conductor = Conductor(self.points, on_row, workers, executor)
         if progress is not None:
             progress(Progress(self.done, sum(self._wanted), None))
         try:
+            for row in sorted(refused, key=_place):
+                on_row(row)
+            known = {(row.point, row.run) for row in refused}
+            for order, runs in zip(self._orders, missing, strict=True):
+                wanted = [run for run in runs if (order.point, run) not in known]
+                conductor.ask(order, wanted if runs else self._advanced(order))
             conductor.conduct()
         finally:
             self._store.close()
+        if failed and all(math.isnan(entry.last_out) for entry in self._store.entries.values()):
+            raise _first_error(failed)
         self._store.compact(sorted(self._store.entries))
 
     @property
@@ -113,8 +158,8 @@ class Study:
         return self._wanted[point]
 
     def times(self, point: int) -> FloatArray:
-        """Return the evacuation times (runs,) [s] of a point by run; infinite if people are left."""
-        return np.array([self._store.entries[point, run].last_out for run in range(self._wanted[point])])
+        """Return the evacuation times (runs,) [s] of a point; infinite if people are left, NaN for failed runs."""
+        return self._times(point, self._wanted[point])
 
     def populations(self, point: int) -> list[int]:
         """Return the number of the population of each run of a point."""
@@ -128,6 +173,26 @@ class Study:
             statistics(self.times(point.index), self.populations(point.index), confidence) for point in self.points
         )
 
+    @property
+    def central(self) -> str:
+        """Name of the statistic that describes all points: the mean, or the median if the mean lacks intervals."""
+        means, medians = ([one[name].has_interval for one in self.statistics] for name in ("mean", MEDIAN))
+        return "mean" if sum(means) >= sum(medians) else MEDIAN
+
+    def difference(self, point: int, other: int) -> Estimate:
+        """Return the mean difference of evacuation times, ``other - point``, of the runs with the same seeds."""
+        runs = min(self._wanted[point], self._wanted[other])
+        before, after = self._times(point, runs), self._times(other, runs)
+        return difference(before, after, self.populations(point)[:runs], self.rule.confidence)
+
+    @property
+    def step_change(self) -> Estimate | None:
+        """The difference that half the time step makes, if that is what the points of the study differ in."""
+        if [tuple(point.parameters) for point in self.points] != [(STEP,), (STEP,)]:
+            return None
+        step, other = (point.parameters[STEP] for point in self.points)
+        return self.difference(0, 1) if other == 0.5 * step else None
+
     def deciding(self, point: int) -> Estimate:
         """Return the statistic on which the stopping rule is based, at one point."""
         return self.rule.estimate(self.times(point), self.populations(point))
@@ -136,7 +201,9 @@ class Study:
         """Return the variation between populations and repetitions, as the procedure of the IMO requires."""
         return imo.variation(self.times(point), self.populations(point))
 
-    def rows(self, point: int | None = None, columns: Sequence[str] = ()) -> Iterable[dict[str, Any]]:
+    def rows(
+        self, point: int | None = None, columns: Sequence[str] = (), *, failed: bool = False
+    ) -> Iterable[dict[str, Any]]:
         """Yield the rows in the statistics of one point or all points, read one after the other.
 
         Parameters
@@ -144,17 +211,21 @@ class Study:
         point : int, optional
         columns : sequence of str
             Names of columns of `table`; by default all.
+        failed : bool
+            Include the rows of failed runs, which are in no statistic.
         """
         chosen = self.points if point is None else (self.points[point],)
         wanted = [(one.index, run) for one in chosen for run in range(self._wanted[one.index])]
+        if not failed:
+            wanted = [key for key in wanted if not math.isnan(self._store.entries[key].last_out)]
         return self._store.rows(wanted, columns)
 
     def table(self) -> "pyarrow.Table":
-        """Return all rows as an Arrow table, with the exit times of all people in memory."""
+        """Return all rows, also of failed runs, as an Arrow table, with the exit times of all people in memory."""
         return self._store.table()
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return all rows as a pandas data frame."""
+        """Return `table` as a pandas data frame."""
         return self.table().to_pandas()
 
     def run_again(self, point: int, run: int, folder: str | Path | None = None) -> "Results":
@@ -174,8 +245,19 @@ class Study:
         """Return the case of one run, with its seeds."""
         return self.points[point].case.change(self.seeds.changes(run))
 
-    def _missing(self, order: Order, runs: Iterable[int]) -> list[int]:
-        return [run for run in runs if (order.point, run) not in self._store.entries]
+    def _times(self, point: int, runs: int) -> FloatArray:
+        return np.array([self._store.entries[point, run].last_out for run in range(runs)])
+
+    def _missing(self, point: int, runs: Iterable[int]) -> list[int]:
+        return [run for run in runs if (point, run) not in self._store.entries]
+
+    def _extent(self, point: int) -> int:
+        """Return the number of runs that the stopping rule wants, or of those before the first missing one."""
+        runs, before = self.rule.first, 0
+        while runs > before and not (missing := self._missing(point, range(before, runs))):
+            populations = [self.seeds.population(run) for run in range(runs)]
+            before, runs = runs, self.rule.wanted(self._times(point, runs), populations)
+        return runs if runs == before else missing[0] - missing[0] % self.seeds.repetitions
 
     def _advanced(self, order: Order) -> list[int]:
         """Apply the stopping rule to a point until it requests runs that are missing; return these."""
@@ -185,8 +267,19 @@ class Study:
             self._wanted[point] = self.rule.wanted(self.times(point), self.populations(point))
             if self._wanted[point] == before:
                 break
-            missing = self._missing(order, range(before, self._wanted[point]))
+            missing = self._missing(point, range(before, self._wanted[point]))
             self._there[point] = self._wanted[point] - len(missing)
             if missing:
                 return missing
         return []
+
+
+def _place(row: Row) -> tuple[int, int]:
+    return row.point, row.run
+
+
+def _first_error(failed: Sequence[Row]) -> EvacError:
+    """Return the error of the first point and seed that failed."""
+    error = min(failed, key=_place).error
+    assert error is not None
+    return error

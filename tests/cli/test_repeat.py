@@ -79,6 +79,30 @@ def test_runs_with_people_left_are_named(evac, capsys):
     assert re.search(r"mean +- ", out)
 
 
+def test_half_the_step_is_shown_beside_the_interval(evac, tmp_path, capsys):
+    few = ("people.people.number=1", "output.picture=false", "simulation.step=0.1")
+    assert evac("repeat", "square_room", "--runs", "8", "--check-step", "--jobs", "1", "--set", *few, "--out", "r") == 0
+    out, err = capsys.readouterr()
+    change = json.loads((tmp_path / "r" / "summary.json").read_text())["step_change"]
+    assert change["high"] < 0.0
+    bounds = rf"\{change['low']:+.2f} s to \{change['high']:+.2f} s"
+    assert re.search(rf"change of the mean +\{change['value']:+.2f} s +{bounds} +8 pairs", out)
+    assert re.search(r"evac: the time step .*--set simulation\.step=0\.05", err)
+
+
+def test_failed_runs_are_named_and_the_status_is_an_error(evac, tmp_path, capsys):
+    stiff = ("contact.model=dem", "contact.dem.stiffness=4e5", "people.people.number=5", "output.picture=false")
+    command = ("repeat", "square_room", "--runs", "10", "--seed", "5", "--jobs", "1", "--out", "r", "--set", *stiff)
+    assert evac(*command) == 2
+    out, err = capsys.readouterr()
+    with (tmp_path / "r" / "runs.csv").open() as file:
+        failed = [row["seed"] for row in csv.DictReader(file) if row["ended"] == "failed"]
+    assert re.search(rf"failed +{len(failed)} more runs", out)
+    assert re.search(rf"failed: seed {failed[0]}: .*stiffness", err)
+    assert evac(*command, "--resume") == 2
+    assert evac("report", "r") == 0
+
+
 def heed_interrupts():
     """Undo that whoever runs the tests may have SIGINT ignored, which processes inherit."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)

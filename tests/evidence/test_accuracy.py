@@ -1,7 +1,6 @@
 """The parts of the accuracy page: what they compute, on small problems."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from evac.evidence.accuracy.overlap import draw as draw_overlap
 from evac.evidence.accuracy.plans import l_corner
 from evac.evidence.accuracy.problems import LAWS, contact_problem, snapshots, velocity_error
 from evac.evidence.accuracy.solvers import TOLERANCES, measure
-from evac.evidence.accuracy.tolerance import judge
 from evac.evidence.accuracy.trajectories import LARGEST, PHASES, PROBLEMS, SPEED, SPREAD, VARIANTS, shifts_of, walked
 from evac.evidence.models import plugins
 from evac.evidence.report import Evidence
@@ -242,21 +240,3 @@ def test_plain_gradients_point_straight_where_no_wall_is_near():
     clear = (plan.points[:, 0] > 3.0) & (plan.wall_distance > 0.5)
     assert clear.any()
     assert plain_directions(fields, plan)[clear, 0] == pytest.approx(1.0, abs=0.01)
-
-
-def tolerance_rows():
-    """Two runs to 0.5 s, in which all 30 people are within it, and one to 1 s, in which 5 of 10 are."""
-    head = {"case": "room", "model": "NSM2", "tolerance [mm]": 1.0}
-    return [
-        {**head, "until [s]": 0.5, "greatest error [mm]": 0.5, "share within": 1.0, "people": 30},
-        {**head, "until [s]": 0.5, "greatest error [mm]": 0.5, "share within": 1.0, "people": 30},
-        {**head, "until [s]": 1.0, "greatest error [mm]": 9.0, "share within": 0.5, "people": 10},
-    ]
-
-
-def test_people_within_the_tolerance_are_counted_as_people(tmp_path):
-    evidence = Evidence("accuracy", tmp_path, quick=True)
-    judge(evidence, tolerance_rows())
-    evidence.write_page("Tolerance", "Tolerance.")
-    runs, people = json.loads((tmp_path / "run.json").read_text())["verdicts"]
-    assert (runs["measured"], people["measured"]) == ("2 of 3", "65 of 70")

@@ -22,6 +22,7 @@ from evac.evidence.validation.buildings import (
 from evac.evidence.validation.flows import weidmann
 from evac.evidence.validation.page import QUICK_SUBJECTS, check_row, failed_tests, run, verdict_rows
 from evac.evidence.validation.trial import Check, Criterion, Trial, mean_interval
+from evac.study.statistics import mean_interval as of_a_study
 
 ASKED = Criterion("RiMEA 1", "time [s]", "RiMEA", low=26.0, high=34.0)
 PERSON = {"positions": [[1.0, 1.0]], "z": 0.0, "speed": 1.0, "tau": 0.5}
@@ -56,16 +57,23 @@ def test_a_check_is_passed_by_its_mean_and_by_no_blocked_run(values, verdict):
 
 
 def test_blocked_runs_are_left_out_of_the_mean_and_counted():
-    check = Check(ASKED, "DEM", (28.0, np.nan, 32.0))
+    check = Check(ASKED, "DEM", (28.0, np.nan, 32.0, 30.0))
     assert (check.mean, check.blocked) == (30.0, 1)
-    assert check.interval == mean_interval(np.array([28.0, 32.0]))
+    assert check.interval == mean_interval(np.array([28.0, 32.0, 30.0]))
     assert Check(ASKED, "DEM", (np.nan,)).mean is None
 
 
-def test_interval_of_a_mean_is_students():
-    low, high = mean_interval(np.array([1.0, 2.0, 3.0]))
-    assert (low, high) == pytest.approx((2.0 - 4.302653 / 3**0.5, 2.0 + 4.302653 / 3**0.5), rel=1e-6)
+def test_the_interval_of_a_flow_is_that_of_studies_and_never_below_zero():
+    flows = np.array([0.9, 1.1, 1.4, 0.9, 1.7])
+    low, high = mean_interval(flows)
+    assert (low, high) == of_a_study(flows)
+    assert 0.0 < low < high
+    assert mean_interval(np.array([0.83, 1.65])) is None  # Student's t gives -3.93 to 6.41
     assert mean_interval(np.array([1.0])) is None
+
+
+def test_a_check_of_several_runs_without_an_interval_is_not_certain():
+    assert Check(ASKED, "DEM", (14.0, 46.0)).verdict == "yes, not certain: 30"
 
 
 def test_weidmanns_curve_has_its_published_values():

@@ -12,7 +12,6 @@ from evac.people.groups import default_clearance, reference_speeds
 from evac.registry import Registry
 from evac.scenario import Case, load_case
 from evac.scenario.problems import section_at
-from evac.scenario.tolerance import settings_for
 from evac.simulation import Simulation
 
 REGISTRY = Registry()
@@ -97,7 +96,6 @@ def everything(case):
         "plugins": [(one.name, repr(one.values())) for one in plugins],
         "speeds": reference_speeds(case),
         "clearance": default_clearance(case),
-        "tolerance": settings_for(case, 1e-3),
         "last": case.simulation.last_step,
         "warnings": simulation.warnings(),
     }

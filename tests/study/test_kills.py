@@ -99,6 +99,27 @@ def test_a_study_that_is_killed_a_few_times_loses_nothing(tmp_path):
     kill_studies(tmp_path, 2, 8)
 
 
+def test_the_processes_of_a_study_end_with_the_one_that_started_it(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    process = started(script, tmp_path / "r", 500, "")
+    for _ in range(12):  # others have joined by then
+        process.stdout.readline()
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    until = time.monotonic() + 30.0
+    try:
+        while time.monotonic() < until:
+            os.killpg(process.pid, 0)
+            time.sleep(0.1)
+    except ProcessLookupError:  # nobody is left
+        process.communicate()
+        return
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    pytest.fail("processes are left")
+
+
 @pytest.mark.slow
 def test_studies_that_are_killed_at_30_random_moments_lose_nothing(tmp_path):
     kill_studies(tmp_path, 30, 40)

@@ -4,12 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
 from evac.errors import ScenarioError
 from evac.study.statistics import (
-    bootstrap_interval,
+    deciding,
+    difference,
     estimate,
+    grouped_interval,
     least_runs,
     mean_interval,
     percentile,
@@ -116,10 +118,100 @@ def test_runs_of_the_same_people_are_no_sample_of_their_number():
     times, populations = np.repeat(values, 5), np.repeat(np.arange(10), 5)
     mean = estimate("mean", times, populations)
     assert (mean.low, mean.high) == pytest.approx(mean_interval(values))
-    low, high = bootstrap_interval(times, np.median, populations)
-    alone = percentile_interval(times, 50)
-    assert high - low > 1.5 * (alone[1] - alone[0])
-    assert "10 populations" in estimate("percentile 50", times, populations).note
+    median = estimate("percentile 50", times, populations)
+    assert (median.low, median.high) == pytest.approx(percentile_interval(values, 50))
+    assert "10 populations" in median.note
+    assert not estimate("percentile 95", times, populations).has_interval  # of fifty runs, but of ten populations
+
+
+@pytest.mark.parametrize(("groups", "of"), [(10, 50), (20, 50), (20, 90), (80, 95)])
+@pytest.mark.parametrize("within", [0.05, 0.2])
+def test_intervals_of_percentiles_over_populations_cover_them(groups, of, within):
+    """Bounds that exist must cover; five repetitions of each population, which differ more or less."""
+    rng = np.random.default_rng(7)
+    between = rng.normal(0.0, 0.1, (600, groups, 1))
+    times = np.exp(between + rng.normal(0.0, within, (600, groups, 5))).reshape(600, -1)
+    true = math.exp(math.hypot(0.1, within) * norm.ppf(0.01 * of))
+    names = np.repeat(np.arange(groups), 5)
+    low, high = np.array([grouped_interval(sample, of, names) for sample in times]).T
+    assert np.mean(low > true) <= 0.04
+    assert np.mean(high < true) <= 0.04
+    assert np.isnan(high).all() == (groups < least_runs(of))
+
+
+@pytest.mark.parametrize("n", [2, 5, 6, 10, 30])
+def test_one_outlier_decides_the_mean_and_the_median_is_preferred(n):
+    times = np.append(np.random.default_rng(8).normal(61.0, 0.6, n), 400.0)
+    found = statistics(times)
+    assert not found.mean.has_interval
+    assert f"1 run of {n + 1}" in found.mean.note
+    assert ("percentile 50" in found.mean.note) == found["percentile 50"].has_interval == (n + 1 >= least_runs(50))
+
+
+def test_few_runs_that_decide_are_counted():
+    times = np.append(np.random.default_rng(9).normal(61.0, 0.6, 18), [120.0, 121.0])
+    assert deciding(times, mean_interval(times)) == 2
+    assert "2 runs of 20" in estimate("mean", times).note
+
+
+@pytest.mark.parametrize("n", [3, 5, 7, 8, 10, 20])
+def test_regular_samples_keep_the_interval_of_their_mean(n):
+    samples = np.random.default_rng(10).normal(60.0, 3.0, (200, n))
+    lost = [deciding(sample, mean_interval(sample)) for sample in samples]
+    assert np.mean(np.array(lost) > 0) <= 0.06
+    assert deciding(np.full(n, 0.1), mean_interval(np.full(n, 0.1))) == 0
+
+
+def test_an_interval_that_is_given_lies_within_reach_of_the_runs():
+    """No bound below zero, and from eight runs on none beyond the runs, however heavy their tail is."""
+    for n in (3, 5, 8, 12, 30):
+        for sample in np.random.default_rng(11).pareto(1.0, (100, n)) + 0.01:
+            found = estimate("mean", sample)
+            if found.has_interval:
+                assert found.low > 0.0
+                assert n < 8 or (sample.min() <= found.low <= found.high <= sample.max())
+
+
+def test_skewed_and_blocked_studies_are_told():
+    regular = np.linspace(60.0, 64.0, 40)
+    skewed = np.append(regular, [70.0, 75.0, 78.0, 80.0])
+    assert estimate("mean", regular).note == ""
+    assert "skewed" in estimate("mean", skewed).note
+    assert "percentile 50" in estimate("mean", skewed).note
+    assert "percentile 50" in estimate("mean", np.append(regular, math.inf)).note
+
+
+@pytest.mark.parametrize("n", [4, 10, 30])
+def test_the_interval_of_a_difference_covers_it(n):
+    rng, covered = np.random.default_rng(12), []
+    for _ in range(300):
+        before = rng.lognormal(2.0, 0.1, n)
+        found = difference(before, before - 0.2 + rng.normal(0.0, 0.3, n))
+        covered.append(found.low <= -0.2 <= found.high)
+    assert np.mean(covered) >= 0.92
+
+
+def test_pairs_with_a_blocked_or_failed_run_have_no_difference():
+    before = np.array([1.0, 2.0, math.inf, 4.0, 5.0])
+    after = np.array([1.5, 2.6, 3.0, math.nan, 5.4])
+    found = difference(before, after)
+    assert (found.runs, found.value) == (3, pytest.approx(0.5))
+    assert "2 pairs" in found.note
+    assert difference(before[2:4], after[2:4]).runs == 0
+    assert difference(np.ones(9), np.ones(9)).low == 0.0
+
+
+def test_one_pair_that_decides_a_difference_leaves_no_interval():
+    after = 60.0 + np.append(np.random.default_rng(13).normal(0.0, 0.5, 10), 340.0)
+    assert not difference(np.full(11, 60.0), after).has_interval
+
+
+def test_failed_runs_are_in_no_statistic():
+    times = np.linspace(10.0, 12.0, 20)
+    found = statistics(np.insert(times, 3, math.nan))
+    assert (found.runs, found.failed) == (20, 1)
+    assert repr((found.mean, found.percentiles)) == repr((statistics(times).mean, statistics(times).percentiles))
+    assert math.isnan(statistics(np.full(2, math.nan)).mean.value)
 
 
 @pytest.mark.parametrize("name", ["median", "percentile", "percentile 0", "percentile 100", "percentile x"])

@@ -50,6 +50,20 @@ def test_a_percentile_without_an_interval_wants_more_runs():
     assert until_known(0.05, "percentile 95").first == 80
 
 
+def test_a_study_stops_when_its_interval_cannot_become_finite():
+    """A percentile among the blocked runs, or one whose runs have too often been blocked for the greatest number."""
+    times = np.linspace(1.0, 2.0, 80)
+    rule = until_known(0.05, "percentile 95")
+    often, seldom = times.copy(), times.copy()
+    often[::4], seldom[:5] = math.inf, math.inf
+    assert rule.wanted(often, ALONE) == 80
+    assert not rule.is_open(often, ALONE)
+    assert rule.wanted(seldom, ALONE) > 80
+    assert until_known(0.05, "percentile 95", most=90).wanted(seldom, ALONE) == 80
+    assert until_known(0.05).wanted(np.full(20, math.inf), ALONE) == 20
+    assert until_known(0.05).wanted(np.full(20, math.nan), ALONE) == 20
+
+
 def test_numbers_of_runs_are_whole_populations():
     rule = Rule(7, 50, 0.001, repetitions=5)
     assert rule.first == 10

@@ -1,6 +1,7 @@
 """Rows on disk: what a kill leaves, what is read back, and in which order."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -8,7 +9,7 @@ import pytest
 
 import evac
 from evac.errors import ResultError
-from evac.output.files import RUNS_PARQUET_NAME, RUNS_STREAM_NAME
+from evac.output.files import RUNS_DIGEST_NAME, RUNS_PARQUET_NAME, RUNS_STREAM_NAME
 from evac.study.points import grid
 from evac.study.runs import Row
 from evac.study.store import Store
@@ -81,6 +82,109 @@ def test_a_file_that_was_cut_anywhere_keeps_its_complete_rows(tmp_path, points):
         again.close()
         last = Store(tmp_path, points)
         assert [one["run"] for one in last.rows([*complete, (1, 0)])] == [*range(len(complete)), 0]
+
+
+def damaged(data, generator):
+    """Return data with changed bytes, a part overwritten, removed or repeated, or its end cut off."""
+    found, place = bytearray(data), int(generator.integers(len(data)))
+    length = int(generator.integers(1, 200))
+    kind = generator.integers(5)
+    if kind == 0:
+        found[place] ^= 1 << int(generator.integers(8))
+    elif kind == 1:
+        found[place : place + length] = generator.integers(0, 256, length, np.uint8).tobytes()
+    elif kind == 2:
+        del found[place : place + length]
+    elif kind == 3:
+        found[place:place] = found[place : place + length]
+    else:
+        del found[place:]
+    return bytes(found)
+
+
+def test_damage_anywhere_leaves_only_rows_as_they_were_written(tmp_path, points):
+    path, keys, generator = tmp_path / RUNS_STREAM_NAME, [(0, 0), (1, 3), (0, 1)], np.random.default_rng(1)
+    filled(tmp_path, points, keys).close()
+    whole, written = path.read_bytes(), list(Store(tmp_path, points).rows(sorted(keys)))
+    written = {(row["point"], row["run"]): repr(row) for row in written}
+    for _ in range(300):
+        path.write_bytes(damaged(whole, generator))
+        store = Store(tmp_path, points)
+        assert list(store.entries) == keys[: len(store.entries)]
+        for one in store.rows(sorted(store.entries)):
+            assert repr(one) == written[one["point"], one["run"]]
+
+
+def test_rows_are_forced_to_disk_in_batches(tmp_path, points, monkeypatch):
+    now, synced = [100.0], []
+    monkeypatch.setattr("evac.study.store.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("os.fsync", lambda descriptor: synced.append(now[0]))
+    store = Store(tmp_path, points)
+    for run in range(10):
+        now[0] += 0.3
+        store.append(row(0, run))
+    assert 2 <= len(synced) <= 4
+    store.close()
+    assert len(synced) <= 5
+    assert synced[-1] == now[0]
+
+
+def test_a_row_that_changes_while_a_study_is_open_is_refused(tmp_path, points):
+    store = filled(tmp_path, points, [(0, 0)])
+    path = tmp_path / RUNS_STREAM_NAME
+    data = bytearray(path.read_bytes())
+    data[-20] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(ResultError, match=r"runs\.arrows"):
+        list(store.rows([(0, 0)]))
+    store.close()
+
+
+def test_reading_changes_no_file(tmp_path, points):
+    filled(tmp_path, points, [(0, 0)]).close()
+    path = tmp_path / RUNS_STREAM_NAME
+    path.write_bytes(path.read_bytes() + b"half a row")
+    Store(tmp_path, points)
+    assert path.read_bytes().endswith(b"half a row")
+
+
+def test_a_damaged_table_is_refused(tmp_path, points):
+    filled(tmp_path, points, [(0, 0), (0, 1)]).compact([(0, 0), (0, 1)])
+    path, generator = tmp_path / RUNS_PARQUET_NAME, np.random.default_rng(2)
+    whole = path.read_bytes()
+    for _ in range(100):
+        if (data := damaged(whole, generator)) != whole:
+            path.write_bytes(data)
+            with pytest.raises(ResultError, match=r"runs\.parquet"):
+                Store(tmp_path, points)
+    path.write_bytes(whole)
+    (tmp_path / RUNS_DIGEST_NAME).write_bytes(b"\xff")
+    with pytest.raises(ResultError, match=r"runs\.digest"):
+        Store(tmp_path, points)
+
+
+@pytest.mark.parametrize("killed_at", ["runs.digest.new", "runs.new"])
+def test_a_kill_while_rows_are_compacted_loses_none(tmp_path, points, monkeypatch, killed_at):
+    filled(tmp_path, points, [(0, 0)]).compact([(0, 0)])
+    replace = Path.replace
+
+    def killed(self, target):
+        if self.name == killed_at:
+            raise KeyboardInterrupt
+        return replace(self, target)
+
+    for run in (1, 2):  # twice in a row
+        store = Store(tmp_path, points)
+        store.append(row(0, run))
+        monkeypatch.setattr(Path, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            store.compact(sorted(store.entries))
+        store.close()
+        monkeypatch.undo()
+    store = Store(tmp_path, points)
+    assert sorted(store.entries) == [(0, 0), (0, 1), (0, 2)]
+    store.compact(sorted(store.entries))
+    assert sorted(Store(tmp_path, points).entries) == [(0, 0), (0, 1), (0, 2)]
 
 
 def test_compacted_rows_are_sorted_whatever_their_order_was(tmp_path, points):

@@ -11,8 +11,11 @@ import pytest
 
 import evac
 from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
+from evac.output.congestion import DENSITY
 from evac.output.files import RUNS_STREAM_NAME
+from evac.output.report.study import study_report
 from evac.study.executors import in_processes
+from evac.study.identity import read_identity, write_identity
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +96,19 @@ def test_a_study_that_was_stopped_goes_on_and_repeats_nothing(case, tmp_path):
     assert again.table().equals(whole.table())
     for name in ("runs.parquet", "summary.json"):
         assert (tmp_path / "r" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_damaged_study_goes_on_to_the_same_tables(case, tmp_path):
+    whole = evac.repeat(case, 4, folder=tmp_path / "whole", workers=1)
+    with pytest.raises(StopError):
+        evac.repeat(case, 4, folder=tmp_path / "r", workers=1, progress=stopping_after(3))
+    path, generator = tmp_path / "r.running" / RUNS_STREAM_NAME, np.random.default_rng(1)
+    data = bytearray(path.read_bytes())
+    data[int(generator.integers(len(data) // 2, len(data)))] ^= 4
+    path.write_bytes(data)
+    evac.repeat(case, 4, folder=tmp_path / "r", workers=1, resume=True)
+    for name in ("runs.parquet", "summary.json"):
+        assert (tmp_path / "r" / name).read_bytes() == (whole.folder / name).read_bytes()
 
 
 def test_a_complete_study_takes_more_runs(case, tmp_path):
@@ -183,6 +199,81 @@ def test_curves_of_the_folder(case, tmp_path):
     assert float(rows[4]["mean_over_runs"]) == pytest.approx(np.mean(out))
 
 
+def test_a_study_is_opened_again_from_its_folder(case, tmp_path):
+    values = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9], "people.people.number": [3]}
+    study = evac.sweep(case, values, 3, folder=tmp_path / "r", workers=1)
+    again = evac.read_study(tmp_path / "r")
+    assert repr(again.statistics) == repr(study.statistics)
+    assert [point.parameters for point in again.points] == [point.parameters for point in study.points]
+    assert again.table().equals(study.table())
+    results = again.run_again(0, 2)
+    assert results.crowd.exit_time.tobytes() == list(again.rows(0))[2]["exit_time"].tobytes()
+    more = evac.repeat(case, until=0.2, least=4, most=9, folder=tmp_path / "until", workers=1)
+    assert evac.read_study(tmp_path / "until").runs_of(0) == more.runs_of(0)
+
+
+def test_an_interrupted_study_is_opened_with_the_runs_that_there_are(case, tmp_path):
+    with pytest.raises(StopError):
+        evac.repeat(case, 6, folder=tmp_path / "r", workers=1, repetitions=2, progress=stopping_after(5))
+    found = evac.read_study(tmp_path / "r.running")
+    assert (found.statistics[0].runs, len(found.table())) == (4, 5)  # whole populations
+
+
+def test_opening_a_study_needs_neither_its_case_nor_its_plugins_and_runs_none(tmp_path):
+    case = with_plugin(tmp_path, "pass")
+    evac.repeat(case, 2, folder=tmp_path / "r", workers=1)
+    plugin = tmp_path / "odd.py"
+    plugin.write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
+    study = evac.read_study(tmp_path / "r")
+    assert study.statistics[0].runs == 2
+    with pytest.raises(ResultError, match=r"odd\.py.*plugin_files"):
+        study.run_again(0, 0)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_forged_study_runs_no_plugin_file_that_was_not_given(case, tmp_path):
+    evac.repeat(case, 1, folder=tmp_path / "r", workers=1)
+    identity, definition = read_identity(tmp_path / "r")
+    (tmp_path / "evil.py").write_text(f"from pathlib import Path\nPath({str(tmp_path / 'ran')!r}).touch()\n")
+    definition["cases"][0]["table"]["plugins"] = {"files": ["evil.py"]}
+    definition["cases"][0]["source"] = str(tmp_path / "case.toml")
+    write_identity(tmp_path / "r", identity, definition)
+    with pytest.raises(ResultError, match=r"evil\.py"):
+        evac.read_study(tmp_path / "r").run_again(0, 0)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("damage", ["cut", "digit", "type"])
+def test_a_damaged_definition_is_refused(case, tmp_path, damage):
+    evac.repeat(case, 1, folder=tmp_path / "r", workers=1)
+    path = tmp_path / "r" / "study.json"
+    if damage == "type":
+        identity, definition = read_identity(tmp_path / "r")
+        write_identity(tmp_path / "r", identity, definition | {"rule": {"least": "x"}})
+    else:
+        text = path.read_text()
+        path.write_text(
+            text[: len(text) // 2] if damage == "cut" else text.replace('"first_seed": 5', '"first_seed": 6')
+        )
+    with pytest.raises(ResultError, match=r"study\.json"):
+        evac.read_study(tmp_path / "r")
+
+
+def test_runs_with_half_the_step_are_paired_with_the_others(case, tmp_path):
+    study = evac.repeat(case, 4, folder=tmp_path / "r", workers=1, check_step=True)
+    times = [[evac.run(study.case_of(point, run)).last_out for run in range(4)] for point in (0, 1)]
+    assert [study.case_of(point, 0).simulation.step for point in (0, 1)] == [0.01, 0.005]
+    change = study.step_change
+    assert (change.runs, change.value) == (4, pytest.approx(np.mean(np.subtract(times[1], times[0]))))
+    assert change.value != 0.0
+    summary = json.loads((tmp_path / "r" / "summary.json").read_text())
+    assert summary["step_change"]["value"] == change.value
+    assert evac.read_study(tmp_path / "r").step_change == change
+    other = evac.sweep(case, {"simulation.step": [0.01, 0.02]}, 2, workers=1)
+    assert other.step_change is None
+    assert other.difference(0, 1).runs == 2
+
+
 def test_one_run_is_made_again_into_a_folder(case, tmp_path):
     study = evac.repeat(case, 2, workers=1)
     results = study.run_again(0, 1, tmp_path / "again")
@@ -233,11 +324,99 @@ def test_a_run_that_fails_tells_its_seed(tmp_path):
     assert caught.value.__notes__ == ["in the run with simulation.seed = 8"]
 
 
-def test_an_error_in_another_process_ends_the_study(tmp_path, monkeypatch):
+#: Of this stiffness the seeds are refused that draw too light a person.
+STIFF = {"contact.model": "dem", "contact.dem.stiffness": 4e5}
+
+
+def refused_seeds(case, seeds):
+    refused = []
+    for seed in seeds:
+        try:
+            evac.Simulation(case.change({"simulation.seed": seed}))
+        except ScenarioError:
+            refused.append(seed)
+    return refused
+
+
+def test_refused_seeds_are_known_first_and_the_others_finish(case, tmp_path):
+    stiff, made = case.change(STIFF), []
+    refused = refused_seeds(stiff, range(5, 15))
+    assert 0 < len(refused) < 10
+    study = evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=lambda state: made.append(state.row))
+    assert [row.seed for row in made[1:]][: len(refused)] == refused
+    rows = list(study.rows(failed=True))
+    assert [row["seed"] for row in rows if row["ended"] == "failed"] == refused
+    assert all("stiffness" in row["error"] for row in rows if row["ended"] == "failed")
+    found = study.statistics[0]
+    assert (found.runs, found.failed) == (10 - len(refused), len(refused))
+    alone = [evac.run(stiff.change({"simulation.seed": seed})) for seed in range(5, 15) if seed not in refused]
+    assert found.mean.value == pytest.approx(np.mean([one.last_out for one in alone]))
+    with (tmp_path / "r" / "runs.csv").open() as file:
+        assert [int(row["seed"]) for row in csv.DictReader(file) if row["error"]] == refused
+
+
+def test_a_study_with_failed_runs_goes_on_and_makes_them_again(case, tmp_path):
+    stiff = case.change(STIFF)
+    refused = refused_seeds(stiff, range(5, 15))
+    whole = evac.repeat(stiff, 10, folder=tmp_path / "whole", workers=1)
+    with pytest.raises(StopError):
+        evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, progress=stopping_after(len(refused) + 2))
+    made = []
+    evac.repeat(stiff, 10, folder=tmp_path / "r", workers=1, resume=True, progress=lambda state: made.append(state.row))
+    assert [row.seed for row in made[1:]][: len(refused)] == refused
+    assert len(made) == 1 + 10 - 2
+    for name in ("runs.parquet", "runs.csv", "summary.json"):
+        assert (tmp_path / "r" / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
+def test_a_refused_point_ends_no_sweep(case, tmp_path):
+    changes = {"contact.model": ["dem"], "contact.dem.stiffness": [1.2e5, 1e9]}
+    study = evac.sweep(case, changes, 3, folder=tmp_path / "r", workers=1)
+    good, bad = study.statistics
+    assert (good.runs, good.failed, bad.runs, bad.failed) == (3, 0, 0, 3)
+    assert np.isnan(bad.mean.value)
+    assert "3 of 6 runs failed" in study_report(tmp_path / "r", density=DENSITY)
+
+
+def test_a_study_without_any_result_raises_the_first_error(case):
+    with pytest.raises(ScenarioError, match="stiffness") as caught:
+        evac.sweep(case, {"contact.model": ["dem"], "contact.dem.stiffness": [1e8, 1e9]}, 2, workers=1)
+    (note,) = caught.value.__notes__
+    assert "simulation.seed = 5" in note
+    assert "contact.dem.stiffness = 100000000.0" in note
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_run_that_fails_on_its_way_is_a_row(tmp_path, monkeypatch, workers):
     monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
-    case = with_plugin(tmp_path, "import multiprocessing; multiprocessing.parent_process() and int('three')")
-    with pytest.raises(PluginError, match="three"):
-        evac.repeat(case, 8, workers=2)
+    act = "assert crowd.mass[0] != self.heaviest, 'too heavy'"
+    case = with_plugin(tmp_path, act)
+    masses = [evac.Simulation(case.change({"simulation.seed": seed})).population.crowd.mass[0] for seed in (1, 2, 3, 4)]
+    case = with_plugin(tmp_path, act.replace("self.heaviest", repr(float(masses[2]))))
+    study = evac.repeat(case, 4, workers=workers)
+    assert [row["ended"] for row in study.rows(columns=["ended"], failed=True)][2] == "failed"
+    assert "too heavy" in list(study.rows(columns=["error"], failed=True))[2]["error"]
+    assert study.statistics[0].runs == 3
+
+
+def test_an_error_in_another_process_is_in_its_row(tmp_path, monkeypatch):
+    monkeypatch.setattr("evac.study.conduct.JOINING", 1e-9)
+    case = with_plugin(tmp_path, f"import os; os.getpid() != {os.getpid()} and int('three')")
+    study = evac.repeat(case, 8, workers=2)
+    errors = [row["error"] for row in study.rows(columns=["error"], failed=True)]
+    assert 0 < study.statistics[0].failed == sum(error is not None for error in errors) < 8
+    assert all("three" in error for error in errors if error is not None)
+
+
+def test_a_worker_that_cannot_load_the_case_ends_the_study(case):
+    class Executor(concurrent.futures.Executor):
+        def submit(self, *task):
+            future = concurrent.futures.Future()
+            future.set_exception(PluginError("no such plugin here"))
+            return future
+
+    with pytest.raises(PluginError, match="here"):
+        evac.repeat(case, 3, executor=Executor())
 
 
 @pytest.mark.parametrize("ending", ["error", "cancelled"])

@@ -8,13 +8,12 @@ from evac.evidence.accuracy import (
     rows,
     solvers,
     targets,
-    tolerance,
     trajectories,
 )
 from evac.evidence.report import Evidence
 
 #: The parts in the order of the page.
-PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields, tolerance)
+PARTS = (solvers, targets, headroom, rows, peer, trajectories, overlap, fields)
 
 
 def run(evidence: Evidence) -> None:
@@ -23,6 +22,5 @@ def run(evidence: Evidence) -> None:
         part.run(evidence)
     evidence.write_page(
         "Accuracy: error against run time",
-        "Examined: what contact solvers, steps, integrators, contact models and grids cost for the error they leave,"
-        " and whether `evac run --tolerance` keeps its tolerance.",
+        "Examined: what contact solvers, steps, integrators, contact models and grids cost for the error they leave.",
     )

@@ -24,12 +24,13 @@ class Drawn:
 
     Attributes
     ----------
-    times : (runs,) float64 [s]
-        Evacuation times that studies are drawn from, with replacement; infinite where people are left.
+    times : (runs,) or (populations, repetitions) float64 [s]
+        Evacuation times that studies are drawn from, with replacement; infinite where people are left. Of repetitions,
+        populations are drawn.
     statistic : str
     studies, seed : int
     runs : int
-        Number of runs of each study, if it is fixed.
+        Number of runs, or of populations, of each study, if it is fixed.
     until : float or None
         Relative half-width at which a study stops.
     method : str
@@ -48,7 +49,7 @@ class Drawn:
 def truth(times: FloatArray, statistic: str) -> float:
     """Return the statistic of all runs, which intervals should cover."""
     of = percentile_of(statistic)
-    return float(times[np.isfinite(times)].mean()) if of is None else percentile(times, of)
+    return float(times[np.isfinite(times)].mean()) if of is None else percentile(times.ravel(), of)
 
 
 def covered(task: Drawn) -> dict[str, Any]:
@@ -68,7 +69,7 @@ def covered(task: Drawn) -> dict[str, Any]:
         widths.append(0.5 * (high - low) / wanted)
     found = task.studies - none
     return {
-        "studies with an interval": found,
+        "no interval [%]": 100.0 * none / task.studies,
         "covers [%]": 100.0 * (found - below - above) / found if found else None,
         "truth below [%]": 100.0 * below / found if found else None,
         "truth above [%]": 100.0 * above / found if found else None,
@@ -81,6 +82,10 @@ def covered(task: Drawn) -> dict[str, Any]:
 
 def _study(task: Drawn, generator: np.random.Generator) -> tuple[float, float, int]:
     """Return the interval of one study, and its number of runs."""
+    if task.times.ndim == 2:
+        drawn = task.times[generator.integers(len(task.times), size=task.runs)]
+        found = estimate(task.statistic, drawn.ravel(), np.repeat(np.arange(task.runs), drawn.shape[1]).tolist())
+        return found.low, found.high, task.runs
     if task.until is None:
         times = generator.choice(task.times, task.runs)
         return *_interval(task, times, generator), task.runs

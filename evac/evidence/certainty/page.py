@@ -26,6 +26,17 @@ CASE = "square_room"
 RUNS = {False: 4000, True: 120}
 STUDIES = {False: 2000, True: 60}
 
+#: A case in which runs are often blocked, and its runs.
+BLOCKED = "classroom"
+BLOCKED_RUNS = {False: 2000, True: 60}
+
+#: Populations, with so many repetitions each.
+POPULATIONS = {False: 400, True: 20}
+REPETITIONS = 5
+
+#: Every so manieth run is so many times longer in runs with rare long ones.
+RARE, LONGER = 10, 1.8
+
 #: Range of the required coverage of intervals [%].
 LEAST_COVER, MOST_COVER = 93.0, 97.0
 
@@ -34,6 +45,15 @@ FIXED: Mapping[str, Sequence[int]] = {
     "mean": (10, 20, 50, 100, 200),
     "percentile 50": (10, 20, 50, 100, 200),
     "percentile 95": (72, 80, 100, 150, 200),
+}
+
+#: The same for the other runs: with blocked ones, with rare long ones, and with repetitions (of populations).
+FIXED_BLOCKED: Mapping[str, Sequence[int]] = {"mean": (10, 20, 50, 100), "percentile 50": (10, 20, 50, 100)}
+FIXED_RARE: Mapping[str, Sequence[int]] = {"mean": (10, 20, 50), "percentile 50": (10, 20, 50)}
+FIXED_POPULATIONS: Mapping[str, Sequence[int]] = {
+    "mean": (10, 20, 80),
+    "percentile 50": (10, 20, 80),
+    "percentile 95": (10, 20, 80),
 }
 
 #: Studies that stop, by statistic: shares of it that are precise enough.
@@ -75,8 +95,17 @@ SWEPT: Mapping[str, Sequence[Any]] = {
 SWEPT_RUNS = {False: 20, True: 2}
 SCHOOL_RUNS = {False: 50, True: 2}
 
-COVERAGE, QUESTIONS, SEEDS, WORK = (
+#: Pairs of runs with the default step and with half of it, by shipped case; and the contact models.
+STEP_PAIRS: Mapping[bool, Mapping[str, int]] = {
+    False: {"square_room": 400, "classroom": 200, "primary_school": 60},
+    True: {"square_room": 4},
+}
+STEP_MODELS = ("dem", "nsm1", "nsm2")
+
+COVERAGE, OTHER_RUNS, STEPS, QUESTIONS, SEEDS, WORK = (
     "What the intervals cover",
+    "Blocked runs, rare long runs and repetitions",
+    "What the time step changes",
     "How many runs a question needs",
     "What common seeds save",
     "Shared work",
@@ -85,16 +114,18 @@ COVERAGE, QUESTIONS, SEEDS, WORK = (
 
 def run(evidence: Evidence) -> None:
     """Measure and write the page."""
-    rows = evidence.measured("times", lambda: _runs(evidence))
-    times = np.array([np.inf if row["evacuation time [s]"] is None else row["evacuation time [s]"] for row in rows])
+    times = _times(evidence.measured("times", lambda: _runs(evidence, CASE, RUNS[evidence.quick])))
     report_coverage(evidence, times)
+    report_other_runs(evidence, times)
+    report_steps(evidence)
     report_questions(evidence, times)
     report_seeds(evidence)
     report_work(evidence)
     evidence.write_page(
         "The certainty of a result",
-        f"Examined: how often the intervals of studies cover the truth, here what {len(times)} runs of {CASE} say; how"
-        " many runs common questions need; and what runs with common seeds and shared work save.",
+        f"Examined: how often the intervals of studies cover the truth, here what {len(times)} runs of {CASE} say; what"
+        " the time step changes; how many runs common questions need; and what runs with common seeds and shared work"
+        " save.",
     )
 
 
@@ -158,6 +189,81 @@ def report_coverage(evidence: Evidence, times: FloatArray) -> None:
     evidence.plot("coverage", lambda: _draw(fixed_rows, stopped_rows), "Coverage of all intervals.")
 
 
+def report_other_runs(evidence: Evidence, times: FloatArray) -> None:
+    """Add the coverage for runs that are less regular: blocked, with rare long ones, or of the same people."""
+    studies = STUDIES[evidence.quick]
+    blocked = _times(evidence.measured("times_blocked", lambda: _runs(evidence, BLOCKED, BLOCKED_RUNS[evidence.quick])))
+    repeated = _times(
+        evidence.measured(
+            "times_repeated", lambda: _runs(evidence, CASE, REPETITIONS * POPULATIONS[evidence.quick], REPETITIONS)
+        )
+    )
+    rare = np.where(np.arange(len(times)) % RARE == 0, LONGER * times, times)
+    kinds: Mapping[str, tuple[FloatArray, Mapping[str, Sequence[int]]]] = {
+        BLOCKED: (blocked, FIXED_BLOCKED),
+        "rare long runs": (rare, FIXED_RARE),
+        "populations": (repeated.reshape(-1, REPETITIONS), FIXED_POPULATIONS),
+    }
+
+    def measure() -> list[Row]:
+        rows = []
+        for kind, (drawn_from, fixed) in kinds.items():
+            tasks = [
+                Drawn(times=drawn_from, statistic=name, studies=studies, seed=evidence.seed, runs=runs)
+                for name, counts in fixed.items()
+                for runs in counts
+            ]
+            rows += [{"runs of": kind, **row} for row in _covered(evidence, tasks)]
+        return rows
+
+    rows = evidence.measured("other_runs", measure)
+    evidence.heading(OTHER_RUNS)
+    complete = blocked[np.isfinite(blocked)]
+    skewness = float(((complete - complete.mean()) ** 3).mean() / complete.std() ** 3)
+    evidence.text(
+        f"""Studies of {BLOCKED} are drawn from {len(blocked)} runs, of which
+        {100 * (1 - len(complete) / len(blocked)):.1f} % are blocked; the skewness of the others is {skewness:.1f}.
+        In "rare long runs", every {RARE}th of the runs of {CASE} takes {LONGER:g} times as long: a study that has seen
+        none of them gives a narrow interval of the mean, which does not cover it; where few have been seen, they decide
+        the mean, and it has no interval. The median is affected by neither. "Populations" are drawn from
+        {len(repeated) // REPETITIONS} populations of {CASE} with {REPETITIONS} repetitions each; "runs" counts
+        populations. Coverage is that of the studies that have an interval; bounds that are open count as none."""
+    )
+    formats = {"covers [%]": ".1f", "no interval [%]": ".1f", "truth below [%]": ".1f", "truth above [%]": ".1f"}
+    formats |= {"half width, median [%]": ".2f"}
+    shown = ["runs of", "statistic", "runs", "no interval [%]", "covers [%]", "truth below [%]", "truth above [%]"]
+    shown.append("half width, median [%]")
+    evidence.table("other_runs", rows, "Studies with a fixed number of runs that are less regular.", formats, shown)
+    required = [row for row in rows if row["statistic"] != "mean" and row["covers [%]"] is not None]
+    good = [row["covers [%]"] >= LEAST_COVER for row in required]
+    question = f"Intervals of percentiles of irregular runs that cover in at least {LEAST_COVER:g} % of {studies}"
+    evidence.verdict(all_of(question, sum(good), len(good), OTHER_RUNS))
+    for kind in (BLOCKED, "rare long runs"):
+        found = [row["covers [%]"] for row in rows if row["runs of"] == kind and row["statistic"] == "mean"]
+        told = f"{min(found):.1f} to {max(found):.1f} %"
+        evidence.verdict(reported(f"Coverage of the mean, {kind}", told, section=OTHER_RUNS))
+    without = [row["no interval [%]"] for row in rows if row["statistic"] == "percentile 95" and row["runs"] < 72]
+    question = "Studies of less than 72 populations without an interval of the 95th percentile"
+    evidence.verdict(at_least(question, min(without), 100.0, "%", OTHER_RUNS))
+
+
+def report_steps(evidence: Evidence) -> None:
+    """Add what half the time step changes in the shipped cases, as `evac repeat --check-step` does."""
+    rows = evidence.measured("steps", lambda: _steps(evidence))
+    evidence.heading(STEPS)
+    evidence.text(
+        """Pairs of runs with the same seed, with the step of the case and with half of it: the change of the mean
+        evacuation time of complete runs, and its interval, as `evac repeat --check-step` shows them. The error of the
+        step itself is about twice this change where it is proportional to the step."""
+    )
+    formats = {"step [s]": "g", "mean [s]": ".2f", "change [%]": "+.2f", "from": "+.2f", "to": "+.2f"}
+    evidence.table("steps", rows, "Change of the mean with half the time step.", formats)
+    for row in rows:
+        reach = "no interval" if row["from"] is None else f"{row['from']:+.1f} to {row['to']:+.1f} %"
+        told = f"{row['change [%]']:+.1f} % ({reach})"
+        evidence.verdict(reported(f"Change with half the step, {row['case']}, {row['model']}", told, section=STEPS))
+
+
 def report_questions(evidence: Evidence, times: FloatArray) -> None:
     """Add the required numbers of runs, from the variance of all runs."""
     finite = times[np.isfinite(times)]
@@ -216,10 +322,42 @@ def report_work(evidence: Evidence) -> None:
             evidence.verdict(at_most(question, row["over the loops"], bounds[row["study"]], "", WORK))
 
 
-def _runs(evidence: Evidence) -> list[Row]:
-    study = repeat(load_case(CASE), RUNS[evidence.quick], workers=1 if evidence.quick else WORKERS)
-    found = study.rows(columns=["seed", "last_out"])
+def _runs(evidence: Evidence, name: str, runs: int, repetitions: int = 1) -> list[Row]:
+    """Return the evacuation times of many runs of a case."""
+    workers = 1 if evidence.quick else WORKERS
+    found = repeat(load_case(name), runs, repetitions=repetitions, workers=workers).rows(columns=["seed", "last_out"])
     return [{"seed": row["seed"], "evacuation time [s]": row["last_out"]} for row in found]
+
+
+def _times(rows: Sequence[Row]) -> FloatArray:
+    """Return the evacuation times of the rows of `_runs`, infinite where people are left."""
+    found = [row["evacuation time [s]"] for row in rows]
+    return np.array([np.inf if time is None else time for time in found])
+
+
+def _steps(evidence: Evidence) -> list[Row]:
+    rows = []
+    for name, pairs in STEP_PAIRS[evidence.quick].items():
+        for model in STEP_MODELS:
+            case = load_case(name, {"contact.model": model})
+            study = repeat(case, pairs, check_step=True, workers=1 if evidence.quick else WORKERS)
+            change, mean = study.step_change, study.statistics[0].mean.value
+            assert change is not None
+            share = [100.0 * value / mean for value in (change.value, change.low, change.high)]
+            rows.append(
+                {
+                    "case": name,
+                    "model": model,
+                    "step [s]": case.simulation.step,
+                    "pairs": change.runs,
+                    "left out": pairs - change.runs,
+                    "mean [s]": mean,
+                    "change [%]": share[0],
+                    "from": share[1] if change.has_interval else None,
+                    "to": share[2] if change.has_interval else None,
+                }
+            )
+    return rows
 
 
 def _covered(evidence: Evidence, tasks: Sequence[Drawn]) -> list[Row]:

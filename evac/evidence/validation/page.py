@@ -12,8 +12,9 @@ import numpy as np
 
 from evac.evidence.report import MODEL_COLOURS, Evidence, new_figure
 from evac.evidence.validation import capacity, choices, flows, kinematics
-from evac.evidence.validation.trial import CONFIDENCE, Check, Criterion, Trial
+from evac.evidence.validation.trial import Check, Criterion, Trial
 from evac.evidence.verdicts import all_of, at_least, at_most, reported
+from evac.study.statistics import CONFIDENCE
 
 Row = Mapping[str, Any]
 
@@ -280,7 +281,7 @@ def _report_tests(evidence: Evidence, tests: Sequence[Row], verdicts: Sequence[R
         "verdicts",
         verdicts,
         f"Whether each model passes, and by how much it misses. Not certain: the {100 * CONFIDENCE:.0f} % interval of "
-        "the mean (Student's t) reaches across a bound.",
+        "the mean, as that of a study, reaches across a bound, or the runs determine none.",
     )
     evidence.data("tests", tests, "Every check with its mean and interval")
     evidence.plot(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from evac.arrays import FloatArray
 from evac.errors import RunWarning
@@ -21,9 +20,7 @@ from evac.output.results import Results
 from evac.output.trajectory import Trajectory, read_trajectory
 from evac.running import run
 from evac.scenario.case import Case
-
-#: Confidence level of the interval of a mean over runs.
-CONFIDENCE = 0.95
+from evac.study.statistics import estimate
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class Check:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Interval of the mean (Student's t); None for fewer than two values."""
+        """Interval of the mean; None if the values do not determine one."""
         return mean_interval(self.found)
 
     @property
@@ -105,8 +102,8 @@ class Check:
 
     @property
     def is_certain(self) -> bool:
-        """Whether no bound lies inside the interval of the mean."""
-        low, high = self.interval or (0.0, 0.0)
+        """Whether no bound lies inside the interval of the mean, which is all numbers if there is none of several."""
+        low, high = self.interval or ((0.0, 0.0) if len(self.found) < 2 else (-np.inf, np.inf))
         return not any(low < bound < high for bound in (self.criterion.low, self.criterion.high))
 
     @property
@@ -211,8 +208,6 @@ def conduct(case: Case) -> Outcome:
 
 
 def mean_interval(values: FloatArray) -> tuple[float, float] | None:
-    """Return the interval of the mean of `values` (Student's t); None for fewer than two."""
-    if len(values) < 2:
-        return None
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values)))
-    return float(values.mean()) - half, float(values.mean()) + half
+    """Return the interval of the mean of values, as in studies; None if they do not determine one."""
+    found = estimate("mean", values)
+    return (found.low, found.high) if found.has_interval else None

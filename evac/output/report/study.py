@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from evac.ending import FAILED
 from evac.output.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.output.report import figures
 from evac.output.report.building import building_section
@@ -130,11 +131,15 @@ def _command(summary: StudySummary) -> str:
 
 
 def _banner(summary: StudySummary) -> str:
-    if not summary.blocked:
-        return ""
-    return (
-        f"{summary.blocked} of {summary.runs} runs ended with people inside; their evacuation time counts as infinite."
-    )
+    told = []
+    if summary.failed:
+        told.append(f"{summary.failed} of {summary.runs} runs failed and are in no statistic.")
+    if summary.blocked:
+        runs = summary.runs - summary.failed
+        told.append(
+            f"{summary.blocked} of {runs} runs ended with people inside; their evacuation time counts as infinite."
+        )
+    return " ".join(told)
 
 
 def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
@@ -148,6 +153,12 @@ def _interval(one: EstimateTable, is_blocked: bool = False) -> str:
     return f"{one.value:.1f} s ({low} to {high})"
 
 
+def _mean(one: EstimateTable) -> str:
+    """Return the mean with its interval, or with the reason why it has none."""
+    told = f"{_interval(one)}, with 95 % interval" if one.low is not None else _interval(one)
+    return f"{told}; {one.note}" if one.note else told
+
+
 def _results(study: StudyFiles) -> dict[str, object]:
     """Return the main results, which open the report: of the only point, or how many there are."""
     summary = study.summary
@@ -157,14 +168,16 @@ def _results(study: StudyFiles) -> dict[str, object]:
     else:
         one = summary.points[0].statistics
         results |= {
-            "People": ", ".join(sorted(set(study.runs["people"]), key=int)),
-            "Evacuation time, mean of complete runs": f"{_interval(one.mean)}, with 95 % interval",
+            "People": ", ".join(sorted({study.runs["people"][row] for row in study.finished(0)}, key=int)),
+            "Evacuation time, mean of complete runs": _mean(one.mean),
             **{
                 f"Evacuation time, {estimate.name}": _interval(estimate, bool(one.blocked))
                 for estimate in one.percentiles
             },
         }
-    results["Blocked runs"] = f"{summary.blocked} of {summary.runs}"
+    if summary.failed:
+        results["Failed runs"] = f"{summary.failed} of {summary.runs}"
+    results["Blocked runs"] = f"{summary.blocked} of {summary.runs - summary.failed}"
     warned = sum(bool(text) for text in study.runs["quality_warnings"])
     results["Runs with quality warnings"] = f"{warned} of {summary.runs}"
     return results
@@ -222,7 +235,9 @@ def _statistics(study: StudyFiles) -> Section:
         if not is_single:
             named = ", ".join(f"{key} = {told(value)}" for key, value in point.parameters.items())
             parts.append(heading(f"Point {number}: {named}"))
-        parts += [_statistics_table(point.statistics), _egress(study, number)]
+        parts.append(_statistics_table(point.statistics))
+        if study.finished(number):
+            parts.append(_egress(study, number))
         if point.settled:
             settled = [(name, runs) for name, runs in point.settled.items()]
             caption = (
@@ -339,7 +354,8 @@ def _runs(study: StudyFiles) -> Section:
     is_single = len(study.summary.points) == 1
     rows = []
     for row in range(min(len(runs["run"]), MOST_LISTED)):
-        last = Cell("people left", "bad") if not runs["last_out"][row] else fixed(float(runs["last_out"][row]), 2)
+        why = FAILED if runs["ended"][row] == FAILED else "people left"
+        last = Cell(why, "bad") if not runs["last_out"][row] else fixed(float(runs["last_out"][row]), 2)
         point = () if is_single else (runs["point"][row],)
         out = f"{runs['out'][row]} of {runs['people'][row]}"
         rows.append((*point, runs["run"][row], runs["seed"][row], runs["ended"][row], out, last))

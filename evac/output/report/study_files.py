@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from evac.arrays import FloatArray
+from evac.ending import FAILED
 from evac.errors import ResultError
 from evac.output.files import EGRESS_NAME, RUNS_NAME, STATISTICS_NAME, SUMMARY_NAME
 from evac.output.reading import checked, read_columns, read_json
@@ -40,7 +41,8 @@ class StatisticsTable(_Plain):
 
     runs: int
     blocked: int
-    blocked_share: float
+    failed: int = 0
+    blocked_share: float | None
     blocked_low: float
     blocked_high: float
     least: float | None
@@ -74,6 +76,7 @@ class StudySummary(_Plain):
     title: str
     runs: int
     blocked: int
+    failed: int = 0
     first_seed: int
     rule: RuleTable
     points: list[PointTable] = Field(min_length=1)
@@ -107,6 +110,10 @@ class StudyFiles:
     def rows(self, point: int) -> list[int]:
         """Return the rows of ``runs.csv`` of a point."""
         return [row for row, value in enumerate(self.runs["point"]) if value == str(point)]
+
+    def finished(self, point: int) -> list[int]:
+        """Return the rows of a point that are in its statistics, which are those of runs that did not fail."""
+        return [row for row in self.rows(point) if self.runs["ended"][row] != FAILED]
 
 
 def is_study(folder: Path) -> bool:
