@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.assembly import ground_key, providers
 from evac.errors import ResultError, naming
-from evac.output.files import STUDY_NAME, writing
+from evac.output.files import STUDY_NAME, replacing
 from evac.output.results import plain, versions
 from evac.study.points import Point, Seeds
 
@@ -47,8 +47,8 @@ def key_of(case: "Case") -> str:
 
 def write_identity(folder: Path, identity: Mapping[str, Any]) -> None:
     """Write study.json."""
-    with writing("the study", folder):
-        (folder / STUDY_NAME).write_text(json.dumps(identity, indent=2) + "\n", encoding="utf-8")
+    with replacing(folder / STUDY_NAME, "the study") as new:
+        new.write_text(json.dumps(identity, indent=2) + "\n", encoding="utf-8")
 
 
 def check_identity(folder: Path, identity: Mapping[str, Any]) -> None:
