@@ -294,6 +294,11 @@ def draw_plan(plan: "Plan", registry: Registry) -> SurfaceMesh:
             raise BuildingError(
                 f"{plan.source}: storey {storey.name!r}: {storey.file} is a mesh; a storey needs a file with a plan"
             )
+        if any(one.file is not None for one in read.storeys.values()):
+            raise BuildingError(
+                f"{plan.source}: storey {storey.name!r}: {storey.file} takes its own storeys from other files; name "
+                "those files here"
+            )
         plan.take(storey.name, read)
     return plan.surface()
 

@@ -1,8 +1,9 @@
 """Run a case, or resume a run, and write its result folder."""
 
 import signal
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from evac.checkpoints import Checkpoints, find_checkpoint
 from evac.display import displayed
 from evac.ending import FAILED, INTERRUPTED, Stopped
-from evac.errors import EvacError, ResultError, ScenarioError, note, warn
+from evac.errors import EvacError, FolderWarning, ResultError, ScenarioError, in_one_line, note, warn
 from evac.interrupt import Interrupt
 from evac.output.files import (
+    ANIMATION_NAME,
     CHECKPOINT_NAME,
     EGRESS_NAME,
     EGRESS_PICTURE_NAME,
@@ -295,26 +297,28 @@ def run_into(
         try:
             results = simulation.run(after_tick, checkpoints.begin)
             results = replace(results, plugin_files=simulation.recording.plugin_files())
-            if writing is not None:
-                writing()
-            results = write_outputs(results, place.running, simulation.phases)
+            write_tables(results, place.running, simulation.phases)
             _check_files(simulation, place)
         except EvacError as error:
             note(error, simulation.warnings())
             _keep_failed_run(simulation, place, first, error)
             raise
         if results.ended == INTERRUPTED:
-            return replace(results, folder=place.publish_if_new())
-        folder = place.publish()
-        (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
-        return replace(results, folder=folder)
+            folder = place.publish_if_new()
+        else:
+            folder = place.publish()
+            (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
+        if writing is not None:
+            writing()
+        draw_pictures(results, folder)
+        results = replace(results, folder=folder, phases=simulation.phases.seconds())
+        with _optional(folder / SUMMARY_NAME):  # again, with the wall time of the pictures
+            results.write_summary(folder)
+        return results
 
 
-def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
-    """Write all outputs except trajectory and replay, which are written during the run.
-
-    Always summary.json; egress.csv and people.csv if ``output.tables`` is true, egress.png if ``output.picture`` is,
-    the VTK animation if ``output.animation`` is.
+def write_tables(results: Results, folder: Path, phases: Phases) -> None:
+    """Write summary.json and, if ``output.tables`` is true, egress.csv and people.csv.
 
     Parameters
     ----------
@@ -324,31 +328,41 @@ def write_outputs(results: Results, folder: Path, phases: Phases) -> Results:
     phases : Phases
         Clock of the run, in its phase "output".
 
-    Returns
-    -------
-    Results
-        With the wall time of the output among its phases.
-
     Raises
     ------
     ResultError
         A file cannot be written.
     """
-    try:
-        if results.case.output.tables:
-            results.write_tables(folder)
-        if results.case.output.picture:
+    if results.case.output.tables:
+        results.write_tables(folder)
+    replace(results, phases=phases.seconds()).write_summary(folder)
+
+
+def draw_pictures(results: Results, folder: Path) -> None:
+    """Write egress.png if ``output.picture`` is true, and the VTK animation if ``output.animation`` is.
+
+    The results are complete without them: one that cannot be made is a warning.
+    """
+    if results.case.output.picture:
+        with _optional(folder / EGRESS_PICTURE_NAME):
             from evac.output.pictures import draw_egress
 
             draw_egress(results, folder / EGRESS_PICTURE_NAME)
-        if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
+    if results.case.output.animation and (folder / TRAJECTORY_NAME).is_file():
+        with _optional(folder / ANIMATION_NAME):
             from evac.output.vtk_export import export_vtk
 
             export_vtk(read_trajectory(folder), folder)
-    finally:  # the summary includes the time for the other files, and is written even if one of them fails
-        results = replace(results, phases=phases.seconds())
-        results.write_summary(folder)
-    return results
+
+
+@contextmanager
+def _optional(path: Path) -> Iterator[None]:
+    """Warn of a file that cannot be written."""
+    try:
+        yield
+    except Exception as error:
+        why = str(error) if isinstance(error, EvacError) else f"{path}: {in_one_line(error)}"
+        warnings.warn(f"{why}; the tables of the run are complete", FolderWarning, stacklevel=3)
 
 
 def _check_files(simulation: Simulation, place: ResultFolder) -> None:
@@ -359,6 +373,14 @@ def _check_files(simulation: Simulation, place: ResultFolder) -> None:
     check_lengths(place.running, dict.fromkeys((*tables, SUMMARY_NAME), 1))
 
 
+def _is_whole(simulation: Simulation, place: ResultFolder) -> bool:
+    try:
+        _check_files(simulation, place)
+    except ResultError:
+        return False
+    return True
+
+
 def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, error: EvacError) -> None:
     """Write the tables of a run that has failed, or remove its folder if it has not made a step since `first`."""
     with suppress(ResultError, OSError):  # the first failure is reported, not a later one
@@ -367,10 +389,10 @@ def _keep_failed_run(simulation: Simulation, place: ResultFolder, first: int, er
             simulation.ended = simulation.ended or FAILED
             if not (place.running / SUMMARY_NAME).is_file():
                 results = replace(simulation.results(), plugin_files=simulation.recording.plugin_files())
-                if results.case.output.tables:
-                    results.write_tables(place.running)
-                results.write_summary(place.running)
-            error.add_note(f"the results until then are in {place.publish_if_new()}")
+                write_tables(results, place.running, simulation.phases)
+            is_complete = simulation.ended not in (FAILED, INTERRUPTED) and _is_whole(simulation, place)
+            folder = place.publish() if is_complete else place.publish_if_new()
+            error.add_note(f"the results {'' if is_complete else 'until then '}are in {folder}")
         elif not first:
             place.discard(simulation.recording.plugin_files())
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from evac.hookspecs import hookimpl
+from evac.output.cells import cell_of
 from evac.output.exporter import Exporter
 from evac.output.tables import motion_table
 from evac.output.trajectory import Trajectory
@@ -22,7 +23,8 @@ class CsvExporter(Exporter):
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(table)
-            writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+            rows = zip(*(column.tolist() for column in table.values()), strict=True)
+            writer.writerows(map(cell_of, row) for row in rows)
         return [path]
 
 

@@ -102,3 +102,17 @@ def test_a_fault_of_a_dictionary_names_the_key(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(evac.ScenarioError, match=r"<dictionary>: people\.people\.numbr: unknown key"):
         evac.load(square(tmp_path), {"people.people.numbr": 5})
+
+
+def test_plans_that_name_each_other_are_refused(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        (tmp_path / f"{name}.plan.toml").write_text(
+            f'[[storeys]]\nname = "{name}"\nz = 0.0\nfile = "{other}.plan.toml"\n'
+        )
+    case = {
+        "building": {"mesh": str(tmp_path / "a.plan.toml")},
+        "contact": {"model": "dem"},
+        "people": [{"name": "p", "number": 1, "level": "a"}],
+    }
+    with pytest.raises(BuildingError, match=r"a\.plan\.toml: storey 'a': .*b\.plan\.toml takes its own storeys"):
+        make_building(evac.load(case))

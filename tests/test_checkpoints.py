@@ -457,11 +457,11 @@ def test_a_kill_after_the_last_step_loses_no_more_than_others(tmp_path, duration
     evac.run(case, tmp_path / "whole")
 
     def killed(*_):
-        raise KeyboardInterrupt
+        raise Killed
 
     with monkeypatch.context() as patch:
-        patch.setattr("evac.running.write_outputs", killed)
-        with pytest.raises(KeyboardInterrupt):
+        patch.setattr("evac.running.write_tables", killed)
+        with pytest.raises(Killed):
             evac.run(case, tmp_path / "r", checkpoint=0.0)
     assert find_checkpoint(tmp_path / "r").time < evac.read_trajectory(tmp_path / "whole").time[-1]
     results = evac.resume(tmp_path / "r")

@@ -1,7 +1,7 @@
 """From a case to a folder: what others put there stays, and a run that fails leaves what it has."""
 
-import io
 import json
+import os
 import signal
 import textwrap
 import threading
@@ -14,8 +14,8 @@ import pytest
 
 import evac
 from evac.ending import INTERRUPTED, Stopped
-from evac.errors import PluginError, ResultError, ScenarioError, SimulationError
-from evac.output.resultfolder import ResultFolder
+from evac.errors import FolderWarning, PluginError, ResultError, ScenarioError, SimulationError
+from evac.output.results import Results
 from evac.running import run
 from evac.simulation import Simulation
 
@@ -203,7 +203,7 @@ def test_pictures_that_fail_do_not_take_the_tables_with_them(tmp_path):
     running.mkdir()
     (running / "frames").write_text("in the way of the folder of that name")
     (running / "trajectory.evac").write_bytes(b"EVACTRJ1")
-    with pytest.raises(ResultError, match="frames"):
+    with pytest.warns(FolderWarning, match="frames"):
         run(case, tmp_path / "r")
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["people"] == 20
 
@@ -264,41 +264,78 @@ def test_the_phases_of_a_run_add_up_to_its_wall_time(tmp_path, monkeypatch):
     case = evac.load("square_room")
     run(case, tmp_path / "first")  # loads kernels and packages
     written_at = []
-    publish = ResultFolder.publish
-    monkeypatch.setattr(ResultFolder, "publish", lambda self: written_at.append(time.perf_counter()) or publish(self))
+    write = Results.write_summary
+
+    def noting(results, folder):
+        written_at.append(time.perf_counter())
+        write(results, folder)
+
+    monkeypatch.setattr(Results, "write_summary", noting)
     start = time.perf_counter()
     results = run(case, tmp_path / "r")
-    wall = written_at[0] - start
+    wall = written_at[-1] - start
     assert 0.95 * wall < sum(results.phases.values()) <= wall
     written = json.loads((tmp_path / "r" / "summary.json").read_text(encoding="utf-8"))["wall_time"]
     assert written == results.phases
 
 
-def test_every_file_of_a_run_is_written_once(tmp_path, monkeypatch):
-    opened = []
-
-    def noting(real):
-        def open_(file, mode="r", *rest, **options):
-            if set(mode) & set("wax+"):
-                opened.append(str(file))
-            return real(file, mode, *rest, **options)
-
-        return open_
-
-    monkeypatch.setattr("io.open", noting(io.open))  # that of pathlib
-    monkeypatch.setattr("builtins.open", noting(open))
+def test_every_file_of_a_run_is_written_once_and_the_summary_again_with_the_time_of_the_pictures(tmp_path, monkeypatch):
+    replaced = []
+    real = os.replace
+    monkeypatch.setattr("os.replace", lambda new, path: replaced.append(str(path)) or real(new, path))
     results = run(evac.load("square_room", {"simulation.duration": 0.5}), tmp_path / "r")
     assert results.number_of_people == 20
-    written = [str(path) for path in (tmp_path / "r").rglob("*.*")]
+    written = [str(path) for path in (tmp_path / "r").rglob("*.*") if path.name != "trajectory.evac"]
     assert {"summary.json", "people.csv", "egress.png", "building.vtm"} <= {Path(path).name for path in written}
-    assert sorted(name.replace("r.running", "r") for name in opened) == sorted(written)
+    expected = [*written, str(tmp_path / "r" / "summary.json")]
+    assert sorted(name.replace("r.running", "r") for name in replaced) == sorted(expected)
 
 
-def test_a_picture_that_fails_does_not_take_the_tables_with_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("evac.output.pictures.draw_egress", Mock(side_effect=ResultError("no picture")))
-    with pytest.raises(ResultError, match="no picture"):
-        run(evac.load("square_room", {"simulation.duration": 0.1}), tmp_path / "r")
-    assert {"egress.csv", "people.csv", "summary.json"} <= {path.name for path in (tmp_path / "r").iterdir()}
+@pytest.mark.parametrize("title", ["$$", "5$ to 10$", "$\\undefined$"])
+def test_titles_and_names_of_groups_are_drawn_as_they_are(tmp_path, title):
+    case = evac.load("square_room", {"simulation.duration": 0.1, "title": title})
+    people = case.to_dict()["people"][0]
+    case = case.change({"people": [{**people, "number": 3, "name": name} for name in (title, "others")]})
+    run(case, tmp_path / "r")
+    assert (tmp_path / "r" / "egress.png").is_file()
+
+
+def test_a_picture_that_fails_is_warned_of_and_the_tables_take_the_place_of_earlier_ones(tmp_path, monkeypatch):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    monkeypatch.setattr("evac.output.pictures.draw_egress", Mock(side_effect=ValueError("no picture")))
+    with pytest.warns(FolderWarning, match=r"egress\.png: ValueError: no picture"):
+        run(case.change({"simulation.seed": 5}), tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_an_interrupt_while_pictures_are_drawn_leaves_the_result_in_its_place(tmp_path, monkeypatch):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    monkeypatch.setattr("evac.output.pictures.draw_egress", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        run(case.change({"simulation.seed": 5}), tmp_path / "r")
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
+
+
+def test_a_plugin_that_fails_when_the_run_has_ended_leaves_the_result_in_its_place(tmp_path):
+    case = evac.load("square_room", {"simulation.duration": 0.1})
+    run(case, tmp_path / "r")
+    text = """
+        from evac import hookimpl
+        evac_interface = 2
+
+        @hookimpl
+        def evac_finish(simulation, results, error):
+            raise ValueError("at the end")
+    """
+    with pytest.raises(PluginError, match="at the end") as caught:
+        run(with_plugin(tmp_path, text, {"simulation.duration": 0.1, "simulation.seed": 5}), tmp_path / "r")
+    assert any(str(tmp_path / "r") in note for note in caught.value.__notes__)
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["seed"] == 5
+    assert not (tmp_path / "r.running").exists()
 
 
 def test_threads_change_no_bit_of_a_run_that_goes_on_with_another_number(tmp_path, monkeypatch):

@@ -20,6 +20,7 @@ from evac.building.outlines import (
     between_floors,
     between_rooms,
     covered,
+    distinct,
     is_on,
     nearest,
     normal,
@@ -33,7 +34,7 @@ from evac.building.plancheck import beside_floor, both_sides, low_storeys, with_
 from evac.building.planparts import DOOR_REACH, SNAP, Item, Stair
 from evac.building.shapes import LEAST_AREA, LEAST_LENGTH, common, cut, place_of, united
 from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError
+from evac.errors import BuildingError, counted
 from evac.parameters import did_you_mean
 
 if TYPE_CHECKING:
@@ -131,7 +132,10 @@ class _Drawing:
         storey = self.plan.storeys[name]
         if storey.file is not None:
             raise BuildingError(f"{self.plan.source}: storey {name!r}: {storey.file} has not been read")
-        rooms = list(storey.polygons)
+        rooms = distinct(storey.polygons)
+        if len(rooms) < len(storey.polygons):
+            count = counted(len(storey.polygons) - len(rooms), "polygon is a copy", "polygons are copies")
+            self._find("assumed", f"{count} of another one, and left out", name, rooms[0])
         double = overlaps(rooms)
         if double:
             area = united(double).area

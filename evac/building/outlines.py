@@ -209,6 +209,14 @@ def with_walls(rooms: Sequence[BaseGeometry], thickness: float) -> list[BaseGeom
     return [room for room in divided if not room.is_empty]
 
 
+def distinct(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
+    """Return polygons without those that are equal to an earlier one."""
+    found: dict[bytes, BaseGeometry] = {}
+    for polygon in polygons:
+        found.setdefault(shapely.to_wkb(shapely.normalize(polygon)), polygon)
+    return list(found.values())
+
+
 def overlaps(polygons: Sequence[BaseGeometry]) -> list[BaseGeometry]:
     """Return the intersection of each pair of polygons, if it is larger than rounding errors."""
     one, other = shapely.STRtree(polygons).query(polygons, "intersects")

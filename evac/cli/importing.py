@@ -7,6 +7,7 @@ widest first; choose exits among them with --exit.
 """
 
 import argparse
+import math
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if value is not None and not value >= least:
             raise ScenarioError(f"--{key} must be at least {least:g}, got {value:g}")
     options = dict(_option(text) for text in arguments.options)
-    exits = [int(one) for one in _numbers("--exit", arguments.exits)]
+    exits = [int(one) for one in _numbers("--exit", arguments.exits, whole=True)]
     z = None if arguments.z is None else _numbers("--z", arguments.z)
     from evac.display import Display
 
@@ -82,11 +83,14 @@ def _option(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _numbers(what: str, text: str) -> list[float]:
+def _numbers(what: str, text: str, whole: bool = False) -> list[float]:
     try:
-        return [float(one) for one in text.split(",") if one.strip()]
-    except ValueError as error:
-        raise ScenarioError(f"{what} {text}: give numbers separated by commas, such as 1,3") from error
+        numbers = [float(one) for one in text.split(",") if one.strip()]
+        if all(math.isfinite(one) and not (whole and one % 1.0) for one in numbers):
+            return numbers
+    except ValueError:
+        pass
+    raise ScenarioError(f"{what} {text}: give {'whole ' if whole else ''}numbers separated by commas, such as 1,3")
 
 
 def _show(made: "Imported") -> None:

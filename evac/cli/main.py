@@ -74,6 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         After --help, and for a wrong command line.
     """
     start_fast()
+    os.environ["MPLBACKEND"] = "agg"  # pictures are drawn to files; that of a notebook need not be installed here
     arguments: argparse.Namespace | None = None
     with shown_warnings() as hidden:
         try:

@@ -19,7 +19,7 @@ from evac.building.findings import Finding
 from evac.building.model import Building, Level
 from evac.errors import ResultError
 from evac.output import palette
-from evac.output.files import writing
+from evac.output.files import replacing
 from evac.output.floorplan import HEIGHT, WIDTH, beside, draw_plans, outline_of
 
 #: Supported file name endings of pictures.
@@ -59,8 +59,8 @@ def draw_levels(
     if path.suffix.lower() not in PICTURES:
         raise ResultError(f"{path}: unknown ending {path.suffix!r}; use {', '.join(PICTURES)}")
     figure = levels_figure(building, findings, marks, title)
-    with writing("the picture", path):
-        figure.savefig(path)
+    with replacing(path, "the picture") as new:
+        figure.savefig(new)
 
 
 def levels_figure(

@@ -12,7 +12,6 @@
 import hashlib
 import json
 import math
-import os
 import struct
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from evac.errors import ResultError
-from evac.output.files import sync_folder, writing
+from evac.output.files import replacing
 
 MAGIC = b"EVACCHK1"
 FORMAT = 2
@@ -107,15 +106,9 @@ def write_checkpoint(path: Path, header: Mapping[str, Any], arrays: Mapping[str,
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part)
-    new = path.with_name(path.name + ".new")
-    with writing("the checkpoint", path):
-        with new.open("wb") as file:
-            for part in (*parts, digest.digest()):
-                file.write(part)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(new, path)
-        sync_folder(path.parent)
+    with replacing(path, "the checkpoint") as new, new.open("wb") as file:
+        for part in (*parts, digest.digest()):
+            file.write(part)
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

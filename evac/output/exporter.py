@@ -4,10 +4,11 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, ClassVar
 
 from evac.errors import plugin_code
-from evac.output.files import EXPORT_FOLDER, writing
+from evac.output.files import EXPORT_FOLDER, TEMPORARY, move_into, replacing, writing
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
@@ -76,9 +77,18 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
         The exporter fails.
     """
     place = exporter.place(trajectory) if path is None else path
-    with plugin_code(f"{place}: exporter {exporter.name!r}"), writing(f"the {exporter.name} export", place):
-        (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
-        return list(exporter.write(trajectory, place))
+    what = f"the {exporter.name} export"
+    with plugin_code(f"{place}: exporter {exporter.name!r}"):
+        with writing(what, place):
+            (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
+        if exporter.suffix:
+            with replacing(place, what) as new:
+                written = list(exporter.write(trajectory, new))
+            return [place if path == new else path for path in written]
+        with writing(what, place), TemporaryDirectory(dir=place, prefix=TEMPORARY) as made:
+            written = list(exporter.write(trajectory, Path(made)))
+            move_into(Path(made), place)
+        return [place / path.relative_to(made) if path.is_relative_to(made) else path for path in written]
 
 
 def file_stems(names: Iterable[str]) -> list[str]:

@@ -1,6 +1,8 @@
 """The files of a result folder: their names, and the error if one cannot be written."""
 
+import errno
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +30,9 @@ ANIMATION_NAME = "animation.pvd"
 BUILDING_NAME = "building.vtm"
 BUILDING_FOLDER = "building"
 FRAMES_FOLDER = "frames"
+
+#: Beginning of the names of files that are being written, see `replacing`.
+TEMPORARY = ".evac-"
 
 #: Pattern of the files of single frames, see `frame_name`.
 FRAMES = f"{FRAMES_FOLDER}/frame_*.vtp"
@@ -80,8 +85,7 @@ WRITTEN = (
     STUDY_NAME,
     f"{STUDY_NAME}.new",
     REPORT_NAME,
-    f"{REPORT_NAME}.new",
-    f"{CHECKPOINT_NAME}.new",
+    f"{TEMPORARY}*",
     CHECKPOINT_NAME,
     SUMMARY_NAME,  # these two are removed last, since they identify a result folder
     TRAJECTORY_NAME,
@@ -107,6 +111,72 @@ def sync_folder(folder: Path) -> None:
     """Flush the entries of a folder to the disk, if the system supports it."""
     if os.name != "nt":
         _sync(folder, os.O_RDONLY)
+
+
+@contextmanager
+def replacing(path: Path, what: str, is_synced: bool = True) -> Iterator[Path]:
+    """Give a temporary path to write to; the file then replaces `path` as a whole, when it is on the disk.
+
+    A link at `path` is replaced, not followed. If the code within fails, the file at `path` stays as it was.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Description of the content, for messages.
+    is_synced : bool
+        False for files that can be written again, such as the many frames of an animation: they are not flushed.
+
+    Yields
+    ------
+    Path
+        An empty file in the same folder, with the same ending.
+
+    Raises
+    ------
+    ResultError
+        The file cannot be written.
+    """
+    with writing(what, path):
+        if path.is_dir() and not path.is_symlink():
+            raise IsADirectoryError(errno.EISDIR, "is a folder")
+        handle, name = tempfile.mkstemp(path.suffix, TEMPORARY, path.parent)
+        os.close(handle)
+        new = Path(name)
+        try:
+            yield new
+            if is_synced:
+                sync_file(new)
+            new.chmod(0o666 & ~_umask())
+            os.replace(new, path)
+        finally:
+            new.unlink(missing_ok=True)
+        if is_synced:
+            sync_folder(path.parent)
+
+
+def move_into(source: Path, target: Path) -> None:
+    """Move the files of a folder to another one, in which they replace those of the same names; links are replaced.
+
+    Raises
+    ------
+    OSError
+        A file cannot be moved, or a folder in `target` that a file belongs in is a link.
+    """
+    for path in sorted(source.rglob("*")):
+        new = target / path.relative_to(source)
+        if path.is_dir():
+            if new.is_symlink():
+                raise NotADirectoryError(errno.ENOTDIR, "is a link", str(new))
+            new.mkdir(exist_ok=True)
+        else:
+            os.replace(path, new)
+
+
+def _umask() -> int:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
 
 
 def _sync(path: Path, mode: int) -> None:

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from evac.building.model import Exit
 from evac.output import palette
-from evac.output.files import map_name, writing
+from evac.output.files import map_name, replacing, writing
 from evac.output.floorplan import Plans, draw_plans, outline
 from evac.output.lines import LineFlow, line_flows
 from evac.output.maps import QUANTITIES, LevelMaps, level_maps
@@ -142,7 +142,8 @@ def write_maps(
         place = path if is_file else path / map_name(quantity)
         with writing("the map", place):
             place.parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(place)
+        with replacing(place, "the map") as new:
+            figure.savefig(new)
         written.append(place)
     return written
 

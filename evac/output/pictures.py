@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from evac.arrays import FloatArray
-from evac.output.files import writing
+from evac.output.files import replacing
 from evac.output.palette import TEXT, group_colours
 from evac.output.results import Results
 
@@ -87,6 +87,8 @@ def curves_figure(
         heading = f"without {single} {'group' if single == 1 else 'groups'}\nof one person" if single else None
         style = {"frameon": False, "fontsize": 8, "title": heading, "title_fontsize": 7, "alignment": "left"}
         legend = axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), **style)
+        for text in legend.get_texts():
+            text.set_parse_math(False)
         # Names that are too long for the picture are cut at the end.
         figure.subplots_adjust(right=max(0.5, 0.98 - legend.get_window_extent().width / figure.bbox.width))
     return figure
@@ -110,7 +112,7 @@ def new_plain_axes(title: str, along: str, up: str, left: float) -> tuple[Figure
     top = 0.12 + 0.18 * (1 + title.count("\n"))
     figure.subplots_adjust(left / SIZE[0], 0.48 / SIZE[1], 1.0 - 0.2 / SIZE[0], 1.0 - top / SIZE[1])
     axes.set(xlabel=along, ylabel=up)
-    axes.set_title(title, fontsize=11, loc="left")
+    axes.set_title(title, fontsize=11, loc="left", parse_math=False)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
@@ -124,5 +126,5 @@ def save(figure: Figure, path: Path) -> None:
     ResultError
         The file cannot be written.
     """
-    with writing("the picture", path):
-        figure.savefig(path)
+    with replacing(path, "the picture") as new:
+        figure.savefig(new)

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evac.output.files import replacing
+
 _NO_CELLS = np.zeros((0, 1), dtype=np.int64)
 
 
@@ -72,7 +74,7 @@ def write_polydata(data: PolyData, path: Path) -> None:
 </PolyData>
 <AppendedData encoding="raw">
 _"""
-    with path.open("wb") as file:
+    with replacing(path, "the VTK file", is_synced=False) as new, new.open("wb") as file:
         file.write(b"".join([head.encode(), *raw.blocks, b"\n</AppendedData>\n</VTKFile>\n"]))
 
 

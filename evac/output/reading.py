@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from evac.errors import ResultError
+from evac.output.cells import text_of_cell
 
 #: Greatest depth of tables and lists in each other, so that code that follows them does not end in an error.
 MOST_NESTED = 60
@@ -82,4 +83,4 @@ def read_columns(path: Path, wanted: tuple[str, ...]) -> dict[str, list[str]]:
     for number, row in enumerate(rows, 2):
         if len(row) != len(head):
             raise ResultError(f"{path}: row {number} has {len(row)} fields instead of {len(head)}; run the case again")
-    return {name: [row[index] for row in rows] for index, name in enumerate(head)}
+    return {name: [text_of_cell(row[index]) for row in rows] for index, name in enumerate(head)}

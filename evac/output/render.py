@@ -13,7 +13,7 @@ from PIL import Image
 from evac.errors import ResultError
 from evac.output.camera import Camera
 from evac.output.colouring import Colouring, colouring
-from evac.output.files import writing
+from evac.output.files import replacing
 from evac.output.pawns import draw_people
 from evac.output.storeys import level_of
 from evac.output.trajectory import Trajectory
@@ -163,8 +163,8 @@ def render_picture(renderer: Renderer, path: Path, time: float | None = None) ->
     if time is not None and not first <= time <= last:
         raise ResultError(f"{trajectory.path}: t = {time:g} s is not in the recorded time from {first:g} to {last:g} s")
     image = renderer.image(trajectory.nearest(0.5 * last if time is None else time))
-    with writing("the picture", path):
-        Image.fromarray(image).save(path)
+    with replacing(path, "the picture") as new:
+        Image.fromarray(image).save(new)
 
 
 def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: float = 5.0) -> None:
@@ -192,8 +192,8 @@ def render_animation(renderer: Renderer, path: Path, fps: float = 10.0, speed: f
         raise ResultError(f"{path}: an MP4 film needs imageio-ffmpeg (pip install imageio-ffmpeg); or write a .gif")
     images = (renderer.image(trajectory.nearest(k * speed / fps)) for k in range(count))
     write = _write_gif if path.suffix == ".gif" else _write_mp4
-    with writing("the film", path):
-        write(path, images, fps)
+    with replacing(path, "the film") as new:
+        write(new, images, fps)
 
 
 def number_of_pictures(trajectory: Trajectory, fps: float, speed: float) -> int:

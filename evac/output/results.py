@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.directions.routes import Route
-from evac.output.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NAME, writing
+from evac.output.cells import cell_of
+from evac.output.files import EGRESS_NAME, PEOPLE_NAME, PLUGIN_FILES, SUMMARY_NAME, replacing, writing
 from evac.output.flows import exit_table
 from evac.output.occupancy import Moves, level_table, moves_of, stair_table
 from evac.output.quality import chatter_warning, contact_warnings, crushing_warning, flow_warnings
@@ -331,11 +332,9 @@ class Results:
         ResultError
             A file cannot be written.
         """
-        with writing("the results", folder):
-            write_csv(
-                folder / EGRESS_NAME, EGRESS_COLUMNS, zip(*(column.tolist() for column in self.egress()), strict=True)
-            )
-            write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, zip(*self._people_columns(), strict=True))
+        egress = zip(*(column.tolist() for column in self.egress()), strict=True)
+        write_csv(folder / EGRESS_NAME, EGRESS_COLUMNS, egress)
+        write_csv(folder / PEOPLE_NAME, PEOPLE_COLUMNS, zip(*self._people_columns(), strict=True))
 
     def write_summary(self, folder: Path) -> None:
         """Write summary.json to `folder`.
@@ -346,8 +345,8 @@ class Results:
             The file cannot be written.
         """
         text = json.dumps(self.summary(), indent=2, allow_nan=False, ensure_ascii=False)
-        with writing("the results", folder):
-            (folder / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+        with replacing(folder / SUMMARY_NAME, "the results") as new:
+            new.write_text(text + "\n", encoding="utf-8")
 
     def _stuck_places(self) -> list[dict[str, Any]]:
         return [
@@ -377,8 +376,8 @@ def plain(value: Any) -> Any:
 
 
 def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a CSV file with a header."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    """Write a CSV file with a header; texts are quoted as by `cell_of`."""
+    with replacing(path, "the results") as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(rows)
+        writer.writerow(map(cell_of, columns))
+        writer.writerows(map(cell_of, row) for row in rows)

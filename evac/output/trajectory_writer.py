@@ -65,7 +65,8 @@ class TrajectoryWriter:
         self._set_up(path, origin, len(header["radius"]), 0, 0)
         with writing("the trajectory", path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("wb", buffering=0)
+            path.unlink(missing_ok=True)  # a link is not followed
+            self._file = path.open("xb", buffering=0)
             self._write(memoryview(start))
 
     @classmethod

@@ -16,10 +16,10 @@ from evac.output.files import (
     ANIMATION_NAME,
     BUILDING_FOLDER,
     BUILDING_NAME,
-    BUILDING_PARTS,
     FRAMES,
     FRAMES_FOLDER,
     frame_name,
+    replacing,
     writing,
 )
 from evac.output.polydata import PolyData, write_polydata
@@ -50,16 +50,27 @@ def export_vtk(trajectory: Trajectory, folder: Path) -> Path:
     if not len(trajectory):
         raise ResultError(f"{trajectory.path}: no frame to export; the run ended before its first output")
     with writing("the VTK animation", folder):
-        (folder / FRAMES_FOLDER).mkdir(parents=True, exist_ok=True)
-        for pattern in (FRAMES, BUILDING_PARTS):
-            for stale in folder.glob(pattern):
-                stale.unlink()
+        for name in (FRAMES_FOLDER, BUILDING_FOLDER):
+            if (folder / name).is_symlink():
+                raise NotADirectoryError(f"{folder / name} is a link")
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        _remove_earlier(folder)
         _write_building(trajectory.building, folder)
         for k in range(len(trajectory)):
             write_polydata(people_polydata(trajectory, trajectory[k]), folder / frame_name(k))
         path = folder / ANIMATION_NAME
-        path.write_text(_pvd(trajectory.time), encoding="utf-8")
+        with replacing(path, "the VTK animation") as new:
+            new.write_text(_pvd(trajectory.time), encoding="utf-8")
     return path
+
+
+def _remove_earlier(folder: Path) -> None:
+    """Remove the frames that an earlier animation in the folder lists."""
+    path = folder / ANIMATION_NAME
+    listed = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+    for frame in folder.glob(FRAMES):
+        if f'"{FRAMES_FOLDER}/{frame.name}"' in listed:
+            frame.unlink()
 
 
 def people_polydata(trajectory: Trajectory, frame: Frame) -> PolyData:
@@ -136,7 +147,6 @@ def _part(
 def _write_building(building: Building, folder: Path) -> None:
     """Write each part of a building to its own file, and the file that lists them in blocks."""
     parts = list(building_blocks(building))
-    (folder / BUILDING_FOLDER).mkdir(exist_ok=True)
     files = [f"{BUILDING_FOLDER}/{stem}.vtp" for stem in file_stems(f"{block} {name}" for block, name, _ in parts)]
     blocks: dict[str, list[str]] = {}
     for (block, name, data), file in zip(parts, files, strict=True):
@@ -147,11 +157,12 @@ def _write_building(building: Building, folder: Path) -> None:
         f'    <Block index="{index}" name="{block}">\n{"".join(entries)}    </Block>\n'
         for index, (block, entries) in enumerate(blocks.items())
     )
-    (folder / BUILDING_NAME).write_text(
-        '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
-        f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
-        encoding="utf-8",
-    )
+    with replacing(folder / BUILDING_NAME, "the building") as new:
+        new.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">\n'
+            f"  <vtkMultiBlockDataSet>\n{tree}  </vtkMultiBlockDataSet>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
 
 
 def segments_in_space(

@@ -181,7 +181,12 @@ class Conductor:
         assert self._executor is not None
         now = time.monotonic()
         if now - self._workers[0] > WORKERS_FOR:
-            self._workers = now, workers_of(self._executor)
+            try:
+                self._workers = now, workers_of(self._executor)
+            except Exception as error:  # of a scheduler that has ended
+                raise SimulationError(
+                    f"the executor does not answer: {in_one_line(error)}; continue with --resume"
+                ) from error
         return self._workers[1]
 
     def _shared(self, order: Order) -> GroundFile | None:

@@ -1,12 +1,16 @@
 """Execution of functions in processes: local ones, and those of other executors."""
 
+import json
+import logging
+import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import cpu_count
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TypeVar
 
-from evac.errors import EvacError
+from evac.errors import EvacError, in_one_line
 from evac.study.workers import LocalPool, died
 
 Item = TypeVar("Item")
@@ -49,15 +53,38 @@ def dask_executor(address: str) -> Iterator[Executor]:
         from distributed import Client
     except ImportError as error:
         raise EvacError('dask.distributed is not installed: pip install "evac[dask]"') from error
-    where: dict[str, Any] = {"address": address} if ":" in address else {"scheduler_file": address}
+    is_address = ":" in address and not os.path.exists(address)
+    where = address if is_address else _address_in(address)
+    # What Dask logs of a lost connection, with tracebacks, also later, is told by an error of the study.
+    before = logging.root.manager.disable
+    logging.disable()
     try:
-        client = Client(**where, timeout=10, set_as_default=False)
+        client = Client(where, timeout=10, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise EvacError(f"no Dask scheduler answers at {address}: {error}; start one, or check the address") from error
+        raise EvacError(
+            f"no Dask scheduler answers at {address}: {in_one_line(error)}; start one, or check the address"
+        ) from error
     try:
         yield client.get_executor(pure=False, retries=DASK_RETRIES)
     finally:
-        client.close(timeout=10)
+        with suppress(Exception):  # of a scheduler that has ended
+            client.close(timeout=10)
+    logging.disable(before)
+
+
+def _address_in(path: str) -> str:
+    """Return the address in a scheduler file."""
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        address = found["address"]
+        if not isinstance(address, str):
+            raise TypeError("its address is not text")
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise EvacError(
+            f"{path}: not a scheduler file of Dask: {in_one_line(error)}; give the file that dask scheduler "
+            "--scheduler-file has written, or an address such as tcp://10.0.0.1:8786"
+        ) from error
+    return address
 
 
 def in_processes(function: Callable[[Item], Result], items: Iterable[Item], workers: int) -> Iterator[Result]:

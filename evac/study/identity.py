@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from evac.assembly import ground_key, providers
 from evac.errors import ResultError, in_one_line, naming
-from evac.output.files import STUDY_NAME, writing
+from evac.output.files import STUDY_NAME, replacing
 from evac.output.results import plain, versions
 from evac.study.points import Point, Seeds
 from evac.study.stopping import Rule
@@ -71,10 +71,8 @@ def write_identity(folder: Path, identity: Mapping[str, Any], definition: Mappin
     """Write study.json, with a digest of its content."""
     content = json.loads(json.dumps({**identity, "definition": definition}, default=plain))
     text = json.dumps({**content, "digest": _digest(content)}, indent=2)
-    with writing("the study", folder):
-        new = folder / f"{STUDY_NAME}.new"
+    with replacing(folder / STUDY_NAME, "the study") as new:
         new.write_text(text + "\n", encoding="utf-8")
-        new.replace(folder / STUDY_NAME)
 
 
 def read_identity(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:

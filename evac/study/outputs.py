@@ -24,6 +24,7 @@ from evac.output.files import (
     SUMMARY_NAME,
     SWEEP_PICTURE_NAME,
     WORST_REPLAY_NAME,
+    replacing,
     writing,
 )
 from evac.output.results import plain, versions, write_csv
@@ -61,7 +62,8 @@ def write_outputs(study: "Study") -> None:
             else:
                 _draw_statistics(study, folder / SWEEP_PICTURE_NAME)
         text = json.dumps(plain(summary(study, measures)), indent=2, ensure_ascii=False)
-        (folder / SUMMARY_NAME).write_text(text + "\n", encoding="utf-8")
+        with replacing(folder / SUMMARY_NAME, "the results") as new:
+            new.write_text(text + "\n", encoding="utf-8")
 
 
 def write_replays(study: "Study") -> None:

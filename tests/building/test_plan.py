@@ -227,6 +227,14 @@ def test_an_exit_as_a_polygon_is_cut_out():
     assert building.levels[0].polygon.area == pytest.approx(19.5)
 
 
+def test_equal_polygons_are_used_once_and_told():
+    plan = Plan()
+    plan.storey("floor", [box(0, 0, 6, 4)] * 300)
+    plan.exit("out", "floor", [(0, 1), (0, 2)])
+    assert plan.building().levels[0].polygon.area == pytest.approx(24.0)
+    assert [one.kind for one in plan.surface().findings] == ["assumed"]
+
+
 def test_areas_may_overlap_and_obstacles_are_cut_out_of_them():
     plan = Plan()
     plan.storey("floor", box(0, 0, 6, 4))

@@ -32,6 +32,9 @@ def test_an_import_in_two_calls(evac, room, capsys, tmp_path):
     ("words", "message"),
     [
         (["--exit", "one"], "--exit one"),
+        (["--exit", "1e400"], "--exit 1e400"),
+        (["--exit", "1.5"], "--exit 1.5"),
+        (["--z", "nan"], "--z nan"),
         (["--people", "0"], "--people"),
         (["--option", "unit"], "--option unit"),
         (["--option", "unit=-1"], "unit"),

@@ -1,9 +1,15 @@
+import errno
+import os
 from pathlib import PurePath
 
 import pytest
 
+import evac
 from evac.errors import ResultError
-from evac.output.files import FRAMES, WRITTEN, frame_name, writing
+from evac.output.exporter import export
+from evac.output.files import FRAMES, WRITTEN, frame_name, replacing, writing
+from evac.output.replay.writer import replay_trajectory
+from evac.registry import BUILTIN_EXPORTERS, Registry
 
 
 def test_frames_are_found_by_their_pattern():
@@ -20,3 +26,52 @@ def test_what_the_system_refuses_names_the_place_and_the_way_out(tmp_path):
 def test_other_errors_pass(tmp_path):
     with pytest.raises(ZeroDivisionError), writing("the table", tmp_path):
         1 / 0  # noqa: B018
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("links") / "r"
+    evac.run(evac.load("square_room", {"simulation.duration": 0.2, "output.picture": False}), folder)
+    return folder
+
+
+def test_a_file_that_cannot_be_written_whole_stays_as_it_was(tmp_path, monkeypatch):
+    path = tmp_path / "people.csv"
+    path.write_text("before")
+
+    def full(descriptor):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ResultError, match=r"people\.csv: .*No space left"), replacing(path, "the table") as new:
+        new.write_text("aft")
+    assert path.read_text() == "before"
+    assert [path.name for path in tmp_path.iterdir()] == ["people.csv"]
+
+
+def test_files_can_be_read_as_others_are(tmp_path):
+    (tmp_path / "other").touch()
+    with replacing(tmp_path / "file", "it") as new:
+        new.write_text("it")
+    assert (tmp_path / "file").stat().st_mode == (tmp_path / "other").stat().st_mode
+
+
+@pytest.mark.parametrize(
+    "name", ["replay.html", "export/trajectory.csv", "export/building.geojson", "export/jupedsim/room.sqlite"]
+)
+def test_links_in_a_result_are_replaced_and_not_followed(result, tmp_path, name):
+    thesis, place = tmp_path / "thesis.txt", result / name
+    thesis.write_text("precious")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.unlink(missing_ok=True)
+    place.symlink_to(thesis)
+    trajectory = evac.read_trajectory(result)
+    if name == "replay.html":
+        replay_trajectory(trajectory, place)
+    else:
+        exporters = Registry(builtins=BUILTIN_EXPORTERS)
+        kind = {"trajectory.csv": "csv", "building.geojson": "geojson", "room.sqlite": "jupedsim"}[place.name]
+        assert export(trajectory, exporters.get("exporter", kind)()) == [place]
+    assert thesis.read_text() == "precious"
+    assert place.is_file()
+    assert not place.is_symlink()

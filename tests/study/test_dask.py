@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -32,7 +33,7 @@ def cluster(tmp_path):
             processes.append(subprocess.Popen([*worker, "--scheduler-file", file, "--local-directory", place], **quiet))
         with distributed.Client(scheduler_file=str(file), set_as_default=False) as client:
             client.wait_for_workers(2, timeout=120)
-        yield file, processes[1:]
+        yield file, processes
     finally:
         for process in processes:
             process.kill()
@@ -41,7 +42,7 @@ def cluster(tmp_path):
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
-    file, workers = cluster
+    file, (_, *workers) = cluster
     case = evac.load("square_room", {"people.people.number": 8, "output.picture": False})
     killed = []
 
@@ -63,4 +64,32 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
 @pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_named():
     with pytest.raises(EvacError, match=r"tcp://127\.0\.0\.1:9"), dask_executor("tcp://127.0.0.1:9"):
+        pass
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_is_killed_ends_the_study_with_one_line(cluster, tmp_path):
+    file, (scheduler, *_) = cluster
+    command = ["-m", "evac", "repeat", "square_room", "--runs", "400", "--set", "people.people.number=8"]
+    study = subprocess.Popen(
+        [sys.executable, "-P", *command, "--dask", file, "--out", tmp_path / "r"], stderr=subprocess.PIPE, text=True
+    )
+    rows = tmp_path / "r.running" / "runs.arrows"
+    while study.poll() is None and not (rows.exists() and rows.stat().st_size > 20_000):
+        time.sleep(0.05)
+    scheduler.kill()
+    _, said = study.communicate(timeout=60)
+    assert study.returncode not in (0, 70)
+    lines = [line for line in said.splitlines() if line.startswith("evac: ") and "--resume" in line]
+    assert len(lines) == 1
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("text", [None, "", "no json", "[]", "{}", '{"address": 1}'])
+def test_a_scheduler_file_that_is_none_is_refused_at_once(tmp_path, text):
+    path = tmp_path / "scheduler.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(EvacError, match=r"scheduler\.json: not a scheduler file"), dask_executor(str(path)):
         pass

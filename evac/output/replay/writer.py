@@ -15,7 +15,7 @@ from evac.arrays import FloatArray, IntArray
 from evac.building.model import Building
 from evac.errors import ResultError
 from evac.output import palette
-from evac.output.files import writing
+from evac.output.files import replacing
 from evac.output.replay.account import Account, account_of_folder
 from evac.output.replay.geometry import building_for_page
 from evac.output.replay.motion import GRAIN, LEAST_FORCE, PER_OCTAVE, MotionPacker
@@ -134,7 +134,7 @@ class ReplayWriter:
         streams = {"scripts": zlib.compress(scripts.encode(), 9), "about": zlib.compress(text.encode(), 9)}
         streams |= self._motion.streams()
         head, tail = _template(account.title).split("<!--data-->")
-        with writing("the replay", path), path.open("w", encoding="utf-8") as file:
+        with replacing(path, "the replay") as new, new.open("w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(head)
             for name, data in streams.items():
                 text = base64.b64encode(data).decode("ascii")

@@ -1,13 +1,12 @@
 """The page of a report: its head, its numbered sections, and the file it is written to."""
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from evac.output.files import writing
+from evac.output.files import replacing, writing
 from evac.output.report.checklist import checklist_section
 from evac.output.report.html import Html, Section, element, facts, joined, link, note, paragraph, table, to_fill_in
 
@@ -110,9 +109,8 @@ def write_page(text: str, path: Path) -> None:
     """
     with writing("the report", path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_name(f"{path.name}.new")
+    with replacing(path, "the report") as new:
         new.write_text(text, encoding="utf-8")
-        os.replace(new, path)
 
 
 def assessment_section() -> Section:
