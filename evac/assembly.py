@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from evac.building.build import build_building
 from evac.building.surfacemesh import SurfaceMesh
-from evac.errors import BuildingError, PluginError, ScenarioError, plugin_code, text_of
+from evac.errors import BuildingError, PluginError, ScenarioError, fault, plugin_code, text_of
 from evac.plan import field_settings
 from evac.registry import BUILTIN_IMPORTERS, Registry
 
@@ -200,7 +200,7 @@ def _all_made(case: "Case", kind: str, tables: Mapping[str, Any]) -> list[Any]:
 
 
 def _made(word: str, cls: Any, table: Mapping[str, Any]) -> Any:
-    with plugin_code(f"{word} {cls.name!r}: cannot be made"):
+    with plugin_code(f"{word} {cls.name!r}: cannot be made", cls):
         return cls(**table)
 
 
@@ -263,9 +263,8 @@ def read_file(importer: "Importer", path: Path) -> "SurfaceMesh | Plan":
 
     read = _called(importer, path, importer.read)
     if not isinstance(read, SurfaceMesh | Plan):
-        raise PluginError(
-            f"{path}: importer {importer.name!r} returned {type(read).__name__}; it must return a Plan or a SurfaceMesh"
-        )
+        wrong = f"read() returns {'None' if read is None else f'an object of class {type(read).__name__}'}"
+        raise fault(f"{path}: importer {importer.name!r}", wrong, "return a Plan or a SurfaceMesh", type(importer).read)
     return read
 
 
@@ -275,7 +274,7 @@ def _called(importer: "Importer", path: Path, method: Callable[[Path], Found]) -
         raise BuildingError(f"{path}: no such file; check the path")
     if path.stat().st_size == 0:
         raise BuildingError(f"{path}: the file is empty; export it again")
-    with plugin_code(f"{path}: importer {importer.name!r}"):
+    with plugin_code(f"{path}: importer {importer.name!r}", importer):
         try:
             return method(path)
         except (ValueError, OSError) as error:

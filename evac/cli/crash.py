@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from evac.errors import in_one_line
 
@@ -151,6 +151,18 @@ def _settings(case: "Case") -> str:
     from evac.output.results import plain
 
     return f"{case.source}\n{json.dumps(plain(case.to_dict()), indent=2)}"
+
+
+def refuse_to_leave() -> None:
+    """Let `os._exit` raise SystemExit in this process, so that a plugin cannot end a run as if it had succeeded."""
+    process, leave = os.getpid(), os._exit
+
+    def refuse(status: int) -> NoReturn:
+        if os.getpid() != process:  # a forked process ends by it
+            leave(status)
+        raise SystemExit(status)
+
+    os._exit = refuse
 
 
 def catch_the_rest() -> None:

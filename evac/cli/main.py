@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from evac.cli.cases import loaded_case
-from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, report_crash
+from evac.cli.crash import INTERNAL_ERROR, catch_the_rest, crash_file, refuse_to_leave, report_crash
 from evac.cli.streams import guard_streams, warn_lost_output
 from evac.cli.warned import shown_warnings
 from evac.errors import EvacError, PluginError
@@ -58,6 +58,7 @@ def program() -> int:
     """Run `main` as a process of its own, with streams that never raise and errors reported without traceback."""
     guard_streams()
     catch_the_rest()
+    refuse_to_leave()
     try:
         return main()
     finally:
@@ -80,10 +81,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments = parser().parse_args(argv)
             return int(arguments.execute(arguments))
         except EvacError as error:
-            lines = [f"evac: {error}", *getattr(error, "__notes__", ())]
+            details = ""
             if isinstance(error, PluginError) and error.__cause__ is not None:
-                lines.append(crash_file(error, loaded_case(arguments), hidden))
-            print("\n".join(lines), file=sys.stderr)
+                details = f" ({crash_file(error, loaded_case(arguments), hidden)})"
+            print("\n".join([f"evac: {error}{details}", *getattr(error, "__notes__", ())]), file=sys.stderr)
             return BAD_INPUT
         except KeyboardInterrupt:
             print("evac: interrupted", file=sys.stderr)

@@ -6,12 +6,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from evac.errors import plugin_code
+from evac.errors import fault, plugin_code
 from evac.output.files import EXPORT_FOLDER, writing
 from evac.parameters import Configurable
 
 if TYPE_CHECKING:
     from evac.output.trajectory import Trajectory
+
+#: Remedy for an exporter that has written to an array of the trajectory.
+COPY = "copy the arrays of the trajectory before changing them"
 
 
 class Exporter(Configurable, ABC):
@@ -75,10 +78,18 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
     PluginError
         The exporter fails.
     """
+    what, remedy = f"exporter {exporter.name!r}", "return the paths of the files that it has written and a user opens"
     place = exporter.place(trajectory) if path is None else path
-    with plugin_code(f"{place}: exporter {exporter.name!r}"), writing(f"the {exporter.name} export", place):
+    with plugin_code(f"{place}: {what}", exporter, COPY), writing(f"the {exporter.name} export", place):
         (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
-        return list(exporter.write(trajectory, place))
+        written = exporter.write(trajectory, place)
+        paths = list(written) if isinstance(written, Iterable) and not isinstance(written, str) else [written]
+    for one in paths or [None]:
+        if not isinstance(one, Path) or not one.exists():
+            raise fault(
+                what, f"write() returns {one!r}, which is no path of an existing file", remedy, type(exporter).write
+            )
+    return paths
 
 
 def file_stems(names: Iterable[str]) -> list[str]:
