@@ -55,9 +55,8 @@ def _check(file: str, others: list[str]) -> int:
     from evac.errors import EvacError
     from evac.registry import Registry
 
-    path = Path(file).resolve()
     registry, status = Registry([*others, file]), 0
-    for kind, name in registry.provided_by(path):
+    for kind, name in registry.provided_by(Path(file).resolve()):
         title = f"{kind.replace('_', ' ')} {name}"
         if kind == "case":
             print(f"{title}: is checked by: evac check {registry.get(kind, name)}")

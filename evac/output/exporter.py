@@ -4,7 +4,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from evac.errors import fault, plugin_code
 from evac.output.files import EXPORT_FOLDER, writing
@@ -83,12 +83,11 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
     with plugin_code(f"{place}: {what}", exporter, COPY), writing(f"the {exporter.name} export", place):
         (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
         written = exporter.write(trajectory, place)
-        paths = list(written) if isinstance(written, Iterable) and not isinstance(written, str) else [written]
+        paths: list[Any] = list(written) if isinstance(written, Iterable) else [written]
     for one in paths or [None]:
         if not isinstance(one, Path) or not one.exists():
-            raise fault(
-                what, f"write() returns {one!r}, which is no path of an existing file", remedy, type(exporter).write
-            )
+            wrong = f"write() returns {one!r}, which is no path of an existing file"
+            raise fault(what, wrong, remedy, type(exporter).write)
     return paths
 
 

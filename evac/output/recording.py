@@ -76,11 +76,10 @@ class Recording:
         if self.is_started and error is None:
             calls.append(("recorders", self, self.check_files))
         for recorder in self.recorders if self.is_started else ():
-            calls.append(
-                (f"recorder {recorder.name!r}: finish", recorder, partial(recorder.finish, simulation, results))
-            )
-        for plugin, call in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
-            calls.append((f"{plugin}: evac_finish", call.func, call))
+            finish = partial(recorder.finish, simulation, results)
+            calls.append((f"recorder {recorder.name!r}: finish", recorder, finish))
+        for plugin, hook in registry.calls("evac_finish", simulation=simulation, results=results, error=error):
+            calls.append((f"{plugin}: evac_finish", hook.func, hook))
         failures = []
         with self._noting_files():
             for what, code, call in calls:

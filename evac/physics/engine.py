@@ -358,8 +358,9 @@ class Engine:
         overlaps, total = report.pop("overlaps"), report.pop("overlap_sum")
         report["mean_overlap"] = total / overlaps if overlaps else 0.0
         report["greatest_overlap_at"] = self.deepest_overlap()
-        failing = isinstance(model, SolvedContactModel) and report["failed_solves"]
-        report["failed_solver"] = place_of(self._solver(model)) if failing else ""
+        report["failed_solver"] = ""
+        if isinstance(model, SolvedContactModel) and report["failed_solves"]:
+            report["failed_solver"] = place_of(self._solver(model))
         report["energy"] = {key: report.pop(key) for key in ("driving_work", "contact_dissipation", "contact_creation")}
         return report | {"model": model.name, "parameters": model.values()}
 

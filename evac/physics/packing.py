@@ -28,7 +28,7 @@ def packed_row(plugin: Any, what: str) -> FloatArray:
     """
     remedy = "define packed(), which returns the numbers that the function reads in a float64 array"
     try:
-        packed = plugin.packed()
+        packed: FloatArray = plugin.packed()
     except Exception as error:
         raise fault(what, f"packed() raises {in_one_line(error)}", remedy, plugin, "packed") from error
     is_row = isinstance(packed, np.ndarray) and packed.dtype == np.float64 and packed.ndim == 1

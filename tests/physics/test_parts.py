@@ -185,9 +185,7 @@ def no_parameters(self, people, world):
 def test_a_law_of_another_signature_is_refused(law):
     """Among them one whose struct is not that of the model's `own`."""
     model = type("Odd", (Odd,), {"law": law, "own": no_parameters})()
-    with pytest.raises(
-        PluginError, match=r"'odd': law: must be a kernel \(State, NoParameters, float64\)"
-    ):
+    with pytest.raises(PluginError, match=r"'odd': law: must be a kernel \(State, NoParameters, float64\)"):
         walk(model, make_crowd([(0, 0)]), 1)
 
 
