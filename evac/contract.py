@@ -1,6 +1,8 @@
 """The plugin contract: requirements that a module and a class must meet to be registered."""
 
 import inspect
+import reprlib
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
@@ -90,6 +92,35 @@ def check_interface(module: ModuleType, plugin: str) -> None:
     else:
         wrong, remedy = versions, adapt
     raise fault(f"plugin {plugin}", wrong, remedy, module, "evac_interface")
+
+
+def check_answer(kind: str, answer: Any, hook: Any, plugin: str) -> None:
+    """Check that a hook returns a list, of classes of a kind or, for the kind ``"case"``, of folders.
+
+    Parameters
+    ----------
+    kind : str
+    answer : object
+    hook : function
+    plugin : str
+        Name of the plugin, for the message.
+
+    Raises
+    ------
+    PluginError
+        It does not; names the hook and what it returns.
+    """
+    what, returns = f"plugin {plugin}", f"{hook.__name__}() returns"
+    if isinstance(answer, str | bytes) or not isinstance(answer, Sequence):
+        found = reprlib.repr(getattr(answer, "__name__", answer))
+        raise fault(what, f"{returns} {found}", "return a list, such as [MyClass]", hook)
+    for item in answer if kind != "case" else ():
+        base = f"evac.{BASES[kind][1]}"
+        if not isinstance(item, type):
+            found = f"an object of class {type(item).__name__}"
+            raise fault(what, f"{returns} {found}", f"return the class itself, which must derive from {base}", hook)
+        if not is_a(kind, item):
+            raise fault(what, f"{returns} {item.__name__}", f"derive it from {base}", hook)
 
 
 def check_class(cls: Any, plugin: str) -> str:

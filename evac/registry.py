@@ -5,7 +5,6 @@ import importlib
 import importlib.metadata
 import importlib.util
 import inspect
-import reprlib
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 from evac import hookspecs
-from evac.contract import BASES, check_class, check_module, is_a, kind_of
+from evac.contract import check_answer, check_class, check_module, kind_of
 from evac.errors import BuildingError, PluginError, fault, plugin_code, text_of
 from evac.parameters import Configurable, did_you_mean
 
@@ -341,11 +340,7 @@ class Registry:
             function = getattr(module, hook)
             with plugin_code(f"plugin {plugin}: {hook}()", function):
                 answer = function()
-            if isinstance(answer, (str, bytes)) or not isinstance(answer, Sequence):
-                found = reprlib.repr(getattr(answer, "__name__", answer))
-                raise fault(
-                    f"plugin {plugin}", f"{hook}() returns {found}", "return a list, such as [MyClass]", function
-                )
+            check_answer(kind, answer, function, plugin)
             for item in answer:
                 self._enter(kind, item, plugin, function)
 
@@ -358,15 +353,6 @@ class Registry:
                 raise fault(f"plugin {plugin}", f"{item}, the folder of a case, has no case.toml", "add it", origin)
             name = item.name
         else:
-            if not is_a(kind, item):
-                is_class, base = isinstance(item, type), BASES[kind][1]
-                found = item.__name__ if is_class else f"an object of class {type(item).__name__}"
-                remedy = (
-                    f"derive it from evac.{base}"
-                    if is_class
-                    else f"return the class itself, which must derive from evac.{base}"
-                )
-                raise fault(f"plugin {plugin}", f"{KINDS[kind]}() returns {found}", remedy, origin)
             check_class(item, plugin)
             name = item.name
         if (kind, name) in self._owners:

@@ -11,11 +11,15 @@ from evac.jit.kernels import Entry
 #: Beginnings of lines of numba's messages that name no reason.
 _FRAMES = ("Failed in ", "During: ", "File ")
 
+#: Beginning of the reason if a kernel returns values of different types; numba names one of the lines by chance.
+UNLIKE = "Can't unify return type"
+
 #: Remedies for frequent reasons, by their beginnings, and for others.
 _REMEDIES = {
     "Unsupported constraint encountered: raise": "kernels raise no exceptions, return a number instead",
     "Untyped global name": "decorate the functions that it calls with evac.jit.inner, and use numbers as constants",
     "NameError": "correct the name",
+    UNLIKE: "return the same numbers in every case",
     "": "use only numbers, tuples, structs, arrays and math, see docs/plugins.md, section 'Kernels'",
 }
 
@@ -32,7 +36,7 @@ def refused(entry: Entry, error: Exception) -> PluginError:
 def _place(entry: Entry, lines: list[str], reason: str) -> tuple[str, int]:
     """Return file and line of the mistake: as stated by numba, or where the word that it names is used."""
     own = {kernel.function.__code__.co_filename for kernel in kernels_in(entry)}
-    for line in lines:
+    for line in lines if not reason.startswith(UNLIKE) else ():
         found = re.match(r'File "(.+)", line (\d+)', line)
         if found and (file := os.path.realpath(found[1])) in own:  # numba states paths relative to the current folder
             return file, int(found[2])

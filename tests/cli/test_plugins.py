@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.conformance.mistakes import BEHAVIOUR, BODY_FORCE, DO, EXPORTER, RECORDER, WRITE
+from tests.conformance.mistakes import DO, WRITE
+from tests.conformance.sound import BEHAVIOUR, BODY_FORCE, EXPORTER, RECORDER
 
 
 def test_what_passes_all_checks_is_listed(evac, capsys):

@@ -12,7 +12,8 @@ from evac.registry import Registry
 from evac.running import run
 from evac.scenario.loading import load_case
 from evac.simulation import Simulation
-from tests.conformance.mistakes import FALSE_SOLVERS, MISTAKES, SOLVER, VALID
+from tests.conformance.mistakes import FALSE_SOLVERS, MISTAKES, VALID
+from tests.conformance.sound import SOLVER
 
 #: Changes of the case that use the plugin, by the hook that returns it.
 USES = {
