@@ -5,6 +5,7 @@ from typing import NamedTuple
 from tests.conformance.sound import (
     BEHAVIOUR,
     BODY_FORCE,
+    COMPILED_LAW,
     CONTACT,
     EXPORTER,
     IMPORTER,
@@ -118,7 +119,7 @@ MISTAKES = {
     "force_signature": Mistake(PAIR_FORCE, " ex, ey,", "", "@pair_force", "takes 4 arguments", "must take 6"),
     "force_returns_one": Mistake(PAIR_FORCE, ", parameters[0] * ny", "", "@pair_force", "returns float64", "64, f"),
     "force_returns_either": Mistake(
-        PAIR_FORCE, PAIR, "    if gap > 0.5:\n        return 0.0\n" + PAIR, "@pair_force", "unify return", "the same numbers"
+        PAIR_FORCE, PAIR, "    if gap > 0.5:\n        return 0.0\n" + PAIR, "@pair_force", "unify", "same numbers"
     ),
     "force_returns_none": Mistake(
         PAIR_FORCE, PAIR, "    if gap > 0.5:\n    " + PAIR, "@pair_force", "returns OptionalType", "in every case"
@@ -166,6 +167,14 @@ MISTAKES = {
     "law_attracts": Mistake(CONTACT, "-parameters[0]", "parameters[0]", "@pair_contact", "returns -.* N", "repulsive"),
     "law_nan": Mistake(
         CONTACT, SPRING, "    return parameters[0] * gap**1.5\n", "@pair_contact", "for the gap -", "a finite number"
+    ),
+    "law_nan_later": Mistake(
+        CONTACT, SPRING, "    return -parameters[0] * gap * math.sqrt(0.5 - closing_speed)\n", "@pair_contact",
+        "math domain error for the gap .* closing speed", "a finite number",
+    ),
+    "compiled_law_nan": Mistake(
+        COMPILED_LAW, "state)\n    return", "state)\n    state.bodies.solved[0, 0] = h / 0.0\n    return", "@kernel",
+        "sets the velocity .*inf.* of person", "must be finite",
     ),
     "law_raises": Mistake(
         CONTACT, SPRING, "    if gap < 0:\n        raise ValueError\n" + SPRING, "raise", "raise", "raise no exceptions"
@@ -240,6 +249,7 @@ VALID = {
     "pair_force": PAIR_FORCE,
     "body_force": BODY_FORCE,
     "contact": CONTACT,
+    "compiled_law": COMPILED_LAW,
     "solver": SOLVER,
     "recorder": RECORDER,
     "importer": IMPORTER,

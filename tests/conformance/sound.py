@@ -98,6 +98,31 @@ def evac_contact_models():
     return [Spring]
 '''
 
+COMPILED_LAW = '''"""A contact law without an effect."""
+from evac import ContactModel, hookimpl
+from evac.jit import kernel
+from evac.physics.contact_model import NoParameters
+from evac.physics.contacts import use_free_velocity
+from evac.physics.state import State
+
+@kernel
+def law(state: State, own: NoParameters, h: float) -> int:
+    use_free_velocity(state)
+    return 0
+
+class Ghosts(ContactModel):
+    """People do not feel each other."""
+    name = "tried"
+    law = law
+
+evac_interface = 2
+
+@hookimpl
+def evac_contact_models():
+    """Register."""
+    return [Ghosts]
+'''
+
 SOLVER = '''"""A solver."""
 from evac import Solver, hookimpl
 from evac.jit import kernel
