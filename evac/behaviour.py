@@ -150,11 +150,13 @@ class BehaviourScene:
 
         Raises
         ------
-        PluginError
+        AttributeError
             The behaviour does not set ``keeps_distance``.
         """
         if self._outside is None:
-            raise PluginError("scene.outside exists only for behaviours that keep distances; set keeps_distance = True")
+            raise AttributeError(
+                "scene.outside exists only for behaviours that keep distances; set keeps_distance = True"
+            )
         return self._outside
 
     @property

@@ -173,7 +173,7 @@ class Recording:
                 )
         for recorder in self.recorders:
             what = f"recorder {recorder.name!r}: check_state"
-            with plugin_code(what), part_of(state, f"{recorder.name}.") as own:
+            with reading(simulation, what, recorder), part_of(state, f"{recorder.name}.") as own:
                 recorder.check_state(simulation, own, folder, lengths)
 
     def check_files(self) -> None:

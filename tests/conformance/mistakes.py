@@ -71,7 +71,7 @@ KERNELS = "section 'Kernels'"
 MISTAKES = {
     # Files and classes
     "no_interface": Mistake(
-        BEHAVIOUR, "evac_interface = 2\n", "", '"""A behaviour', "does not state", "write `evac_interface"
+        BEHAVIOUR, "evac_interface = 3\n", "", '"""A behaviour', "does not state", "write `evac_interface"
     ),
     "no_hookimpl": Mistake(BEHAVIOUR, "@hookimpl\n", "", "def evac_behaviours", "not marked", "@hookimpl"),
     "misspelt_hook": Mistake(

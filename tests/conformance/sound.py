@@ -13,7 +13,7 @@ class Slow(Behaviour):
     def act(self, crowd, time):
         crowd.speed_factor[:] *= self.factor
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_behaviours():
@@ -40,7 +40,7 @@ class Repels(Force):
         """Return the gap."""
         return 0.5
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_forces():
@@ -67,7 +67,7 @@ class Drag(Force):
         """Walls do not count."""
         return 0.0
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_forces():
@@ -90,7 +90,7 @@ class Spring(PairContact):
     pair = law
     stiffness = Parameter(1e5, "stiffness", unit="N/m", above=0.0)
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_contact_models():
@@ -115,7 +115,7 @@ class Ghosts(ContactModel):
     name = "tried"
     law = law
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_contact_models():
@@ -144,7 +144,7 @@ class Sweeps(Solver):
     name = "tried"
     solve = sweeps
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_solvers():
@@ -163,7 +163,7 @@ class Records(Recorder):
     def finish(self, simulation, results):
         pass
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_recorders():
@@ -185,7 +185,7 @@ class Reads(Importer):
         plan.exit("e", "f", [(0, 1), (0, 2)])
         return plan
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_importers():
@@ -205,7 +205,7 @@ class Writes(Exporter):
         np.savez(path, time=trajectory.time)
         return [path]
 
-evac_interface = 2
+evac_interface = 3
 
 @hookimpl
 def evac_exporters():
