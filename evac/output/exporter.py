@@ -86,6 +86,7 @@ def export(trajectory: "Trajectory", exporter: Exporter, path: Path | None = Non
             (place.parent if exporter.suffix else place).mkdir(parents=True, exist_ok=True)
         if exporter.suffix:
             with replacing(place, told) as new:
+                new.unlink()  # so that it is noticed if the exporter writes no file
                 written = _write(exporter, trajectory, new)
             return [place if path == new else path for path in written]
         with writing(told, place), TemporaryDirectory(dir=place, prefix=TEMPORARY) as made:
