@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from evac.arrays import FloatArray
 from evac.building import stairs
 from evac.building.conforming import Height
-from evac.building.doors import placed
+from evac.building.doors import Rooms, placed
 from evac.building.findings import Finding
 from evac.building.outlines import (
     Strip,
@@ -83,9 +83,7 @@ class _Drawing:
                 self._check_storey(f"{kind} {item.name!r}", item.storey)
         for name in plan.storeys:
             self._make_floor(name)
-        for door in plan.doors:
-            with self._naming(f"door {door.name!r}"):
-                self._open_door(door)
+        self._open_doors()
         self.rooms = dict(self.floors)
         obstacles = [self._place_obstacle(item) for item in plan.obstacles]
         self._cut_exits()
@@ -145,19 +143,34 @@ class _Drawing:
             rooms = with_walls(rooms, storey.wall)
         self.floors[name] = united(rooms)
 
-    def _open_door(self, door: Item) -> None:
-        """Add the ground between a door and the rooms on both its sides."""
+    def _open_doors(self) -> None:
+        """Open the doors of the plan in order; each meets what is near it of the rooms and of earlier doors."""
+        rooms = {name: Rooms(floor) for name, floor in self.floors.items()}
+        for name, own in rooms.items():
+            own.expect([door for door in self.plan.doors if door.storey == name])
+        for door in self.plan.doors:
+            own, known = rooms[door.storey], len(self.findings)
+            with self._naming(f"door {door.name!r}"):
+                try:
+                    ground = self._open_door(door, own.near_next())
+                except ValueError:  # its message also says what is farther away
+                    del self.findings[known:]
+                    ground = self._open_door(door, own.floor())
+            own.add(ground)
+        self.floors = {name: own.floor() for name, own in rooms.items()}
+
+    def _open_door(self, door: Item, floor: BaseGeometry) -> list[BaseGeometry]:
+        """Return the ground between a door and the rooms on both its sides."""
         assert door.segment is not None
-        floor = self.floors[door.storey]
         segment, change = placed(floor, door.segment, door.reach)
         if change:
             self._find("assumed", f"door {door.name!r} {change}", door.storey, segment)
         found = [strip(floor, segment, way, door.reach) for way in (normal(segment), -normal(segment))]
+        ground = [one.polygon for one in found if one is not None and not one.polygon.is_empty]
         if all(found):
-            self._add(door.storey, [one for one in found if one is not None])
             z = self.plan.storeys[door.storey].z
             self.doors.append((door.name, np.column_stack([segment, [z, z]])))
-            return
+            return ground
         if not any(found):
             raise ValueError(
                 f"at least a part of {written(segment)} has no room within {door.reach:g} m on storey {door.storey!r}; "
@@ -168,12 +181,12 @@ class _Drawing:
                 f"{written(segment)} on storey {door.storey!r} has a room on one side only; move it, increase "
                 "reach if the wall is thicker, or make it an exit"
             )
-        self._add(door.storey, [one for one in found if one is not None])
         ends = np.concatenate([*segment])[None]
         if door.outside == "exit":
             self.edges.append((f"exit:{door.name}", door.storey, ends))
         else:
             self.openings.append((door.storey, ends[0]))
+        return ground
 
     def _add(self, storey: str, strips: list[Strip]) -> None:
         """Add strips of ground to a floor."""
