@@ -277,10 +277,8 @@ def _check_names(entry: Entry, module: Any) -> None:
     declared = [function.name for function in module.functions if function.is_declaration]
     for name in declared:
         if not (name.startswith("llvm.") or name == NOTE_RAISED or llvm.address_of_symbol(name)):
-            raise PluginError(
-                f"kernel {entry.label} needs {name}, which only code compiled by numba itself can call; use numbers,"
-                " tuples and the functions of math, and unset environment variables that begin with NUMBA_"
-            )
+            remedy = "use numbers, tuples and the functions of math, and unset variables that begin with NUMBA_"
+            raise fault(f"kernel {entry.title}", f"needs {name}, which is not available to kernels", remedy, entry)
 
 
 def _check_result(entry: Entry, found: types.Type) -> None:

@@ -250,7 +250,7 @@ def test_code_that_cannot_be_loaded_is_not_stored(monkeypatch):
     def grown(x: float) -> float:
         return math.expm1(x)
 
-    with pytest.raises(PluginError, match=r"grown needs expm1, .*NUMBA_"):
+    with pytest.raises(PluginError, match=r"grown.* needs expm1, .*NUMBA_"):
         grown(1.0)
     monkeypatch.undo()
     assert grown(0.0) == 0.0
