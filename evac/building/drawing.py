@@ -337,6 +337,9 @@ class _Drawing:
             pieces = self._recess(item, segment, beside)
         elif between_floors(floor, np.array(pieces), DOOR_REACH).any():
             raise ValueError(between_rooms(segment, item.storey))
+        elif beside < length - LEAST_LENGTH:
+            text = f"exit {item.name!r} is {beside:.3f} m wide instead of {length:.3f} m: walls cover the rest of it"
+            self._find("warning", text, item.storey, segment)
         self.edges.append((tag, item.storey, np.array(pieces)))
 
     def _outline(self, item: Item, segment: FloatArray | None) -> list[FloatArray]:
@@ -351,7 +354,7 @@ class _Drawing:
     def _recess(self, item: Item, segment: FloatArray, beside: float) -> list[FloatArray]:
         """Extend the floor to an exit on the outer face of a wall; `beside` of its length [m] is on the outline."""
         floor, middle, left = self.floors[item.storey], segment.mean(axis=0), normal(segment)
-        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: move the exit there"
+        edge = f"{nearest(self.rooms[item.storey], segment, reach=DOOR_REACH)}: put both ends of the exit on it"
         if all(is_on(floor, middle + BESIDE * way) for way in (left, -left)):
             raise ValueError(f"{written(segment)} runs through the floor of storey {item.storey!r}; {edge}")
         found = [strip(floor, segment, way, DOOR_REACH) for way in (left, -left)]
@@ -359,9 +362,14 @@ class _Drawing:
         if len(inward) > 1:
             raise ValueError(between_rooms(segment, item.storey))
         if not inward:
-            length = float(np.hypot(*(segment[1] - segment[0])))
-            part = f", {beside:.2f} of its {length:.2f} m excepted" if beside > LEAST_LENGTH else ""
-            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}{part}; {edge}")
+            if beside > LEAST_LENGTH:
+                longest = max(self._outline(item, segment), key=lambda piece: np.hypot(*(piece[2:] - piece[:2])))
+                length = float(np.hypot(*(segment[1] - segment[0])))
+                raise ValueError(
+                    f"of {written(segment)}, only {beside:.2f} of {length:.2f} m are on the outline of storey "
+                    f"{item.storey!r}; move the exit along it, or shorten it to {written(longest.reshape(2, 2))}"
+                )
+            raise ValueError(f"{written(segment)} does not lie on the outline of storey {item.storey!r}; {edge}")
         self._add(item.storey, inward)
         text = f"floor extended by {inward[0].depth:.2f} m to exit {item.name!r}, which is drawn outside of it"
         self._find("warning" if inward[0].depth > DEEP else "assumed", text, item.storey, segment)

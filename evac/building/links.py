@@ -12,6 +12,7 @@ from evac.arrays import FloatArray, IndexArray, IntArray
 from evac.building.checks import isolated_parts
 from evac.building.edges import EdgeTable, chains, edge_place, segment_lengths, straight_segments
 from evac.building.elevation import level_elevation
+from evac.building.findings import away
 from evac.building.levels import LevelSet
 from evac.building.model import Building, Door, Exit, Level, Portal
 from evac.building.surface import Surface
@@ -109,7 +110,7 @@ def nearest_wall(walls: FloatArray, wall_level: IntArray, levels: tuple[Level, .
     x1, y1, x2, y2 = walls[row]
     return (
         f"the nearest free edge is ({x1:z.2f}, {y1:z.2f}) - ({x2:z.2f}, {y2:z.2f}) of level "
-        f"{levels[wall_level[row]].name!r}, {distance[row]:.2f} m away"
+        f"{levels[wall_level[row]].name!r}, {away(distance[row])}"
     )
 
 

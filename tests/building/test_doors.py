@@ -99,7 +99,7 @@ def test_an_exit_at_a_wall_between_two_rooms_is_refused(x):
 def test_an_exit_past_a_corner_is_refused_with_the_part_beside_the_floor():
     plan = two_rooms([(10, 7), (10, 7.9)])
     plan.exit("out", "ground", [(0, 9.5), (0, 10.5)])
-    with pytest.raises(BuildingError, match=r"exit 'out'.*0\.50 of its 1\.00 m"):
+    with pytest.raises(BuildingError, match=r"exit 'out'.*0\.50 of 1\.00 m.*\(0\.00, 10\.00\) - \(0\.00, 9\.50\)"):
         plan.surface()
 
 
@@ -175,3 +175,23 @@ def test_a_message_about_a_door_far_away_names_the_nearest_edge():
     plan.door("lost", "a", [(20.0, 1.0), (20.0, 2.0)])
     with pytest.raises(BuildingError, match=r"door 'lost'.*no room within.*nearest edge.*\(4\.\d0, \d\.00\)"):
         plan.building(need_exit=False)
+
+
+def test_an_exit_that_a_wall_makes_narrower_is_told():
+    plan = two_rooms([(10, 7), (10, 7.9)])
+    plan.exit("beside", "ground", [(10, 0), (11, 0)])
+    plan.exit("whole", "ground", [(12, 0), (13, 0)])
+    building = plan.building()
+    assert [way.width for way in building.exits] == pytest.approx([0.95, 1.0])
+    (told,) = [finding for finding in building.findings if "exit 'beside'" in finding.text]
+    assert (told.kind, told.place) == ("warning", pytest.approx((10.5, 0.0)))
+    assert "0.950 m" in told.text
+    assert not any("'whole'" in finding.text for finding in building.findings)
+
+
+def test_an_exit_that_touches_an_edge_with_one_end_is_not_told_to_move_there():
+    plan = two_rooms([(10, 7), (10, 7.9)])
+    plan.exit("out", "ground", [(2, 0), (3, 0.4)])
+    with pytest.raises(BuildingError, match=r"exit 'out'.*both ends") as caught:
+        plan.surface()
+    assert "0.00 m away" not in str(caught.value)
