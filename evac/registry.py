@@ -194,9 +194,7 @@ class Registry:
             path = Path(path).resolve()
             text = path.read_bytes()
         except (OSError, ValueError) as error:  # such as a path that is too long, or with a null character
-            reason = (
-                "no such file" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None) or error
-            )
+            reason = getattr(error, "strerror", None) or error
             raise PluginError(f"plugin file {text_of(path)}: {reason}; check the path") from None
         provenance = Provenance(str(path), "file", str(path), hashlib.sha256(text).hexdigest()[:16])
         if provenance not in self.provenance:

@@ -50,7 +50,7 @@ def fault_of_path(error: BaseException) -> str:
     advice = ADVICE.get(error.errno or 0) if isinstance(error, OSError) else None
     if advice is None or not isinstance(error, OSError):
         return ""
-    named = f"{text_of(ValueError(os.fsdecode(error.filename)))}: " if error.filename else ""
+    named = f"{text_of(os.fsdecode(error.filename))}: " if error.filename else ""
     return f"{named}{error.strerror}; {advice}"
 
 
