@@ -45,6 +45,8 @@ def fault_of_path(error: BaseException) -> str:
     """Return what is wrong with a path or the limits of the process that an error names; empty for other errors."""
     if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # of pathlib, until Python 3.12
         return f"{text_of(error)}: the link leads to itself; give another path"
+    if isinstance(error, RuntimeError) and str(error) == "can't start new thread":
+        return f"no thread can be started; {ADVICE[errno.EAGAIN]}"
     if isinstance(error, FileNotFoundError) and not _is_folder_there():
         return "the current folder has been removed; change to another one"
     advice = ADVICE.get(error.errno or 0) if isinstance(error, OSError) else None

@@ -132,10 +132,11 @@ def test_a_current_folder_that_is_gone_is_named(evac, tmp_path, monkeypatch, cap
 
 
 def test_a_lack_of_processes_or_files_is_told_in_one_line(evac, monkeypatch, capsys):
-    for number in (errno.EAGAIN, errno.EMFILE):
+    lacks = [OSError(number, os.strerror(number)) for number in (errno.EAGAIN, errno.EMFILE)]
+    for error in (*lacks, RuntimeError("can't start new thread")):
 
-        def fail(arguments, number=number):
-            raise OSError(number, os.strerror(number))
+        def fail(arguments, error=error):
+            raise error
 
         monkeypatch.setattr("evac.cli.catalogue.execute", fail)
         assert evac("list") == 2
