@@ -64,7 +64,7 @@ def test_directions_are_normalised_and_the_nearest_nodes_where_they_cancel():
 def in_one_cell(*walls):
     """Return walls of the cell between the nodes (0, 0) and (1, 1), each x1, y1, x2, y2."""
     return CellWalls(
-        offset=np.zeros(2, np.int64),
+        offset=np.zeros((2, 1), np.int32),
         cell=np.zeros(1, np.int64),
         start=np.array([0, len(walls)], np.int64),
         wall=np.array(walls, dtype=float),

@@ -1,5 +1,7 @@
 """Simulations of small buildings written as OBJ meshes, and what their people did."""
 
+import numpy as np
+
 from evac.evidence.validation.buildings import write_case
 from evac.evidence.validation.kinematics import ONE
 from evac.simulation import Simulation
@@ -33,6 +35,10 @@ def alone(simulation, person, state):
     others = [row for row in range(len(state["population.level"])) if row != person]
     state["population.level"][others] = -1
     state["population.exit_time"][others] = 0.0
+    state["population.exit_used"][others] = 0
+    used = simulation.engine.snapshot()  # arrays do not shrink
+    for name in ("span", "room"):
+        state[f"engine.{name}"] = np.maximum(state[f"engine.{name}"], used[name])
     simulation.restore(state)
     crowd, remaining = simulation.population.crowd, []
     while not simulation.ended and crowd.level[person] >= 0:
